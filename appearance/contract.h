@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// The interface every appearance model fulfils.
+//
+// colour = phi(base + residual(direction)), direction = unit vector from the camera centre to the Gaussian's mean
+// (appearance spec section 1). To add a model, add one folder `appearance/<name>/` with
+//
+//  1. `<name>.h`: `struct gs::appearance::<Name>` with
+//       static constexpr int kMaxResidual;                 upper bound of the residual's floats per Gaussian
+//       static constexpr bool kDirectional;                false: no residual at all, nothing of it is compiled
+//       residual(params, direction, active_degree)         -> Vec3<T>
+//       residual_backward(params, direction, active_degree, dL_dresidual, dL_dparams, dL_ddirection)
+//     both GS_HD templates over the scalar T; they allocate nothing and throw nothing. The caller zeroes `dL_dparams`;
+//     only entries of active parameters are written;
+//  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h);
+//  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
+//  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`.
+//
+// CMake finds the folder and generates the registry; command line, checkpoints, PLY columns, docs and the conformance
+// tests follow from it.
+#pragma once
+
+#include "kernels/core/vec.h"
+#include "kernels/core/gaussian_state.h"
+
+namespace gs {
+
+/// Largest distance at which a Gaussian counts as sitting on the camera centre: the direction is then undefined and
+/// its gradient would be bounded by nothing (appearance spec section 8, row 1).
+inline constexpr double kMinViewDistance = 1e-6;
+
+template <class T> struct ViewDirection {
+    Vec3<T> unit;
+    T inverse_distance; ///< 1/|mean - camera|; 0 when the direction is undefined, which zeroes the pullback
+};
+
+template <class T> GS_HD ViewDirection<T> view_direction(const Vec3<T>& mean, const Vec3<T>& camera_position) {
+    const Vec3<T> v = mean - camera_position;
+    const T distance = gs_sqrt(dot(v, v));
+    if (!(distance >= T(kMinViewDistance))) return {{T(0), T(0), T(1)}, T(0)};
+    const T inverse = T(1) / distance;
+    return {v * inverse, inverse};
+}
+
+/// dL/dmean from dL/ddirection: (I - d d^T) g / |v|.
+template <class T> GS_HD Vec3<T> direction_pullback(const ViewDirection<T>& d, const Vec3<T>& dL_ddirection) {
+    return (dL_ddirection - d.unit * dot(d.unit, dL_ddirection)) * d.inverse_distance;
+}
+
+/// phi(y): pre-activation colour to colour (spec section 1.3). NaN stays NaN.
+template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
+    switch (kind) {
+        case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : y + T(0.5);
+        case ColorActivation::kSoftplus: {
+            const T u = T(10) * (y + T(0.5));
+            return (gs_max(u, T(0)) + gs_log1p(gs_exp(-gs_abs(u)))) / T(10);
+        }
+        case ColorActivation::kSigmoid: return sigmoid(T(4) * y);
+        case ColorActivation::kHardSigmoid: {
+            const T u = y + T(0.5);
+            return u < T(0) ? T(0) : (u > T(1) ? T(1) : u);
+        }
+    }
+    return y;
+}
+
+/// phi'(y), computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6).
+template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
+    switch (kind) {
+        case ColorActivation::kRelu: return y > T(-0.5) ? T(1) : T(0);
+        case ColorActivation::kSoftplus: return sigmoid(T(10) * (y + T(0.5)));
+        case ColorActivation::kSigmoid: return T(4) * sigmoid(T(4) * y) * sigmoid(T(-4) * y);
+        case ColorActivation::kHardSigmoid: return y > T(-0.5) && y < T(0.5) ? T(1) : T(0);
+    }
+    return T(1);
+}
+
+/// phi^-1: base colour that shows `color`. The colour is first kept half an 8-bit step away from 0 and 1, where
+/// every activation but softplus would start with a dead gradient (spec section 8, row 2).
+template <class T> GS_HD T inverse_color_activation(ColorActivation kind, T color) {
+    const T c = gs_clamp(color, T(0.5 / 255), T(1 - 0.5 / 255));
+    switch (kind) {
+        case ColorActivation::kRelu:
+        case ColorActivation::kHardSigmoid: return c - T(0.5);
+        case ColorActivation::kSoftplus: return gs_log(gs_expm1(T(10) * c)) / T(10) - T(0.5);
+        case ColorActivation::kSigmoid: return gs_log(c / (T(1) - c)) / T(4);
+    }
+    return c;
+}
+
+}  // namespace gs

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "appearance/model_info.h"
+
+namespace gs::appearance {
+
+const ModelInfo& none_info() {
+    static const ModelInfo info = [] {
+        ModelInfo m;
+        m.name = "none";
+        m.summary = "no view dependence: one colour per Gaussian";
+        m.residual_width = [](int) { return 0; };
+        // 0.0025 * Y0: the 3DGS rate of SH band 0, with the constant folded into the base colour.
+        m.rates = [](int, const RateContext&) { return AppearanceRates{Schedule::constant(0.0025 * 0.28209479177387814), {}}; };
+        m.init_residual = [](int, float*) {};
+        return m;
+    }();
+    return info;
+}
+
+}  // namespace gs::appearance

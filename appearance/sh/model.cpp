@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "appearance/model_info.h"
+
+#include <algorithm>
+
+namespace gs::appearance {
+
+const ModelInfo& sh_info() {
+    static const ModelInfo info = [] {
+        ModelInfo m;
+        m.name = "sh";
+        m.summary = "spherical harmonics of bands 1 to 3, as in 3DGS";
+        m.default_max_degree = 3;
+        m.max_degree_limit = 3;
+        m.residual_width = [](int degree) { return 3 * ((degree + 1) * (degree + 1) - 1); };
+        m.rates = [](int, const RateContext&) {
+            return AppearanceRates{Schedule::constant(0.0025 * 0.28209479177387814), {Schedule::constant(0.000125)}};
+        };
+        m.init_residual = [](int degree, float* row) { std::fill(row, row + 3 * ((degree + 1) * (degree + 1) - 1), 0.0f); };
+        return m;
+    }();
+    return info;
+}
+
+}  // namespace gs::appearance

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+# Looks for nvcc: GSAPP_CUDA=AUTO takes what is there, ON insists, OFF does not look.
+set(GSAPP_CUDA AUTO CACHE STRING "Use CUDA: AUTO, ON or OFF")
+set_property(CACHE GSAPP_CUDA PROPERTY STRINGS AUTO ON OFF)
+if(GSAPP_CUDA)
+  include(CheckLanguage)
+  check_language(CUDA)
+  if(CMAKE_CUDA_COMPILER)
+    message(STATUS "Found ${CMAKE_CUDA_COMPILER}; this version of gsapp has the CPU backend only")
+  elseif(GSAPP_CUDA STREQUAL "ON")
+    message(FATAL_ERROR "GSAPP_CUDA=ON, but no nvcc was found; set CMAKE_CUDA_COMPILER or put nvcc on the PATH")
+  else()
+    message(STATUS "No nvcc: building the CPU backend")
+  endif()
+endif()

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+# Helpers shared by the rooms.
+
+# Flags of every target: warnings, sanitizers, include root.
+add_library(gsapp_flags INTERFACE)
+target_include_directories(gsapp_flags INTERFACE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
+# The same -march everywhere: headers with inline mathematics are shared, and the linker keeps one copy of each.
+target_compile_options(gsapp_flags INTERFACE -Wall -Wextra -Wno-psabi -march=${GSAPP_CPU_ARCH} -fno-math-errno -fno-trapping-math)
+if(GSAPP_CPU_ARCH STREQUAL "native" OR GSAPP_CPU_ARCH STREQUAL "x86-64-v4")
+  target_compile_options(gsapp_flags INTERFACE -mprefer-vector-width=512)
+endif()
+if(GSAPP_SANITIZE)
+  target_compile_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE} -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g)
+  target_link_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE})
+endif()
+
+# gs_add_library(NAME LINK target...): every .cpp of the current folder becomes one static library.
+function(gs_add_library name)
+  cmake_parse_arguments(ARG "" "" "LINK;SOURCES" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+  add_library(${name} STATIC ${sources} ${ARG_SOURCES})
+  target_link_libraries(${name} PUBLIC gsapp_flags ${ARG_LINK})
+endfunction()
+
+# gs_add_tests(LABEL LINK target...): every *_test.cpp of the current folder becomes one test program whose cases
+# ctest lists one by one under LABEL.
+function(gs_add_tests label)
+  cmake_parse_arguments(ARG "" "" "LINK;SOURCES" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*_test.cpp)
+  if(NOT sources AND NOT ARG_SOURCES)
+    return()
+  endif()
+  file(RELATIVE_PATH relative ${CMAKE_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  string(REPLACE "/" "_" name ${relative})
+  add_executable(${name} ${sources} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest GTest::gtest_main)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${label})
+endfunction()

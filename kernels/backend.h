@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lib/ drives: one training model on one device. Nothing above this header knows which backend runs.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "kernels/camera.h"
+#include "kernels/core/gaussian_state.h"
+
+namespace gs {
+
+/// A training target. Pointers stay valid until the call returns.
+struct TargetImage {
+    int width = 0, height = 0;
+    int channels = 3;                    ///< 3 (rgb) or 4 (rgb + straight alpha, composited on the background)
+    const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
+    const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
+    const std::uint8_t* mask = nullptr;  ///< (H,W) loss weight/255, or null for weight 1
+};
+
+/// Which colour is composited (appearance spec section 1.4).
+enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
+
+struct RenderRequest {
+    CameraParams<float> camera;
+    Vec3<float> background{0, 0, 0};
+    RenderMode mode = RenderMode::kFull;
+};
+
+struct RenderedImage {
+    int width = 0, height = 0;
+    std::vector<float> rgb;   ///< planar (3,H,W), not clamped
+    std::vector<float> alpha; ///< (H,W), 1 - final transmittance
+};
+
+/// One optimizer step on one view.
+struct StepRequest {
+    CameraParams<float> camera;
+    Vec3<float> background{0, 0, 0};
+    TargetImage target;
+    std::int64_t iteration = 0;          ///< 0-based
+    float lambda_dssim = 0.2f;
+    float opacity_reg = 0.01f;           ///< weight of mean(opacity)
+    float scale_reg = 0.01f;             ///< weight of mean(exp(raw_scale))
+    float noise = 0;                     ///< SGLD factor 5e5*lr_means; 0 = no noise
+    std::uint64_t seed = 0;
+    bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm
+    double rates[kNumGroups] = {};       ///< learning rate of this step per group
+    std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
+};
+
+/// What happened since the last call of `take_stats`; fetched only where a user sees it.
+struct StepStats {
+    std::int64_t steps = 0;
+    double loss = 0, l1 = 0, ssim = 0;   ///< of the last step
+    std::int64_t num_visible = 0, num_instances = 0;
+    std::int64_t num_nonfinite_gradients = 0; ///< Gaussians that sat a step out, summed
+    std::int64_t consecutive_skips = 0;       ///< steps in a row skipped because the loss was not finite
+};
+
+struct McmcParams {
+    std::int64_t cap = 1000000;
+    float min_opacity = 0.005f;
+    double growth = 1.05;
+};
+
+struct AdcParams {
+    float grad_threshold = 0.0002f;
+    float extent = 1;                    ///< scene extent E, world units
+    float dense_fraction = 0.01f;        ///< clone below, split above dense_fraction*E
+    float min_opacity = 0.005f;
+    bool prune_large = false;            ///< remove Gaussians larger than 0.1*E
+    std::int64_t cap = 0;                ///< 0 = unlimited; growth stops at the cap
+};
+
+struct DensifyStats {
+    std::int64_t relocated = 0, added = 0, cloned = 0, split = 0, pruned = 0, count = 0;
+};
+
+class Backend {
+  public:
+    virtual ~Backend() = default;
+    virtual std::string describe() const = 0;
+
+    /// Replaces the whole model. Moments are zeroed where `state` has none.
+    virtual void upload(const Gaussians& state) = 0;
+    virtual Gaussians download(bool with_moments) const = 0;
+    virtual std::int64_t count() const = 0;
+    virtual void set_active_degree(int degree) = 0;
+
+    virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
+    virtual void step(const StepRequest& request) = 0;
+    virtual StepStats take_stats() = 0;
+
+    virtual DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
+    virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
+    /// ADC: raw opacity <- min(raw, logit 0.01), zero moments of the opacity group.
+    virtual void reset_opacity() = 0;
+    /// Orders all rows by the Morton code of the mean (optimization spec section 6).
+    virtual void morton_sort() = 0;
+    /// Removes Gaussians whose parameters are not finite; counts per group go to `by_group`.
+    virtual std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) = 0;
+    /// Removes what can never be seen: opacity < 1/255 or |q|^2 < 1e-8. Returns how many.
+    virtual std::int64_t prune_invisible() = 0;
+};
+
+/// Backend on the CPU for one appearance model. Throws UsageError for an unknown model.
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance);
+
+}  // namespace gs

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// Blending one 16x16 tile on the CPU, sixteen pixels (a 4x4 block) per lane operation.
+//
+// The Gaussians of a tile are taken front to back; a lane operation tests all 16 blocks of the tile at once, and only
+// the touched ones are evaluated. The test is conservative, so it never decides about a fragment.
+#pragma once
+
+#include <algorithm>
+
+#include "kernels/blend/blend_device.h"
+#include "kernels/sort/binning.h"
+
+namespace gs {
+
+/// Where a tile lies and what it reads.
+template <class Real> struct TileInput {
+    int x0, y0;                  ///< first pixel
+    int width, height;           ///< of the image
+    const Instance* instances;   ///< of this tile, front to back
+    std::int64_t num_instances;
+    const Splat<Real>* splats;   ///< of all Gaussians
+    Vec3<Real> background;
+};
+
+inline constexpr int kTilePixels = kCpuTile * kCpuTile;
+
+/// Widening of the touch tests: above the rounding of the power in float, below what costs time.
+template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
+
+template <class Real> struct BlockGeometry {
+    Lanes<Real> px[4], py[4]; ///< pixel centres of block column / row 0..3
+    Lanes<Real> block_x, block_y; ///< first pixel of each of the 16 blocks
+
+    BlockGeometry(int x0, int y0) {
+        for (int lane = 0; lane < kLanes; ++lane) {
+            block_x.v[lane] = Real(x0 + kCpuBlock * (lane % 4));
+            block_y.v[lane] = Real(y0 + kCpuBlock * (lane / 4));
+            for (int k = 0; k < 4; ++k) {
+                px[k].v[lane] = Real(x0 + kCpuBlock * k + lane % 4) + Real(0.5);
+                py[k].v[lane] = Real(y0 + kCpuBlock * k + lane / 4) + Real(0.5);
+            }
+        }
+    }
+
+    /// Bit b: block b may hold a pixel with alpha >= 1/255.
+    unsigned touched(const Splat<Real>& s) const {
+        const Lanes<Real> power = min_power_in_rectangle(s, block_x, block_y, Real(kCpuBlock - 1), Real(kCpuBlock - 1));
+        return mask_bits(at_least(Lanes<Real>(touch_threshold(s)), power));
+    }
+};
+
+/// Index of pixel (x,y) of a tile in block order.
+inline int block_order(int x, int y) { return ((y / 4) * 4 + x / 4) * 16 + (y % 4) * 4 + x % 4; }
+
+/// Forward. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels;
+/// block_masks[k] receives the blocks that instance k was evaluated in. Returns the number of instances processed
+/// before every pixel was finished; masks behind it are not written.
+template <class Real>
+std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, Real* image, Real* transmittance) {
+    using L = Lanes<Real>;
+    const BlockGeometry<Real> blocks(in.x0, in.y0);
+    alignas(64) Real t[kTilePixels], r[kTilePixels] = {}, g[kTilePixels] = {}, b[kTilePixels] = {};
+    unsigned open = 0; // blocks with an unfinished pixel
+    for (int y = 0; y < kCpuTile; ++y)
+        for (int x = 0; x < kCpuTile; ++x) {
+            const bool inside = in.x0 + x < in.width && in.y0 + y < in.height;
+            t[block_order(x, y)] = inside ? Real(1) : Real(0);
+            if (inside) open |= 1u << (block_order(x, y) / kLanes);
+        }
+    std::int64_t k = 0;
+    for (; k < in.num_instances && open; ++k) {
+        const Splat<Real>& s = in.splats[in.instances[k].gaussian];
+        unsigned mask = blocks.touched(s) & open;
+        block_masks[k] = static_cast<std::uint16_t>(mask);
+        if (!mask) continue;
+        const auto shape = FragmentShape<L>::from(s);
+        const L cr(s.color.x), cg(s.color.y), cb(s.color.z);
+        for (; mask; mask &= mask - 1) {
+            const int block = __builtin_ctz(mask), at = block * kLanes;
+            PixelForward<L> p{L::load(t + at), L::load(r + at), L::load(g + at), L::load(b + at)};
+            blend_fragment<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg, cb);
+            p.t.store(t + at);
+            p.r.store(r + at);
+            p.g.store(g + at);
+            p.b.store(b + at);
+            if (!mask_bits(at_least(p.t, L(Real(kMinTransmittance))))) open &= ~(1u << block);
+        }
+    }
+    const std::size_t plane = std::size_t(in.width) * in.height;
+    for (int y = 0; y < std::min(kCpuTile, in.height - in.y0); ++y)
+        for (int x = 0; x < std::min(kCpuTile, in.width - in.x0); ++x) {
+            const int p = block_order(x, y);
+            const std::size_t i = std::size_t(in.y0 + y) * in.width + in.x0 + x;
+            image[i] = r[p] + t[p] * in.background.x;
+            image[i + plane] = g[p] + t[p] * in.background.y;
+            image[i + 2 * plane] = b[p] + t[p] * in.background.z;
+            transmittance[i] = t[p];
+        }
+    return k;
+}
+
+/// Backward over the instances that the forward pass processed; writes their sums to sums[slot].
+template <class Real>
+void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, const Real* image,
+                         const Real* transmittance, const Real* dL_dimage, SplatSums<Real>* sums) {
+    using L = Lanes<Real>;
+    const BlockGeometry<Real> blocks(in.x0, in.y0);
+    alignas(64) Real t[kTilePixels], behind[kTilePixels], gr[kTilePixels], gg[kTilePixels], gb[kTilePixels], background[kTilePixels];
+    const std::size_t plane = std::size_t(in.width) * in.height;
+    for (int y = 0; y < kCpuTile; ++y)
+        for (int x = 0; x < kCpuTile; ++x) {
+            const int p = block_order(x, y);
+            t[p] = behind[p] = gr[p] = gg[p] = gb[p] = background[p] = Real(0);
+            if (in.x0 + x >= in.width || in.y0 + y >= in.height) continue;
+            const std::size_t i = std::size_t(in.y0 + y) * in.width + in.x0 + x;
+            t[p] = Real(1);
+            gr[p] = dL_dimage[i];
+            gg[p] = dL_dimage[i + plane];
+            gb[p] = dL_dimage[i + 2 * plane];
+            background[p] = transmittance[i] * (gr[p] * in.background.x + gg[p] * in.background.y + gb[p] * in.background.z);
+            behind[p] = image[i] * gr[p] + image[i + plane] * gg[p] + image[i + 2 * plane] * gb[p] - background[p];
+        }
+    for (std::int64_t k = 0; k < in.num_instances; ++k) {
+        SplatSums<Real>& out = sums[in.instances[k].slot];
+        unsigned mask = k < num_processed ? block_masks[k] : 0;
+        if (!mask) {
+            out = SplatSums<Real>{};
+            continue;
+        }
+        const Splat<Real>& s = in.splats[in.instances[k].gaussian];
+        const auto shape = FragmentShape<L>::from(s);
+        const L cr(s.color.x), cg(s.color.y), cb(s.color.z), zero(Real(0));
+        SplatSums<L> sum{zero, zero, zero, zero, zero, zero, zero, zero, zero};
+        for (; mask; mask &= mask - 1) {
+            const int block = __builtin_ctz(mask), at = block * kLanes;
+            PixelBackward<L> p{L::load(t + at), L::load(behind + at), L::load(gr + at), L::load(gg + at), L::load(gb + at), L::load(background + at)};
+            blend_fragment_backward<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]), cr, cg, cb, sum);
+            p.t.store(t + at);
+            p.behind.store(behind + at);
+        }
+        out = {sum_lanes(sum.h),   sum_lanes(sum.hx), sum_lanes(sum.hy), sum_lanes(sum.hxx), sum_lanes(sum.hxy),
+               sum_lanes(sum.hyy), sum_lanes(sum.r),  sum_lanes(sum.g),  sum_lanes(sum.b)};
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// One fragment: a Gaussian at a pixel, forward and backward (rasterizer spec sections 7 and 8).
+//
+// P is a scalar (one pixel) or Lanes (sixteen pixels); nothing here depends on which.
+#pragma once
+
+#include "kernels/core/lanes.h"
+#include "kernels/preprocess/preprocess_device.h"
+
+namespace gs {
+
+/// A splat with its conic scaled so that alpha = opacity * 2^(qa dx^2 + qb dx dy + qc dy^2).
+template <class P> struct FragmentShape {
+    P mx, my, qa, qb, qc, opacity;
+
+    template <class T> static GS_HD FragmentShape from(const Splat<T>& s) {
+        const T k = T(-0.5 * kLog2E);
+        return {P(s.mean.x), P(s.mean.y), P(k * s.a), P(T(2) * k * s.b), P(k * s.c), P(s.opacity)};
+    }
+};
+
+template <class P> struct FragmentAlpha {
+    P dx, dy; ///< splat mean - pixel centre
+    P alpha;  ///< not yet compared with 1/255
+};
+
+/// alpha of a splat at pixel centres (px, py). Forward and backward call this one function, so that they agree on
+/// which fragments count.
+template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
+    const P dx = s.mx - px, dy = s.my - py;
+    const P exponent = gs_fma(dx, gs_fma(s.qa, dx, s.qb * dy), s.qc * dy * dy);
+    return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
+}
+
+/// Front-to-back state of a pixel.
+template <class P> struct PixelForward {
+    P t, r, g, b; ///< transmittance and colour so far
+};
+
+/// Blends one fragment where it is visible (alpha >= 1/255) and the pixel is unfinished (T >= 1e-4).
+template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb) {
+    const auto active = at_least(alpha, P(T(kMinAlpha))) & at_least(s.t, P(T(kMinTransmittance)));
+    const P w = select(active, s.t * alpha, P(T(0)));
+    s.r = gs_fma(w, cr, s.r);
+    s.g = gs_fma(w, cg, s.g);
+    s.b = gs_fma(w, cb, s.b);
+    s.t = s.t - w;
+}
+
+/// Front-to-back state of a pixel in the backward pass.
+/// `behind` = dL/dpixel . (colour still to come), so one scalar replaces three; `background` = T_final dL/dpixel . bg.
+template <class P> struct PixelBackward {
+    P t, behind;
+    P gr, gg, gb; ///< dL/dpixel
+    P background;
+};
+
+/// Sums over pixels of one splat. h = -alpha dL/dalpha.
+template <class P> struct SplatSums {
+    P h, hx, hy, hxx, hxy, hyy, r, g, b;
+};
+
+template <class P, class T>
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb, SplatSums<P>& sum) {
+    const P zero(T(0)), one(T(1));
+    const auto active = at_least(f.alpha, P(T(kMinAlpha))) & at_least(s.t, P(T(kMinTransmittance)));
+    const P w = select(active, s.t * f.alpha, zero);
+    const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
+    const P t_after = s.t - w;
+    // Behind the fragment that finishes a pixel there is exactly nothing. Setting so removes the one badly
+    // conditioned case: 1/(1-alpha) up to 1e6 times rounding noise.
+    s.behind = select(at_least(t_after, P(T(kMinTransmittance))), s.behind - w * color_gradient, zero);
+    const P inverse = reciprocal(lane_max(one - f.alpha, P(T(kMinOneMinusAlpha))));
+    const P dL_dalpha = s.t * color_gradient - (s.behind + s.background) * inverse;
+    const P h = select(active, -(f.alpha * dL_dalpha), zero);
+    const P hx = h * f.dx, hy = h * f.dy;
+    sum.h = sum.h + h;
+    sum.hx = sum.hx + hx;
+    sum.hy = sum.hy + hy;
+    sum.hxx = gs_fma(hx, f.dx, sum.hxx);
+    sum.hxy = gs_fma(hx, f.dy, sum.hxy);
+    sum.hyy = gs_fma(hy, f.dy, sum.hyy);
+    sum.r = gs_fma(w, s.gr, sum.r);
+    sum.g = gs_fma(w, s.gg, sum.g);
+    sum.b = gs_fma(w, s.gb, sum.b);
+    s.t = t_after;
+}
+
+/// From the sums over pixels to gradients of the splat.
+template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, const SplatSums<T>& k) {
+    SplatGradient<T> d;
+    d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};
+    d.conic = {T(0.5) * k.hxx, T(0.5) * k.hxy, T(0.5) * k.hyy};
+    d.opacity = -k.h / s.opacity; // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255
+    d.color = {k.r, k.g, k.b};
+    return d;
+}
+
+}  // namespace gs

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// The host-side form of a model under training: what backends upload and download, and files store.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace gs {
+
+/// Parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
+enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
+inline constexpr int kNumGroups = 6;
+inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means", "raw_scales", "rotations", "raw_opacities", "base_colors", "residuals"};
+
+/// One group: `width` values per Gaussian, row-major (N, width).
+template <class Real> struct GroupArrays {
+    int width = 0;
+    std::vector<Real> param; ///< raw (pre-activation) values
+    std::vector<Real> m, v;  ///< Adam moments; empty when the optimizer state was dropped
+};
+
+/// Colour activation phi (appearance spec section 1.3).
+enum class ColorActivation : int { kRelu, kSoftplus, kSigmoid, kHardSigmoid };
+
+/// Which appearance model, at which size. Part of every checkpoint.
+struct AppearanceSpec {
+    std::string model = "sh";
+    int max_degree = 3; ///< unit of the model: SH bands, sites, lobes (spec section 1.5)
+    ColorActivation activation = ColorActivation::kRelu;
+};
+
+/// All Gaussians of a model.
+/// Groups: means (N,3) world units; raw_scales (N,3) log; rotations (N,4) w,x,y,z unnormalised; raw_opacities (N,1)
+/// logit; base_colors (N,3) pre-activation, Y0 folded in; residuals (N,R) in the model's own layout.
+template <class Real> struct GaussianState {
+    std::int64_t count = 0;
+    AppearanceSpec appearance;
+    int active_degree = 0;
+    std::int64_t step = 0; ///< optimizer steps taken; Adam's t
+    std::array<GroupArrays<Real>, kNumGroups> groups;
+    /// ADC statistic since the last densification, one per Gaussian: summed norm of the screen-space mean gradient, and
+    /// in how many views it was seen. Both empty where nothing gathers them.
+    std::vector<Real> gradient_sum;
+    std::vector<std::int32_t> gradient_count;
+
+    GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
+    const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }
+};
+
+using Gaussians = GaussianState<float>;
+
+}  // namespace gs

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Macros and scalar functions that mean the same on host and device.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#if defined(__CUDACC__)
+#define GS_HD __host__ __device__ __forceinline__
+#else
+#define GS_HD inline __attribute__((always_inline))
+#endif
+
+namespace gs {
+
+template <class T> GS_HD T gs_min(T a, T b) { return a < b ? a : b; }
+template <class T> GS_HD T gs_max(T a, T b) { return a > b ? a : b; }
+template <class T> GS_HD T gs_clamp(T x, T lo, T hi) { return gs_min(gs_max(x, lo), hi); }
+
+// Overloads instead of std:: calls: the same template text then compiles for float, double and device code.
+GS_HD float gs_exp(float x) { return ::expf(x); }
+GS_HD double gs_exp(double x) { return ::exp(x); }
+GS_HD float gs_log(float x) { return ::logf(x); }
+GS_HD double gs_log(double x) { return ::log(x); }
+GS_HD float gs_sqrt(float x) { return ::sqrtf(x); }
+GS_HD double gs_sqrt(double x) { return ::sqrt(x); }
+GS_HD float gs_expm1(float x) { return ::expm1f(x); }
+GS_HD double gs_expm1(double x) { return ::expm1(x); }
+GS_HD float gs_log1p(float x) { return ::log1pf(x); }
+GS_HD double gs_log1p(double x) { return ::log1p(x); }
+GS_HD float gs_abs(float x) { return ::fabsf(x); }
+GS_HD double gs_abs(double x) { return ::fabs(x); }
+GS_HD float gs_fma(float a, float b, float c) { return ::fmaf(a, b, c); }
+GS_HD double gs_fma(double a, double b, double c) { return ::fma(a, b, c); }
+GS_HD float gs_floor(float x) { return ::floorf(x); }
+GS_HD double gs_floor(double x) { return ::floor(x); }
+GS_HD float gs_ceil(float x) { return ::ceilf(x); }
+GS_HD double gs_ceil(double x) { return ::ceil(x); }
+template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308)); }
+
+/// Logistic function, stable for every finite x.
+template <class T> GS_HD T sigmoid(T x) { return T(1) / (T(1) + gs_exp(-x)); }
+
+}  // namespace gs

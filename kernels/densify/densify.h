@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Growing, relocating and pruning Gaussians on the host (densification spec). Rows of all groups move alike.
+#pragma once
+
+#include <vector>
+
+#include "kernels/backend.h"
+
+namespace gs {
+
+/// New row k = old row order[k]; rows not named are removed. Moments and the ADC statistic move along.
+void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order);
+
+/// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap (spec 1.1, 1.2).
+DensifyStats mcmc_densify(Gaussians& state, const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
+
+/// Clones, splits and prunes by the gathered statistic, which is reset (spec 2). Throws NumericError if nothing is left.
+DensifyStats adc_densify(Gaussians& state, const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
+
+void adc_reset_opacity(Gaussians& state);
+
+/// Order of the Morton codes of the means, 21 bits an axis (optimization spec section 6).
+std::vector<std::uint32_t> morton_order(const Gaussians& state);
+
+}  // namespace gs

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// The loss on the CPU: per row, a vertical filter over 11 rows and then a horizontal one over the filtered row, both
+// along contiguous memory. No filtered image is stored; the second pass filters the three derivative maps likewise.
+#include "kernels/loss/loss.h"
+
+#include <algorithm>
+
+#include "kernels/core/parallel.h"
+#include "kernels/loss/loss_device.h"
+
+namespace gs {
+namespace {
+
+constexpr int kRows = 8; ///< rows per task
+
+/// Rows of scratch, with room for the horizontal filter on both sides.
+template <class Real> struct RowScratch {
+    std::vector<Real> data;
+    int stride;
+    RowScratch(int rows, int width) : data(std::size_t(rows) * (width + 2 * kSsimRadius)), stride(width + 2 * kSsimRadius) {}
+    Real* row(int k) { return data.data() + std::size_t(k) * stride + kSsimRadius; }
+};
+
+template <class Real> void filter_row(const Real* in, const SsimTaps<Real>& taps, int width, Real* out) {
+    const Real g0 = taps.g[0], g1 = taps.g[1], g2 = taps.g[2], g3 = taps.g[3], g4 = taps.g[4], g5 = taps.g[5];
+#pragma omp simd
+    for (int x = 0; x < width; ++x)
+        out[x] = g0 * in[x] + g1 * (in[x - 1] + in[x + 1]) + g2 * (in[x - 2] + in[x + 2]) + g3 * (in[x - 3] + in[x + 3]) +
+                 g4 * (in[x - 4] + in[x + 4]) + g5 * (in[x - 5] + in[x + 5]);
+}
+
+template <class Real> struct Plane {
+    const Real* data;
+    int width, height;
+    const Real* row(int y) const { return data + std::size_t(y) * width; }
+};
+
+/// Vertical moments of row y: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy (zero padding).
+template <class Real> void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>& taps, Real* const out[5]) {
+    const int w = a.width;
+    for (int k = 0; k < 5; ++k) std::fill(out[k], out[k] + w, Real(0));
+    Real *o0 = out[0], *o1 = out[1], *o2 = out[2], *o3 = out[3], *o4 = out[4];
+    for (int j = std::max(0, y - kSsimRadius); j <= std::min(a.height - 1, y + kSsimRadius); ++j) {
+        const Real g = taps.g[std::abs(j - y)];
+        const Real *p = a.row(j), *q = b.row(j);
+#pragma omp simd
+        for (int x = 0; x < w; ++x) {
+            const Real gp = g * p[x], gq = g * q[x];
+            o0[x] += gp;
+            o1[x] += gq;
+            o2[x] += gp * p[x];
+            o3[x] += gq * q[x];
+            o4[x] += gp * q[x];
+        }
+    }
+}
+
+/// The target as planar (3,H,W): decoded, composited on the background, clamped to [0,1].
+template <class Real> void decode_target(const TargetImage& t, const Vec3<float>& background, std::vector<Real>& out) {
+    const std::size_t pixels = std::size_t(t.width) * t.height;
+    out.resize(3 * pixels);
+    const Real bg[3] = {Real(background.x), Real(background.y), Real(background.z)};
+    const auto decode = [&](const auto* data, Real full) {
+        parallel_for(t.height, [&](std::int64_t y) {
+            const auto* px = data + std::size_t(y) * t.width * t.channels;
+            for (int c = 0; c < 3; ++c) {
+                Real* row = &out[c * pixels + std::size_t(y) * t.width];
+                if (t.channels == 3) {
+                    for (int x = 0; x < t.width; ++x) row[x] = px[3 * x + c] / full;
+                } else {
+                    for (int x = 0; x < t.width; ++x) {
+                        const Real alpha = px[4 * x + 3] / full;
+                        row[x] = std::clamp(alpha * (px[4 * x + c] / full) + (Real(1) - alpha) * bg[c], Real(0), Real(1));
+                    }
+                }
+            }
+        });
+    };
+    if (t.u8)
+        decode(t.u8, Real(255));
+    else
+        decode(t.f32, Real(1));
+}
+
+}  // namespace
+
+template <class Real>
+LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
+                                    Real* dL_dimage) {
+    static const SsimTaps<Real> taps;
+    const int w = target.width, h = target.height;
+    const std::size_t pixels = std::size_t(w) * h;
+    decode_target(target, background, target_);
+
+    const Real* render = image;
+    double weight_sum = double(pixels);
+    weight_.clear();
+    if (target.mask) {
+        weight_.resize(pixels);
+        masked_.resize(3 * pixels);
+        weight_sum = 0;
+        for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = target.mask[i] * (Real(1) / Real(255));
+        for (std::size_t i = 0; i < 3 * pixels; ++i) masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+        render = masked_.data();
+    }
+    if (weight_sum <= 0) {
+        std::fill(dL_dimage, dL_dimage + 3 * pixels, Real(0));
+        return {};
+    }
+    const Real* weight = weight_.empty() ? nullptr : weight_.data();
+    const double norm = 1.0 / (3 * weight_sum);
+    const Real l1_step = Real((1 - lambda_dssim) * norm), ssim_step = Real(-lambda_dssim * norm);
+    maps_.resize(3 * 3 * pixels);
+
+    const std::int64_t strips = (h + kRows - 1) / kRows, tasks = 3 * strips;
+    std::vector<double> l1_sums(tasks, 0.0), ssim_sums(tasks, 0.0);
+    parallel_for(tasks, [&](std::int64_t task) {
+        const std::size_t c = task / strips;
+        const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
+        RowScratch<Real> v(5, w), f(5, w);
+        Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
+        double ssim_sum = 0;
+        for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
+            vertical_moments(a, b, y, taps, vertical);
+            for (int k = 0; k < 5; ++k) filter_row(v.row(k), taps, w, f.row(k));
+            const Real *f0 = f.row(0), *f1 = f.row(1), *f2 = f.row(2), *f3 = f.row(3), *f4 = f.row(4);
+            Real* p = &maps_[(3 * c) * pixels + std::size_t(y) * w];
+            Real *q = p + pixels, *r = q + pixels;
+            const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
+            Real row_sum = 0;
+#pragma omp simd reduction(+ : row_sum)
+            for (int x = 0; x < w; ++x) {
+                const SsimPixel<Real> s = ssim_pixel(f0[x], f1[x], f2[x], f3[x], f4[x]);
+                const Real pixel_weight = m ? m[x] : Real(1), u = ssim_step * pixel_weight;
+                row_sum += pixel_weight * s.ssim;
+                p[x] = u * s.p;
+                q[x] = u * s.q;
+                r[x] = u * s.r;
+            }
+            ssim_sum += row_sum;
+        }
+        ssim_sums[task] = ssim_sum;
+    });
+    parallel_for(tasks, [&](std::int64_t task) {
+        const std::size_t c = task / strips;
+        const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
+        RowScratch<Real> v(3, w), f(3, w);
+        double l1_sum = 0;
+        for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
+            for (int k = 0; k < 3; ++k) {
+                Real* o = v.row(k);
+                std::fill(o, o + w, Real(0));
+                const Real* map = &maps_[(3 * c + k) * pixels];
+                for (int j = std::max(0, y - kSsimRadius); j <= std::min(h - 1, y + kSsimRadius); ++j) {
+                    const Real g = taps.g[std::abs(j - y)];
+                    const Real* in = map + std::size_t(j) * w;
+#pragma omp simd
+                    for (int x = 0; x < w; ++x) o[x] += g * in[x];
+                }
+                filter_row(o, taps, w, f.row(k));
+            }
+            const Real *fp = f.row(0), *fq = f.row(1), *fr = f.row(2), *px = a.row(y), *ty = b.row(y);
+            const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
+            Real* out = dL_dimage + c * pixels + std::size_t(y) * w;
+            Real row_sum = 0;
+#pragma omp simd reduction(+ : row_sum)
+            for (int x = 0; x < w; ++x) {
+                const Real diff = px[x] - ty[x];
+                const Real sign = diff > Real(0) ? Real(1) : (diff < Real(0) ? Real(-1) : Real(0));
+                row_sum += diff * sign; // masked images are already multiplied by the weight
+                const Real g = l1_step * sign + fp[x] + Real(2) * px[x] * fq[x] + ty[x] * fr[x];
+                out[x] = m ? g * m[x] : g;
+            }
+            l1_sum += row_sum;
+        }
+        l1_sums[task] = l1_sum;
+    });
+    LossValues out;
+    for (std::int64_t k = 0; k < tasks; ++k) out.l1 += l1_sums[k], out.ssim += ssim_sums[k];
+    out.l1 *= norm;
+    out.ssim *= norm;
+    out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
+    return out;
+}
+
+template class ImageLoss<float>;
+template class ImageLoss<double>;
+
+}  // namespace gs

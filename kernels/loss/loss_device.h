@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// SSIM of one pixel from its filtered moments, with derivatives (optimization spec section 2).
+#pragma once
+
+#include <cmath>
+
+#include "kernels/core/portable.h"
+
+namespace gs {
+
+/// Half width of the SSIM window: 11 taps, sigma 1.5.
+inline constexpr int kSsimRadius = 5;
+inline constexpr double kSsimC1 = 0.01 * 0.01, kSsimC2 = 0.03 * 0.03;
+
+/// Taps g[0] (centre) .. g[5], normalised over all 11.
+template <class T> struct SsimTaps {
+    T g[kSsimRadius + 1];
+    SsimTaps() {
+        double sum = 0;
+        for (int i = -kSsimRadius; i <= kSsimRadius; ++i) sum += std::exp(-i * i / 4.5);
+        for (int i = 0; i <= kSsimRadius; ++i) g[i] = T(std::exp(-i * i / 4.5) / sum);
+    }
+};
+
+/// p, q, r: derivatives of SSIM by the filtered x (total, through mu1), x^2 and x y.
+template <class T> struct SsimPixel {
+    T ssim, p, q, r;
+};
+
+/// x is the render, y the target; mx = G*x, exx = G*x^2, ... Written without branches: loops over it vectorise.
+template <class T> GS_HD SsimPixel<T> ssim_pixel(T mx, T my, T exx, T eyy, T exy) {
+    const T raw_x = exx - mx * mx, raw_y = eyy - my * my;
+    // Variances are >= 0 but for rounding; a clamped one passes no derivative.
+    const T var_x = raw_x > T(0) ? raw_x : T(0), var_y = raw_y > T(0) ? raw_y : T(0);
+    const T a = mx * mx + my * my + T(kSsimC1), b = var_x + var_y + T(kSsimC2);
+    const T c = T(2) * mx * my + T(kSsimC1), d = T(2) * (exy - mx * my) + T(kSsimC2);
+    const T ia = T(1) / a, ib = T(1) / b, s = c * d * ia * ib;
+    // |SSIM| <= 1 but for rounding; clamping passes no derivative either.
+    const T pass = s <= T(1) && s >= T(-1) ? T(1) : T(0);
+    const T dq = -s * ib * pass;
+    const T open = raw_x > T(0) ? T(1) : T(0);
+    SsimPixel<T> out;
+    out.ssim = s > T(1) ? T(1) : (s < T(-1) ? T(-1) : s);
+    out.q = dq * open;
+    out.r = T(2) * c * ia * ib * pass;
+    out.p = (T(2) * my * (d - c) * ia * ib - T(2) * mx * s * ia) * pass - T(2) * mx * out.q;
+    return out;
+}
+
+}  // namespace gs

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Adam for one value (rasterizer spec section 10).
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "kernels/core/portable.h"
+
+namespace gs {
+
+inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
+/// Far below any gradient that matters: the step is lr * m / sqrt(v) for all of them.
+inline constexpr double kAdamEpsilon = 1e-15;
+
+/// Factors of step t, computed in double on the host.
+template <class T> struct AdamStep {
+    T step_size;         ///< lr / (1 - beta1^t)
+    T inverse_sqrt_bias; ///< 1 / sqrt(1 - beta2^t)
+
+    static AdamStep at(double rate, std::int64_t t) {
+        return {T(rate / (1 - std::pow(kAdamBeta1, double(t)))), T(1 / std::sqrt(1 - std::pow(kAdamBeta2, double(t))))};
+    }
+};
+
+/// One step: p, m, v are updated in place. g must be finite.
+template <class T> GS_HD void adam_update(T& p, T& m, T& v, T g, const AdamStep<T>& s) {
+    // As v + (1-beta)(g^2 - v): 1-beta is exact to half an ulp, where beta itself, rounded to float, is off by 1e-5 of it.
+    m = gs_fma(T(1 - kAdamBeta1), g - m, m);
+    v = gs_fma(T(1 - kAdamBeta2), g * g - v, v);
+    p = p - s.step_size * m / (gs_sqrt(v) * s.inverse_sqrt_bias + T(kAdamEpsilon));
+}
+
+}  // namespace gs

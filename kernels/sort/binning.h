@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Visible Gaussians sorted by depth, then their tile instances sorted stably by tile (rasterizer spec section 6).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace gs {
+
+/// What preprocessing hands over: one list of touched tiles per part of kPartSize Gaussians.
+struct BinningInput {
+    struct Part {
+        std::vector<std::uint64_t> depth_keys; ///< (depth bits << 32 | Gaussian index) of the part's visible Gaussians
+        std::vector<std::uint32_t> tiles;      ///< tile indices, Gaussian after Gaussian
+    };
+    std::vector<Part> parts;
+    std::vector<std::uint32_t> first; ///< (N) position of a Gaussian's first tile within its part's list
+    std::vector<std::uint32_t> count; ///< (N) touched tiles; 0 = culled
+};
+
+/// One entry per (Gaussian, tile) pair.
+struct Instance {
+    std::uint32_t gaussian;
+    std::uint32_t slot; ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there
+};
+
+/// Reused from call to call: grows, never shrinks.
+class TileBinning {
+  public:
+    /// Sorts. Ties in depth are ordered by index, so the result is unique and independent of threads.
+    /// Throws DeviceError when the instances exceed `max_instances`.
+    void build(const BinningInput& in, std::uint32_t num_tiles, std::int64_t max_instances);
+
+    const std::vector<Instance>& instances() const { return instances_; }
+    /// Instances of tile t: [offsets()[t], offsets()[t+1]).
+    const std::vector<std::uint32_t>& offsets() const { return offsets_; }
+    /// Slot of part p's first instance.
+    const std::vector<std::uint32_t>& part_slots() const { return part_slots_; }
+    std::int64_t num_visible() const { return static_cast<std::int64_t>(keys_.size()); }
+
+  private:
+    std::vector<std::uint64_t> keys_;
+    std::vector<Instance> instances_;
+    std::vector<std::uint32_t> offsets_, part_slots_, histogram_;
+};
+
+/// Instances that fit: 2^31 - 1, or half of the machine's memory at 64 bytes each if that is less.
+std::int64_t default_max_instances();
+
+}  // namespace gs

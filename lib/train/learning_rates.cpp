@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/train/learning_rates.h"
+
+#include <algorithm>
+
+namespace gs {
+
+LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene)
+    : means_(Schedule::log_linear(options.position_lr_init * scene.extent, options.position_lr_final * scene.extent,
+                                  double(options.position_lr_max_steps))),
+      scales_(Schedule::constant(options.scaling_lr)),
+      rotations_(Schedule::constant(options.rotation_lr)),
+      opacities_(Schedule::constant(options.opacity_lr)),
+      appearance_(appearance_model(appearance.model).rates(appearance.max_degree, {camera_spacing(scene.train), options.iterations})),
+      noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {}
+
+void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {
+    const double t = double(iteration + 1);
+    const auto set = [&](Group group, const Schedule& schedule) { request.rates[static_cast<int>(group)] = schedule.at(t); };
+    set(Group::kMean, means_);
+    set(Group::kScale, scales_);
+    set(Group::kRotation, rotations_);
+    set(Group::kOpacity, opacities_);
+    set(Group::kBase, appearance_.base);
+    request.residual_rates.clear();
+    if (appearance_.residual.size() == 1) {
+        set(Group::kResidual, appearance_.residual[0]);
+    } else {
+        for (const Schedule& column : appearance_.residual) request.residual_rates.push_back(column.at(t));
+    }
+    request.noise = float(noise_ * means_.at(t));
+}
+
+double camera_spacing(const std::vector<View>& views) {
+    constexpr double kNeutral = 0.3536, kSmallest = 1e-6;
+    if (views.size() < 2) return kNeutral;
+    double sum = 0;
+    std::vector<double> distances;
+    for (const View& a : views) {
+        distances.clear();
+        for (const View& b : views)
+            if (&a != &b) distances.push_back((a.camera.center() - b.camera.center()).norm());
+        const std::size_t k = std::min<std::size_t>(3, distances.size());
+        std::partial_sort(distances.begin(), distances.begin() + k, distances.end());
+        double mean = 0;
+        for (std::size_t i = 0; i < k; ++i) mean += distances[i] / double(k);
+        sum += mean;
+    }
+    return std::max(sum / double(views.size()), kSmallest);
+}
+
+}  // namespace gs

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Learning rates of all groups over time (optimization spec section 4).
+#pragma once
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// The schedules of one run.
+class LearningRates {
+  public:
+    LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
+
+    /// Fills the rates (and the noise factor, with MCMC) of the step after `iteration` finished ones.
+    void apply(std::int64_t iteration, StepRequest& request) const;
+
+  private:
+    Schedule means_, scales_, rotations_, opacities_;
+    AppearanceRates appearance_;
+    double noise_ = 0;
+};
+
+/// Mean distance of a training camera to its 3 nearest neighbours, world units, at least 1e-6; 0.3536 (the distance that
+/// leaves rates as they are) for a single camera.
+double camera_spacing(const std::vector<View>& views);
+
+}  // namespace gs

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/train/memory_plan.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "appearance/model_info.h"
+#include "lib/core/bytes.h"
+
+namespace gs {
+
+void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance, std::int64_t num_gaussians) {
+    constexpr double kMiB = 1024.0 * 1024.0;
+    double images = 0, pixels = 0;
+    for (const View& v : scene.train) {
+        images += double(v.image_bytes);
+        pixels = std::max(pixels, double(v.camera.width) * v.camera.height);
+    }
+    const double budget = double(parse_bytes(options.image_cache));
+    const int floats = 3 + 3 + 4 + 1 + 3 + appearance_model(appearance.model).residual_width(appearance.max_degree);
+    // Parameter and two Adam moments, and what preprocessing keeps: splat 40, tile list and counts 8, depth key 8 bytes.
+    const double per_gaussian = 12.0 * floats + 56;
+    // Image, transmittance, gradient, target, nine SSIM derivative maps.
+    const double per_pixel = 4.0 * (3 + 1 + 3 + 3 + 9);
+    const std::int64_t most = options.strategy == "none" ? num_gaussians : std::max(num_gaussians, options.cap_max);
+    spdlog::info("memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for a view of {:.1f} Mpx, plus "
+                 "58 B per Gaussian-tile instance",
+                 std::min(images, budget) / kMiB, images > budget ? " (all: " + std::to_string(std::int64_t(images / kMiB)) + " MiB, re-read beyond --image-cache)" : "",
+                 num_gaussians, per_gaussian, per_gaussian * double(num_gaussians) / kMiB, per_gaussian * double(most) / kMiB, most, per_pixel * pixels / kMiB,
+                 pixels / 1e6);
+    const double total = std::min(images, budget) + per_gaussian * double(most) + per_pixel * pixels;
+    const double memory = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
+    if (total > memory)
+        spdlog::warn("the plan's {:.0f} MiB exceed this machine's {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
+}
+
+}  // namespace gs

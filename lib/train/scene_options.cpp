@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// Field by field; designated so that a new field of SceneOptions is easy to spot here.
+#include "lib/train/scene_options.h"
+
+namespace gs {
+
+SceneOptions scene_options(const TrainOptions& options) {
+    return {.source = options.source,
+            .images = options.images,
+            .resolution = options.resolution,
+            .eval = options.eval,
+            .test_every = options.test_every,
+            .test_list = options.test_list,
+            .mask_mode = options.mask_mode,
+            .invert_masks = options.invert_masks,
+            .alpha_mode = options.alpha_mode,
+            .seed = options.seed};
+}
+
+}  // namespace gs

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// From the options of a run to those of the scene loader.
+#pragma once
+
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// The part of the options that says which images are loaded, how, and which of them are test views. Used by training
+/// and, with a stored configuration, by evaluation, so that both see the same scene.
+SceneOptions scene_options(const TrainOptions& options);
+
+}  // namespace gs

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/train/train_log.h"
+
+#include "kernels/core/error.h"
+#include "lib/io/atomic_file.h"
+
+namespace gs {
+
+TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : path_(path) {
+    std::string kept;
+    if (iteration > 0) {
+        std::ifstream in(path);
+        for (std::string line; std::getline(in, line);) {
+            const auto json = nlohmann::json::parse(line, nullptr, false); // a crash may have cut the last line short
+            if (json.is_object() && json.value("iteration", iteration + 1) <= iteration) kept += line + "\n";
+        }
+    }
+    std::error_code ignored; // the write reports what is wrong
+    std::filesystem::create_directories(path.parent_path(), ignored);
+    write_text_atomic(path, kept);
+    out_.open(path, std::ios::app);
+}
+
+void TrainLog::write(const nlohmann::json& line) {
+    out_ << line.dump() << std::endl; // flushed: others read along
+    if (!out_) throw DataError(path_.string() + ": cannot write the training log (disk full?)");
+}
+
+}  // namespace gs

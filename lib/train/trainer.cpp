@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/train/trainer.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <thread>
+
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "kernels/core/rng.h"
+#include "lib/core/bytes.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/options.h"
+#include "lib/io/atomic_file.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/model/cameras_json.h"
+#include "lib/model/initialize.h"
+#include "lib/model/ply.h"
+#include "lib/scene/camera_params.h"
+#include "lib/scene/image_cache.h"
+#include "lib/train/densification.h"
+#include "lib/train/learning_rates.h"
+#include "lib/train/memory_plan.h"
+#include "lib/train/train_log.h"
+#include "lib/train/view_order.h"
+
+namespace gs {
+namespace {
+
+/// Iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is then
+/// below a hundredth of the work.
+constexpr std::int64_t kLogInterval = 100;
+/// A loss that is not finite this often in a row does not recover.
+constexpr std::int64_t kMaxSkips = 10;
+/// Views decoded ahead of the one in use.
+constexpr int kPrefetch = 3;
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+bool contains(const std::vector<std::int64_t>& list, std::int64_t value) { return std::find(list.begin(), list.end(), value) != list.end(); }
+
+class Run {
+  public:
+    Run(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks)
+        : options_(options),
+          scene_(scene),
+          folder_(std::move(start.folder)),
+          progress_(progress),
+          hooks_(hooks),
+          appearance_(appearance_spec(options)),
+          background_(parse_background(options.background)),
+          rates_(options, appearance_, scene),
+          schedule_(options_, appearance_, scene.extent, options.background == "black"),
+          order_(scene.train.size(), options.seed),
+          images_(scene.train, parse_bytes(options.image_cache), 1) {
+        set_num_threads(options.threads);
+        if (start.checkpoint)
+            resume(std::move(*start.checkpoint));
+        else
+            begin();
+        log_memory_plan(options_, scene_, appearance_, backend_->count());
+        log_.emplace(folder_.train_log(), iteration_);
+    }
+
+    TrainSummary run() {
+        progress_.start(options_.iterations, iteration_);
+        for (std::size_t k = 0; k < kPrefetch; ++k) images_.prefetch(order_.at(iteration_ + std::int64_t(k)));
+        double interval_start = now();
+        while (iteration_ < options_.iterations) {
+            const double start = now();
+            iterate();
+            train_seconds_ += now() - start;
+            if (iteration_ % kLogInterval == 0 || iteration_ == options_.iterations) {
+                write_log(now() - interval_start);
+                interval_start = now();
+            }
+            if (progress_.due(iteration_)) progress_.update(iteration_, last_.loss, backend_->count());
+            save_what_is_due();
+            if (interrupted() && iteration_ < options_.iterations) {
+                save_checkpoint();
+                progress_.finish();
+                throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; continue with --resume latest -m " +
+                                  folder_.root.string());
+            }
+        }
+        return finish();
+    }
+
+  private:
+    void begin() {
+        InitOptions init;
+        init.mcmc = options_.strategy == "mcmc";
+        init.random_points = options_.init_points;
+        init.seed = options_.seed;
+        Gaussians state = initialize_gaussians(scene_, appearance_, init);
+        state.active_degree = schedule_.active_degree(0);
+        if (state.count > options_.cap_max)
+            spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
+        backend_ = make_cpu_backend(appearance_);
+        backend_->upload(state);
+        write_text_atomic(folder_.config(), options_to_yaml(options_));
+        write_cfg_args(folder_, options_);
+        write_cameras_json(folder_.cameras(), scene_);
+        write_input_points(folder_, initial_points(scene_, init));
+    }
+
+    void resume(Checkpoint checkpoint) {
+        require_same_appearance(checkpoint.state.appearance, appearance_, folder_.root.string());
+        if (checkpoint.seed != options_.seed)
+            spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
+        iteration_ = checkpoint.iteration;
+        backend_ = make_cpu_backend(appearance_);
+        backend_->upload(checkpoint.state);
+        write_text_atomic(folder_.config(), options_to_yaml(options_));
+        spdlog::info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
+        if (iteration_ >= options_.iterations)
+            spdlog::warn("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_, options_.iterations);
+    }
+
+    void iterate() {
+        const DensifyStats change = schedule_.apply(*backend_, iteration_);
+        if (change.relocated || change.added || change.cloned || change.split || change.pruned)
+            log_->write({{"event", "densify"}, {"iteration", iteration_ + 1}, {"relocated", change.relocated}, {"added", change.added},
+                         {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned}, {"num_gaussians", change.count}});
+        const std::size_t index = order_.at(iteration_);
+        const auto image = images_.get(index);
+        if (iteration_ + kPrefetch < options_.iterations) images_.prefetch(order_at_ahead());
+        StepRequest request;
+        request.camera = camera_params(scene_.train[index].camera);
+        request.background = background_at(iteration_);
+        request.target = target(*image);
+        request.iteration = iteration_;
+        request.lambda_dssim = float(options_.lambda_dssim);
+        const bool mcmc = options_.strategy == "mcmc";
+        request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
+        request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
+        request.seed = options_.seed;
+        request.gather_gradient_stats = schedule_.gathers(iteration_);
+        rates_.apply(iteration_, request);
+        backend_->step(request);
+        ++iteration_;
+        const StepStats stats = backend_->take_stats();
+        nonfinite_gradients_ += stats.num_nonfinite_gradients;
+        last_ = stats;
+        if (stats.consecutive_skips >= kMaxSkips)
+            throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " + std::to_string(kMaxSkips) +
+                               " views was not finite (last view: " + scene_.train[index].name + "). Lower the learning rates, or check the images");
+        if (iteration_ % kLogInterval == 0) prune_nonfinite();
+    }
+
+    /// The view kPrefetch iterations ahead. A second ViewOrder, because it may already be in the next epoch.
+    std::size_t order_at_ahead() { return ahead_.at(iteration_ + kPrefetch); }
+
+    static TargetImage target(const ViewImage& image) {
+        TargetImage t;
+        t.width = image.color.width, t.height = image.color.height, t.channels = image.color.channels;
+        t.u8 = image.color.is_float() ? nullptr : image.color.u8.data();
+        t.f32 = image.color.is_float() ? image.color.f32.data() : nullptr;
+        t.mask = image.mask ? image.mask->u8.data() : nullptr;
+        return t;
+    }
+
+    Vec3<float> background_at(std::int64_t iteration) const {
+        if (!background_.random) return {background_.rgb[0], background_.rgb[1], background_.rgb[2]};
+        const Philox4 r = philox(options_.seed, RngStream::kBackground, std::uint64_t(iteration), 0);
+        return {uniform_from_bits(r.v[0]), uniform_from_bits(r.v[1]), uniform_from_bits(r.v[2])};
+    }
+
+    void prune_nonfinite() {
+        std::int64_t by_group[kNumGroups];
+        const std::int64_t removed = backend_->prune_nonfinite(by_group);
+        if (!removed) return;
+        std::string names;
+        for (int g = 0; g < kNumGroups; ++g)
+            if (by_group[g]) names += (names.empty() ? "" : ", ") + std::to_string(by_group[g]) + " " + kGroupNames[g];
+        spdlog::warn("iteration {}: removed {} Gaussians with non-finite parameters ({})", iteration_, removed, names);
+        log_->write({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
+        pruned_nonfinite_ += removed;
+        if (backend_->count() == 0)
+            throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with finite parameters is left (" + names + ")");
+    }
+
+    void write_log(double interval_seconds) {
+        const double wait = images_.wait_seconds();
+        log_->write({{"event", "step"},
+                     {"iteration", iteration_},
+                     {"loss", last_.loss},
+                     {"l1", last_.l1},
+                     {"ssim", last_.ssim},
+                     {"num_gaussians", backend_->count()},
+                     {"num_visible", last_.num_visible},
+                     {"num_instances", last_.num_instances},
+                     {"active_degree", schedule_.active_degree(iteration_ - 1)},
+                     {"milliseconds", 1e3 * interval_seconds},
+                     {"data_wait_milliseconds", 1e3 * (wait - logged_wait_)},
+                     {"train_seconds", train_seconds_}});
+        logged_wait_ = wait;
+    }
+
+    void save_what_is_due() {
+        const bool last = iteration_ == options_.iterations;
+        if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0) save_preview();
+        if (contains(options_.checkpoint_iterations, iteration_) && !last) save_checkpoint();
+        if (contains(options_.save_iterations, iteration_) && !last) save_ply();
+        if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
+    }
+
+    TrainSummary finish() {
+        progress_.update(iteration_, last_.loss, backend_->count());
+        progress_.finish();
+        prune_nonfinite();
+        save_checkpoint(); // before the final pruning: a longer run goes on from here as if it had not stopped
+        backend_->prune_invisible();
+        backend_->morton_sort();
+        if (backend_->count() == 0) throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
+        save_ply();
+        if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
+        if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for non-finite parameters during the run", pruned_nonfinite_);
+        if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
+        return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds()};
+    }
+
+    void save_checkpoint() {
+        write_checkpoint(folder_.checkpoint(iteration_), {backend_->download(true), iteration_, options_.seed, options_to_yaml(options_)});
+    }
+    void save_ply() {
+        PlyOptions ply;
+        ply.iteration = iteration_;
+        write_ply(folder_.point_cloud(iteration_), backend_->download(false), ply);
+    }
+    void save_preview() {
+        const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
+        RenderRequest request;
+        request.camera = camera_params(view.camera);
+        request.background = {background_.rgb[0], background_.rgb[1], background_.rgb[2]};
+        RenderedImage rendered;
+        backend_->render(request, rendered);
+        Image image{rendered.width, rendered.height, 3, {}, {}};
+        const std::size_t pixels = rendered.alpha.size();
+        image.f32.resize(3 * pixels);
+        for (std::size_t i = 0; i < pixels; ++i)
+            for (std::size_t c = 0; c < 3; ++c) image.f32[3 * i + c] = rendered.rgb[c * pixels + i];
+        write_image(folder_.preview(iteration_), image);
+    }
+
+    const TrainOptions options_;
+    const Scene& scene_;
+    RunFolder folder_;
+    Progress& progress_;
+    const TrainHooks& hooks_;
+    AppearanceSpec appearance_;
+    Background background_;
+    LearningRates rates_;
+    DensificationSchedule schedule_;
+    ViewOrder order_, ahead_{order_};
+    ImageCache images_;
+    std::unique_ptr<Backend> backend_;
+    std::optional<TrainLog> log_;
+    std::int64_t iteration_ = 0; ///< finished iterations
+    StepStats last_;
+    double train_seconds_ = 0, logged_wait_ = 0;
+    std::int64_t nonfinite_gradients_ = 0, pruned_nonfinite_ = 0;
+};
+
+}  // namespace
+
+AppearanceSpec appearance_spec(const TrainOptions& options) {
+    const ModelInfo& info = appearance_model(options.appearance);
+    AppearanceSpec spec;
+    spec.model = info.name;
+    spec.max_degree = info.name == "sh" ? options.sh_degree : info.default_max_degree;
+    spec.activation = parse_color_activation(options.color_activation);
+    return spec;
+}
+
+RunStart open_run(const TrainOptions& options) {
+    RunStart start{RunFolder{options.model}, std::nullopt};
+    if (!options.resume.empty()) {
+        start.checkpoint = read_checkpoint(options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume));
+        prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);
+    } else {
+        prepare_run_folder(start.folder, options.overwrite);
+    }
+    return start;
+}
+
+TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks) {
+    if (scene.train.empty()) throw DataError(scene.source + ": no training views (all were held out or skipped)");
+    return Run(options, scene, std::move(start), progress, hooks).run();
+}
+
+}  // namespace gs

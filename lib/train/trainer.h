@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// The training loop: from a scene and options to a run folder with a trained model.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+
+#include "kernels/backend.h"
+#include "lib/core/progress.h"
+#include "lib/core/train_options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/run_folder.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// A run folder that may be written, and the checkpoint the run goes on from.
+struct RunStart {
+    RunFolder folder;
+    std::optional<Checkpoint> checkpoint;
+};
+
+/// Everything that can be refused before time is spent on loading a scene: reads the checkpoint that `resume` names,
+/// prepares the folder `options.model`. Throws UsageError or DataError.
+RunStart open_run(const TrainOptions& options);
+
+struct TrainHooks {
+    /// Called after `iteration` iterations where options.test_iterations lists it, and at the end with the pruned model.
+    /// Its time does not count as training time.
+    std::function<void(std::int64_t iteration, Backend& backend)> evaluate;
+};
+
+struct TrainSummary {
+    std::int64_t iterations = 0;
+    std::int64_t num_gaussians = 0;   ///< after the final pruning: the #Gs of tables
+    double train_seconds = 0;         ///< of the loop; without loading, saving and evaluation
+    double data_wait_seconds = 0;     ///< part of it spent waiting for images
+};
+
+/// Trains until options.iterations and writes config.yaml, cfg_args, cameras.json, input.ply, stats/train.jsonl,
+/// checkpoints and point clouds. Bitwise reproducible for equal options on one machine, also across a resume and for any
+/// number of threads. Throws NumericError when parameters or losses stay non-finite, Interrupted after the checkpoint
+/// that Ctrl-C asked for.
+TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks);
+
+/// The options' appearance as the kernels take it. Throws UsageError for unknown names.
+AppearanceSpec appearance_spec(const TrainOptions& options);
+
+}  // namespace gs

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every appearance model must satisfy, whatever it computes (appearance spec section 11.1).
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "kernels/core/error.h"
+
+#include "appearance_types.inc"
+
+namespace gs {
+namespace {
+
+using AllModels = ::testing::Types<GS_ALL_APPEARANCE_MODELS>;
+
+template <class Model> class Conformance : public ::testing::Test {
+  protected:
+    std::mt19937 rng{11};
+    std::normal_distribution<double> normal;
+
+    Vec3<double> vector() { return {normal(rng), normal(rng), normal(rng)}; }
+    Vec3<double> direction() {
+        const Vec3<double> v = vector();
+        return v * (1 / std::sqrt(dot(v, v)));
+    }
+    std::vector<double> parameters(double scale = 1) {
+        std::vector<double> p(Model::kMaxResidual);
+        for (double& x : p) x = scale * normal(rng);
+        return p;
+    }
+};
+TYPED_TEST_SUITE(Conformance, AllModels);
+
+TYPED_TEST(Conformance, BackwardMatchesFiniteDifferences) {
+    if (!TypeParam::kDirectional) GTEST_SKIP() << "no residual";
+    double worst = 0;
+    for (int trial = 0; trial < 200; ++trial) {
+        auto p = this->parameters();
+        const Vec3<double> d = this->direction(), g = this->vector();
+        const int degree = 1 + trial % 3;
+        std::vector<double> dp(p.size());
+        Vec3<double> dd;
+        TypeParam::residual_backward(p.data(), d, degree, g, dp.data(), dd);
+        const double h = 1e-6;
+        for (std::size_t k = 0; k < p.size(); ++k) {
+            const double x = p[k];
+            p[k] = x + h;
+            const double up = dot(TypeParam::residual(p.data(), d, degree), g);
+            p[k] = x - h;
+            const double down = dot(TypeParam::residual(p.data(), d, degree), g);
+            p[k] = x;
+            worst = std::max(worst, std::abs((up - down) / (2 * h) - dp[k]) / (std::abs(dp[k]) + 1e-2));
+        }
+        // Direction: along two tangents; the radial part of dd is projected out by direction_pullback.
+        const Vec3<double> v = this->vector(), t = v - d * dot(v, d);
+        const auto at = [&](double s) {
+            const Vec3<double> e = d + t * s;
+            return dot(TypeParam::residual(p.data(), e * (1 / std::sqrt(dot(e, e))), degree), g);
+        };
+        const double slope = dot(dd, t);
+        worst = std::max(worst, std::abs((at(h) - at(-h)) / (2 * h) - slope) / (std::abs(slope) + 1e-2));
+    }
+    EXPECT_LT(worst, 1e-6);
+}
+
+TYPED_TEST(Conformance, DegreeZeroShowsNothingAndLearnsNothing) {
+    auto p = this->parameters();
+    p.resize(p.size() + 1); // a valid pointer for models without parameters
+    std::vector<double> dp(p.size(), 0);
+    Vec3<double> dd{7, 7, 7};
+    const Vec3<double> r = TypeParam::residual(p.data(), this->direction(), 0);
+    EXPECT_EQ(dot(r, r), 0);
+    TypeParam::residual_backward(p.data(), this->direction(), 0, {1, 1, 1}, dp.data(), dd);
+    for (int k = 0; k < TypeParam::kMaxResidual; ++k) EXPECT_EQ(dp[k], 0);
+    EXPECT_EQ(dot(dd, dd), 0);
+}
+
+TYPED_TEST(Conformance, FloatFollowsDouble) {
+    if (!TypeParam::kDirectional) GTEST_SKIP() << "no residual";
+    for (int trial = 0; trial < 200; ++trial) {
+        const auto p = this->parameters();
+        const std::vector<float> q(p.begin(), p.end());
+        const Vec3<double> d = this->direction(), g = this->vector();
+        const Vec3<float> df{float(d.x), float(d.y), float(d.z)}, gf{float(g.x), float(g.y), float(g.z)};
+        const Vec3<double> a = TypeParam::residual(p.data(), d, 3);
+        const Vec3<float> b = TypeParam::residual(q.data(), df, 3);
+        EXPECT_NEAR(a.x, b.x, 1e-5);
+        EXPECT_NEAR(a.y, b.y, 1e-5);
+        EXPECT_NEAR(a.z, b.z, 1e-5);
+        std::vector<double> dp(p.size());
+        std::vector<float> dq(p.size());
+        Vec3<double> dd;
+        Vec3<float> ddf;
+        TypeParam::residual_backward(p.data(), d, 3, g, dp.data(), dd);
+        TypeParam::residual_backward(q.data(), df, 3, gf, dq.data(), ddf);
+        for (std::size_t k = 0; k < p.size(); ++k) EXPECT_NEAR(dp[k], dq[k], 1e-4 * std::abs(dp[k]) + 1e-6);
+        EXPECT_NEAR(dd.x, ddf.x, 1e-4 * std::abs(dd.x) + 1e-5);
+    }
+}
+
+TYPED_TEST(Conformance, ExtremeParametersStayFinite) {
+    for (const double scale : {1e-30, 1e-6, 1.0, 1e3, 1e10}) {
+        for (int trial = 0; trial < 50; ++trial) {
+            auto p = this->parameters(scale);
+            p.resize(p.size() + 1);
+            const std::vector<float> q(p.begin(), p.end());
+            std::vector<float> dq(q.size());
+            const Vec3<float> axes[] = {{1, 0, 0}, {0, 0, 1}, {0, -1, 0}};
+            Vec3<float> dd;
+            const Vec3<float> r = TypeParam::residual(q.data(), axes[trial % 3], 3);
+            TypeParam::residual_backward(q.data(), axes[trial % 3], 3, {1, 1, 1}, dq.data(), dd);
+            EXPECT_TRUE(std::isfinite(r.x + r.y + r.z + dd.x + dd.y + dd.z));
+            for (int k = 0; k < TypeParam::kMaxResidual; ++k) EXPECT_TRUE(std::isfinite(dq[k]));
+        }
+    }
+}
+
+TEST(Contract, ViewDirectionPullbackIsTangentialAndScales) {
+    const Vec3<double> mean{1, 2, 3}, camera{0.5, -1, 0.2}, g{0.3, -0.7, 0.2};
+    const auto d = view_direction(mean, camera);
+    const Vec3<double> p = direction_pullback(d, g);
+    EXPECT_NEAR(dot(p, d.unit), 0, 1e-15);
+    const auto twice = view_direction(camera + (mean - camera) * 2.0, camera);
+    const Vec3<double> q = direction_pullback(twice, g);
+    EXPECT_NEAR(q.x, p.x / 2, 1e-15);
+    // On the camera centre the direction is undefined: a fixed one, and no gradient instead of one times 1e12.
+    const auto none = view_direction(camera, camera);
+    EXPECT_EQ(none.unit.z, 1);
+    EXPECT_EQ(dot(direction_pullback(none, g), g), 0);
+}
+
+TEST(Contract, ColourActivationsMatchTheTable) {
+    struct Row {
+        double y, relu, softplus, softplus_slope, sigmoid, sigmoid_slope, hard;
+    };
+    for (const Row& r : {Row{-10, 0, 5.521e-43, 5.521e-42, 4.24835e-18, 1.69934e-17, 0}, {-1.5, 0, 4.53988992e-6, 4.53978687e-5, 0.00247262316, 0.00986603717, 0},
+                         {-0.25, 0.25, 0.257888973, 0.92414182, 0.268941421, 0.786447733, 0.25}, {0, 0.5, 0.500671535, 0.993307149, 0.5, 1, 0.5},
+                         {0.25, 0.75, 0.750055293, 0.999447221, 0.731058579, 0.786447733, 0.75}, {2, 2.5, 2.5, 1, 0.99966465, 0.00134095, 1}}) {
+        EXPECT_NEAR(color_activation(ColorActivation::kRelu, r.y), r.relu, 1e-9);
+        EXPECT_NEAR(color_activation(ColorActivation::kSoftplus, r.y), r.softplus, 1e-4 * r.softplus);
+        EXPECT_NEAR(color_activation_derivative(ColorActivation::kSoftplus, r.y), r.softplus_slope, 1e-4 * r.softplus_slope);
+        EXPECT_NEAR(color_activation(ColorActivation::kSigmoid, r.y), r.sigmoid, 1e-5 * r.sigmoid);
+        EXPECT_NEAR(color_activation_derivative(ColorActivation::kSigmoid, r.y), r.sigmoid_slope, 1e-5 * r.sigmoid_slope);
+        EXPECT_NEAR(color_activation(ColorActivation::kHardSigmoid, r.y), r.hard, 1e-9);
+    }
+    // Saturated in float, the slope is still the limit and not zero.
+    EXPECT_GT(color_activation_derivative(ColorActivation::kSigmoid, 5.0f), 0);
+    EXPECT_TRUE(std::isnan(color_activation(ColorActivation::kRelu, std::nanf("")))) << "NaN must not be hidden";
+    for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid}) {
+        for (const double c : {0.0, 1.0 / 255, 0.25, 0.5, 1.0}) {
+            const double y = inverse_color_activation(kind, c), kept = std::clamp(c, 0.5 / 255, 1 - 0.5 / 255);
+            EXPECT_NEAR(color_activation(kind, y), kept, 1e-9);
+            EXPECT_GT(color_activation_derivative(kind, y), 1e-4) << "no initial colour starts with a dead gradient";
+        }
+    }
+}
+
+TEST(Registry, ListsModelsAndRejectsUnknownOnes) {
+    ASSERT_GE(appearance_models().size(), 2u);
+    for (const ModelInfo* m : appearance_models()) {
+        EXPECT_EQ(&appearance_model(m->name), m);
+        EXPECT_FALSE(m->summary.empty());
+        AppearanceSpec spec;
+        spec.model = m->name;
+        EXPECT_NE(make_cpu_backend(spec), nullptr);
+        const int width = m->residual_width(m->default_max_degree);
+        std::vector<float> row(width, 9.0f);
+        m->init_residual(m->default_max_degree, row.data());
+        for (float x : row) EXPECT_TRUE(std::isfinite(x));
+        EXPECT_LE(m->default_max_degree, m->max_degree_limit);
+        EXPECT_GT(m->rates(m->default_max_degree, {}).base.at(1), 0);
+    }
+    EXPECT_THROW(appearance_model("shh"), UsageError);
+}
+
+}  // namespace
+}  // namespace gs

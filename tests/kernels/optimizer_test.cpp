@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Adam, schedules and random numbers against published values.
+#include <gtest/gtest.h>
+
+#include "kernels/core/rng.h"
+#include "kernels/core/schedule.h"
+#include "kernels/optimizer/adam_device.h"
+
+namespace gs {
+namespace {
+
+TEST(Adam, MatchesTheTextbookForm) {
+    double p = 1, m = 0, v = 0, q = 1, a = 0, b = 0;
+    for (int t = 1; t <= 50; ++t) {
+        const double g = std::sin(1.7 * t);
+        adam_update(p, m, v, g, AdamStep<double>::at(0.01, t));
+        a = 0.9 * a + 0.1 * g;
+        b = 0.999 * b + 0.001 * g * g;
+        q -= 0.01 * (a / (1 - std::pow(0.9, t))) / (std::sqrt(b / (1 - std::pow(0.999, t))) + 1e-15);
+        EXPECT_NEAR(p, q, 1e-13);
+    }
+}
+
+// A parameter whose gradient stays zero until its degree is activated jumps by this many learning rates.
+TEST(Adam, FirstStepAfterALongRest) {
+    for (const auto& [t, want] : {std::pair{1001, 2.5153}, {2001, 2.9410}, {3001, 3.0828}}) {
+        double p = 0, m = 0, v = 0;
+        adam_update(p, m, v, 0.3, AdamStep<double>::at(1.0, t));
+        EXPECT_NEAR(-p, want, 1e-4);
+    }
+}
+
+TEST(Adam, ZeroRateMovesMomentsOnly) {
+    float p = 2, m = 0, v = 0;
+    adam_update(p, m, v, 1.0f, AdamStep<float>::at(0, 1));
+    EXPECT_EQ(p, 2);
+    EXPECT_FLOAT_EQ(m, 0.1f);
+    EXPECT_FLOAT_EQ(v, 0.001f);
+}
+
+TEST(Adam, ZeroGradientOnZeroMomentsIsExactlyStill) {
+    float p = 2, m = 0, v = 0;
+    adam_update(p, m, v, 0.0f, AdamStep<float>::at(0.1, 5));
+    EXPECT_EQ(p, 2);
+}
+
+TEST(Schedule, MatchesThePublishedTable) {
+    const Schedule cosine = Schedule::cosine(1, 7000, 37000, 0, 1), delayed = Schedule::cosine(1, 1000, 27000, 0.1, 0, true), warm = Schedule::warm_up(1);
+    struct Row {
+        double it, cosine, delayed, warm;
+    };
+    for (const Row& r : {Row{1, 1, 0, 5.2356856e-4}, {1000, 1, 1, 0.463059369}, {1001, 1, 0.999999997, 0.463443682}, {1500, 1, 0.999178999, 0.630209585},
+                         {3000, 1, 0.986923818, 0.794328235}, {7000, 1, 0.886829837, 0.584341413}, {10000, 0.975528258, 0.759125427, 0.464158883},
+                         {14000, 0.871572413, 0.55, 0.341454887}, {15000, 0.834565303, 0.495758494, 0.316227766}, {22000, 0.5, 0.179657260, 0.184784980},
+                         {27000, 0.25, 0.1, 0.125892541}, {27001, 0.249954656, 0, 0.125882879}, {30000, 0.128427587, 0, 0.1}}) {
+        EXPECT_NEAR(cosine.at(r.it), r.cosine, 1e-7) << r.it;
+        EXPECT_NEAR(delayed.at(r.it), r.delayed, 1e-7) << r.it;
+        EXPECT_NEAR(warm.at(r.it), r.warm, 1e-7) << r.it;
+    }
+    const Schedule means = Schedule::log_linear(1.6e-4, 1.6e-6, 30000);
+    EXPECT_NEAR(means.at(15000), 1.6e-5, 1e-12);
+    EXPECT_NEAR(means.at(40000), 1.6e-6, 1e-15);
+    EXPECT_EQ(Schedule::log_linear(0, 0, 30000).at(10), 0);
+}
+
+// Known answers of the Random123 distribution (philox 4x32, 10 rounds), mapped to our counter order.
+TEST(Philox, KnownAnswers) {
+    const Philox4 zero = philox(0, RngStream(0), 0, 0);
+    EXPECT_EQ(zero.v[0], 0x6627e8d5u);
+    EXPECT_EQ(zero.v[1], 0xe169c58du);
+    EXPECT_EQ(zero.v[2], 0xbc57ac4cu);
+    EXPECT_EQ(zero.v[3], 0x9b00dbd8u);
+    const Philox4 ones = philox(~0ull, RngStream(~0u), ~0ull, ~0u);
+    EXPECT_EQ(ones.v[0], 0x408f276du);
+    EXPECT_EQ(ones.v[1], 0x41c83b0eu);
+    EXPECT_EQ(ones.v[2], 0xa20bc7c6u);
+    EXPECT_EQ(ones.v[3], 0x6d5451fdu);
+}
+
+TEST(Philox, NormalsHaveUnitVariance) {
+    double sum = 0, squares = 0;
+    constexpr int n = 50000;
+    for (int i = 0; i < n; ++i) {
+        float x[4];
+        normals_from(philox(7, RngStream::kNoise, 3, i), x);
+        for (float v : x) sum += v, squares += double(v) * v;
+    }
+    EXPECT_NEAR(sum / (4 * n), 0, 0.01);
+    EXPECT_NEAR(squares / (4 * n), 1, 0.01);
+    EXPECT_GT(uniform_from_bits<float>(0), 0);
+    EXPECT_LT(uniform_from_bits<float>(~0u), 1);
+}
+
+}  // namespace
+}  // namespace gs
