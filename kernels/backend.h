@@ -80,6 +80,16 @@ struct DensifyStats {
     std::int64_t relocated = 0, added = 0, cloned = 0, split = 0, pruned = 0, count = 0;
 };
 
+/// Time of one stage and what it worked on, summed since the last `take_stage_costs`.
+struct StageCost {
+    std::string stage;
+    double seconds = 0;
+    double items = 0;
+    std::string item;     ///< what an item is, e.g. "pixel x Gaussian"
+    double bytes = 0;     ///< least memory traffic of all items
+    double operations = 0; ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
+};
+
 class Backend {
   public:
     virtual ~Backend() = default;
@@ -94,6 +104,7 @@ class Backend {
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
     virtual void step(const StepRequest& request) = 0;
     virtual StepStats take_stats() = 0;
+    virtual std::vector<StageCost> take_stage_costs() = 0;
 
     virtual DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
     virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;

@@ -51,7 +51,7 @@ template <class Model> class CpuBackend final : public Backend {
         dL_dimage_.resize(3 * pixels);
         const auto params = ParameterView<float>::of(state_);
         raster_.forward(params, r.camera, r.background, state_.active_degree, RenderMode::kFull, image_.data(), transmittance_.data());
-        const LossValues loss = loss_.compute(image_.data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
+        const LossValues loss = timed_loss(r);
         stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
         stats_.num_visible = raster_.num_visible();
         stats_.num_instances = raster_.num_instances();
@@ -64,6 +64,7 @@ template <class Model> class CpuBackend final : public Backend {
         raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
         ++state_.step;
         update(r, params);
+        count_work(pixels);
     }
 
     StepStats take_stats() override {
@@ -71,6 +72,27 @@ template <class Model> class CpuBackend final : public Backend {
         stats_.steps = 0;
         stats_.num_nonfinite_gradients = 0;
         return out;
+    }
+
+    std::vector<StageCost> take_stage_costs() override {
+        auto& s = raster_.seconds;
+        const double gaussians = work_.gaussians, pairs = work_.pairs;
+        const double values = 14.0 + state_[Group::kResidual].width; // parameters of a Gaussian
+        // Instructions are counted in the templates: fragment_alpha 17 (of these 10 for exp2) + blend_fragment 10;
+        // backward fragment_alpha 17 + blend_fragment_backward 34. A splat is 40 bytes, its sums 36.
+        std::vector<StageCost> costs = {
+            {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
+             work_.visible * (260 + 2 * values)},
+            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4},
+            {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27},
+            {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70)},
+            {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51},
+            {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
+             work_.visible * (500 + 4 * values) + gaussians * 10 * values}};
+        s = {};
+        loss_seconds_ = update_seconds_ = 0;
+        work_ = {};
+        return costs;
     }
 
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
@@ -104,9 +126,6 @@ template <class Model> class CpuBackend final : public Backend {
         });
     }
 
-    /// For the cost model of `gsapp bench`.
-    const CpuRasterizer<float, Model>& rasterizer() const { return raster_; }
-
   private:
     using Gradient = GaussianGradient<float, Model>;
 
@@ -125,7 +144,21 @@ template <class Model> class CpuBackend final : public Backend {
         std::vector<AdamStep<float>> residual;
     };
 
+    LossValues timed_loss(const StepRequest& r) {
+        const StageTimer timer(loss_seconds_);
+        return loss_.compute(image_.data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
+    }
+
+    void count_work(std::size_t pixels) {
+        work_.gaussians += double(state_.count);
+        work_.visible += double(raster_.num_visible());
+        work_.instances += double(raster_.num_instances());
+        work_.pixels += double(pixels);
+        work_.pairs += double(kLanes) * double(raster_.num_lane_operations());
+    }
+
     void update(const StepRequest& r, const ParameterView<float>& params) {
+        const StageTimer timer(update_seconds_);
         Steps steps;
         for (int g = 0; g < kNumGroups; ++g) steps.group[g] = AdamStep<float>::at(r.rates[g], state_.step);
         for (double rate : r.residual_rates) steps.residual.push_back(AdamStep<float>::at(rate, state_.step));
@@ -133,7 +166,7 @@ template <class Model> class CpuBackend final : public Backend {
         nonfinite_.assign(parts, 0);
         if (r.gather_gradient_stats) {
             state_.gradient_sum.resize(state_.count, 0.0f);
-            state_.gradient_count.resize(state_.count, 0);
+            state_.gradient_count.resize(state_.count, 0.0f);
         }
         parallel_for(parts, [&](std::int64_t part) {
             Gradient gradient;
@@ -213,6 +246,10 @@ template <class Model> class CpuBackend final : public Backend {
     std::vector<float> image_, transmittance_, dL_dimage_;
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
+    double loss_seconds_ = 0, update_seconds_ = 0;
+    struct {
+        double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0;
+    } work_; ///< of the steps since the last take_stage_costs
 };
 
 }  // namespace gs

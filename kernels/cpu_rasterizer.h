@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstring>
 #include <limits>
 #include <vector>
@@ -52,6 +53,17 @@ template <class Real, class Model> struct GaussianGradient {
     Vec2<Real> mean2d; ///< pixels; for the densification statistic
 };
 
+/// Adds the time of a scope to a sum.
+class StageTimer {
+  public:
+    explicit StageTimer(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}
+    ~StageTimer() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+  private:
+    double& seconds_;
+    std::chrono::steady_clock::time_point start_;
+};
+
 template <class Real, class Model> class CpuRasterizer {
   public:
     explicit CpuRasterizer(std::int64_t max_instances = default_max_instances()) : max_instances_(max_instances) {}
@@ -64,8 +76,15 @@ template <class Real, class Model> class CpuRasterizer {
         degree_ = Model::kDirectional ? degree : 0;
         tiles_x_ = (camera.width + kCpuTile - 1) / kCpuTile;
         tiles_y_ = (camera.height + kCpuTile - 1) / kCpuTile;
-        preprocess(params, mode);
-        binning_.build(bins_, std::uint32_t(tiles_x_) * tiles_y_, max_instances_);
+        {
+            const StageTimer timer(seconds.preprocess);
+            preprocess(params, mode);
+        }
+        {
+            const StageTimer timer(seconds.sort);
+            binning_.build(bins_, std::uint32_t(tiles_x_) * tiles_y_, max_instances_);
+        }
+        const StageTimer timer(seconds.blend);
         block_masks_.resize(binning_.instances().size());
         processed_.resize(std::size_t(tiles_x_) * tiles_y_);
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
@@ -75,6 +94,7 @@ template <class Real, class Model> class CpuRasterizer {
 
     /// Blend backward for the last forward() of RenderMode::kFull; then gaussian_gradient() may be called.
     void backward(const Real* image, const Real* transmittance, const Real* dL_dimage) {
+        const StageTimer timer(seconds.blend_backward);
         sums_.resize(binning_.instances().size());
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
             blend_tile_backward(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image, transmittance,
@@ -124,6 +144,11 @@ template <class Real, class Model> class CpuRasterizer {
             for (std::int64_t k = 0; k < processed_[tile]; ++k) n += __builtin_popcount(block_masks_[binning_.offsets()[tile] + k]);
         return n;
     }
+
+    /// Time spent so far, for the cost model.
+    struct Seconds {
+        double preprocess = 0, sort = 0, blend = 0, blend_backward = 0;
+    } seconds;
 
   private:
     Vec3<Real> residual(const ParameterView<Real>& params, std::int64_t i, const ViewDirection<Real>& direction) const {

@@ -42,8 +42,7 @@ template <class Real> struct GaussianState {
     std::array<GroupArrays<Real>, kNumGroups> groups;
     /// ADC statistic since the last densification, one per Gaussian: summed norm of the screen-space mean gradient, and
     /// in how many views it was seen. Both empty where nothing gathers them.
-    std::vector<Real> gradient_sum;
-    std::vector<std::int32_t> gradient_count;
+    std::vector<Real> gradient_sum, gradient_count;
 
     GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
     const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }

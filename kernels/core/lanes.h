@@ -73,6 +73,10 @@ GS_HD double reciprocal(double x) { return 1.0 / x; }
 // --- sixteen lanes ------------------------------------------------------------------------------------------------
 #ifdef GS_AVX512
 
+// The maskz forms compile to the plain instructions; the plain intrinsics read an uninitialized operand inside GCC's
+// header, which GCC 12 warns about (GCC bug 105593).
+inline constexpr __mmask16 kAllLanes = 0xffff;
+
 GS_HD LaneMask<float> at_least(Lanes<float> a, Lanes<float> b) { return {_mm512_cmp_ps_mask((__m512)a.v, (__m512)b.v, _CMP_GE_OQ)}; }
 GS_HD LaneMask<double> at_least(Lanes<double> a, Lanes<double> b) {
     typedef double Half __attribute__((vector_size(64)));
@@ -97,19 +101,24 @@ GS_HD Lanes<float> gs_fma(Lanes<float> a, Lanes<float> b, Lanes<float> c) {
 }
 GS_HD Lanes<float> reciprocal(Lanes<float> x) {
     // One Newton step on the 14-bit estimate: relative error below 2^-23.
-    const __m512 r = _mm512_rcp14_ps((__m512)x.v);
+    const __m512 r = _mm512_maskz_rcp14_ps(kAllLanes, (__m512)x.v);
     const __m512 e = _mm512_fnmadd_ps((__m512)x.v, r, _mm512_set1_ps(1.0f));
     return Lanes<float>((LaneTypes<float>::Vector)_mm512_fmadd_ps(r, e, r));
 }
-GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) { return Lanes<float>((LaneTypes<float>::Vector)_mm512_max_ps((__m512)a.v, (__m512)b.v)); }
-GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) { return Lanes<float>((LaneTypes<float>::Vector)_mm512_min_ps((__m512)a.v, (__m512)b.v)); }
+GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) { return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_max_ps(kAllLanes, (__m512)a.v, (__m512)b.v)); }
+GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) { return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_min_ps(kAllLanes, (__m512)a.v, (__m512)b.v)); }
 GS_HD Lanes<float> round_lanes(Lanes<float> x) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_roundscale_ps((__m512)x.v, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
+    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_roundscale_ps(kAllLanes, (__m512)x.v, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
 }
 GS_HD Lanes<float> scale_by_power_of_two(Lanes<float> x, Lanes<float> n) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_scalef_ps((__m512)x.v, (__m512)n.v));
+    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_scalef_ps(kAllLanes, (__m512)x.v, (__m512)n.v));
 }
-GS_HD float sum_lanes(Lanes<float> x) { return _mm512_reduce_add_ps((__m512)x.v); }
+GS_HD float sum_lanes(Lanes<float> x) {
+    const __m256 a = _mm256_add_ps(_mm512_castps512_ps256((__m512)x.v), _mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 1));
+    const __m128 b = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    const __m128 c = _mm_add_ps(b, _mm_movehl_ps(b, b));
+    return _mm_cvtss_f32(_mm_add_ss(c, _mm_movehdup_ps(c)));
+}
 
 #else
 

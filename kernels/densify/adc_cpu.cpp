@@ -51,10 +51,10 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
     DensifyStats stats;
     const std::int64_t before = s.count;
     s.gradient_sum.resize(before, 0.0f); // nothing gathered yet: nothing grows
-    s.gradient_count.resize(before, 0);
+    s.gradient_count.resize(before, 0.0f);
     std::vector<std::pair<float, std::uint32_t>> growers; // (-mean gradient, index)
     for (std::int64_t i = 0; i < before; ++i) {
-        const float n = float(std::max(s.gradient_count[i], 1));
+        const float n = std::max(s.gradient_count[i], 1.0f);
         if (s.gradient_sum[i] >= params.grad_threshold * n) growers.emplace_back(-s.gradient_sum[i] / n, std::uint32_t(i));
     }
     // Each clone or split adds one Gaussian. At the cap the strongest gradients grow first.

@@ -23,6 +23,7 @@
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/memory_plan.h"
+#include "lib/train/target_image.h"
 #include "lib/train/train_log.h"
 #include "lib/train/view_order.h"
 
@@ -126,11 +127,11 @@ class Run {
                          {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned}, {"num_gaussians", change.count}});
         const std::size_t index = order_.at(iteration_);
         const auto image = images_.get(index);
-        if (iteration_ + kPrefetch < options_.iterations) images_.prefetch(order_at_ahead());
+        if (iteration_ + kPrefetch < options_.iterations) images_.prefetch(ahead_.at(iteration_ + kPrefetch));
         StepRequest request;
         request.camera = camera_params(scene_.train[index].camera);
         request.background = background_at(iteration_);
-        request.target = target(*image);
+        request.target = target_image(*image);
         request.iteration = iteration_;
         request.lambda_dssim = float(options_.lambda_dssim);
         const bool mcmc = options_.strategy == "mcmc";
@@ -148,18 +149,6 @@ class Run {
             throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " + std::to_string(kMaxSkips) +
                                " views was not finite (last view: " + scene_.train[index].name + "). Lower the learning rates, or check the images");
         if (iteration_ % kLogInterval == 0) prune_nonfinite();
-    }
-
-    /// The view kPrefetch iterations ahead. A second ViewOrder, because it may already be in the next epoch.
-    std::size_t order_at_ahead() { return ahead_.at(iteration_ + kPrefetch); }
-
-    static TargetImage target(const ViewImage& image) {
-        TargetImage t;
-        t.width = image.color.width, t.height = image.color.height, t.channels = image.color.channels;
-        t.u8 = image.color.is_float() ? nullptr : image.color.u8.data();
-        t.f32 = image.color.is_float() ? image.color.f32.data() : nullptr;
-        t.mask = image.mask ? image.mask->u8.data() : nullptr;
-        return t;
     }
 
     Vec3<float> background_at(std::int64_t iteration) const {
@@ -254,7 +243,8 @@ class Run {
     Background background_;
     LearningRates rates_;
     DensificationSchedule schedule_;
-    ViewOrder order_, ahead_{order_};
+    ViewOrder order_;
+    ViewOrder ahead_{order_}; ///< asked kPrefetch iterations ahead, where the next epoch may have begun
     ImageCache images_;
     std::unique_ptr<Backend> backend_;
     std::optional<TrainLog> log_;

@@ -149,7 +149,7 @@ TEST(Noise, FollowsTheCovarianceAndTheOpacityGate) {
 /// As if every Gaussian had been seen once with this gradient.
 void gather(Gaussians& s, float gradient) {
     s.gradient_sum.assign(s.count, gradient);
-    s.gradient_count.assign(s.count, 1);
+    s.gradient_count.assign(s.count, 1.0f);
 }
 
 Gaussians unit_rotations(Gaussians s) {

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+// The training loop: resume equality, thread invariance, schedules, numeric failure.
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "lib/core/options.h"
+#include "lib/model/ply.h"
+#include "lib/scene/procedural.h"
+#include "lib/train/densification.h"
+#include "lib/train/learning_rates.h"
+#include "lib/train/trainer.h"
+#include "lib/train/view_order.h"
+#include "tests/core/temporary_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A scene of a few 32x24 views with a gradient, seen from a line of cameras.
+Scene small_scene(bool alpha = false) {
+    Scene scene;
+    scene.source = "test";
+    scene.kind = "builtin";
+    for (int k = 0; k < 6; ++k) {
+        View v;
+        v.name = std::to_string(k) + ".png";
+        v.camera.width = 32, v.camera.height = 24, v.camera.fx = v.camera.fy = 30, v.camera.cx = 16, v.camera.cy = 12;
+        v.camera.translation = Eigen::Vector3d(0.2 * k - 0.5, 0.05 * k, 3);
+        const int channels = alpha ? 4 : 3;
+        v.load = [k, channels] {
+            ViewImage image;
+            image.color = Image{32, 24, channels, {}, {}};
+            for (int y = 0; y < 24; ++y)
+                for (int x = 0; x < 32; ++x)
+                    for (int c = 0; c < channels; ++c) image.color.u8.push_back(c == 3 ? 200 : std::uint8_t(7 * x + 3 * y * c + 10 * k));
+            return image;
+        };
+        v.image_bytes = 32 * 24 * channels;
+        scene.train.push_back(v);
+    }
+    for (int i = 0; i < 200; ++i) {
+        scene.points.positions.emplace_back(0.02f * float(i % 20) * 5 - 1, 0.15f * float(i / 20) - 0.7f, 0.3f * std::sin(float(i)));
+        scene.points.colors.emplace_back(0.5f, 0.4f, 0.3f);
+    }
+    scene.extent = camera_extent(scene.train, scene.points);
+    return scene;
+}
+
+TrainOptions small_options(const fs::path& folder, const std::string& strategy) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.model = folder.string();
+    o.iterations = 60;
+    o.strategy = strategy;
+    o.cap_max = 260;
+    o.densify_from_iter = 10, o.densify_until_iter = 55, o.densification_interval = 10;
+    o.densify_grad_threshold = 1e-6;
+    o.opacity_reset_interval = 40;
+    validate(o);
+    return o;
+}
+
+TrainSummary run(const TrainOptions& options, const Scene& scene) {
+    Progress progress(ProgressStyle::kSilent);
+    return train(options, scene, open_run(options), progress, {});
+}
+
+std::string bytes_of(const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// Of the last "step" line of the log.
+double last_loss(const TrainOptions& o) {
+    std::ifstream log(RunFolder{o.model}.train_log());
+    double loss = -1;
+    for (std::string line; std::getline(log, line);) {
+        const auto json = nlohmann::json::parse(line);
+        if (json["event"] == "step") loss = json["loss"];
+    }
+    return loss;
+}
+
+const bool quiet = (spdlog::set_level(spdlog::level::err), true); // the runs' messages would bury the results
+
+class TrainStrategies : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(All, TrainStrategies, ::testing::Values("mcmc", "adc", "none"));
+
+// 37 is between two densifications, so the ADC statistic has to survive too.
+TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
+    const test::TemporaryFolder tmp;
+    const Scene scene = small_scene();
+    TrainOptions whole = small_options(tmp.path() / "whole", GetParam());
+    run(whole, scene);
+    TrainOptions part = small_options(tmp.path() / "part", GetParam());
+    part.iterations = 37;
+    run(part, scene);
+    part.iterations = 60;
+    part.resume = "latest";
+    const TrainSummary resumed = run(part, scene);
+    EXPECT_EQ(resumed.iterations, 60);
+    EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(60)), bytes_of(RunFolder{part.model}.point_cloud(60)));
+    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(60)), b = read_checkpoint(RunFolder{part.model}.checkpoint(60));
+    for (int g = 0; g < kNumGroups; ++g) {
+        EXPECT_EQ(a.state.groups[g].param, b.state.groups[g].param) << kGroupNames[g];
+        EXPECT_EQ(a.state.groups[g].m, b.state.groups[g].m) << kGroupNames[g];
+        EXPECT_EQ(a.state.groups[g].v, b.state.groups[g].v) << kGroupNames[g];
+    }
+    EXPECT_EQ(a.state.step, 60);
+}
+
+TEST_P(TrainStrategies, DoesNotDependOnTheNumberOfThreads) {
+    const test::TemporaryFolder tmp;
+    const Scene scene = small_scene(true);
+    std::string first;
+    for (int threads : {1, 3}) {
+        TrainOptions o = small_options(tmp.path() / std::to_string(threads), GetParam());
+        o.threads = threads;
+        run(o, scene);
+        const std::string bytes = bytes_of(RunFolder{o.model}.point_cloud(60));
+        if (first.empty()) first = bytes;
+        EXPECT_EQ(first, bytes);
+    }
+    set_num_threads(0);
+}
+
+TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "begin", GetParam());
+    o.iterations = 1;
+    run(o, small_scene());
+    const double first = last_loss(o);
+    o.model = (tmp.path() / "run").string();
+    o.iterations = 300;
+    o.opacity_reset_interval = 1000;
+    const TrainSummary summary = run(o, small_scene());
+    EXPECT_LT(last_loss(o), 0.7 * first);
+    EXPECT_LE(summary.num_gaussians, o.cap_max);
+    EXPECT_GT(summary.num_gaussians, 0);
+    std::ifstream log(RunFolder{o.model}.train_log());
+    std::int64_t densifications = 0;
+    for (std::string line; std::getline(log, line);) {
+        const auto json = nlohmann::json::parse(line);
+        if (json["event"] == "densify") ++densifications;
+    }
+    EXPECT_EQ(densifications > 0, o.strategy != "none");
+}
+
+TEST(Train, SeedsDiffer) {
+    const test::TemporaryFolder tmp;
+    TrainOptions a = small_options(tmp.path() / "a", "mcmc"), b = small_options(tmp.path() / "b", "mcmc");
+    b.seed = 1;
+    run(a, small_scene());
+    run(b, small_scene());
+    EXPECT_NE(bytes_of(RunFolder{a.model}.point_cloud(60)), bytes_of(RunFolder{b.model}.point_cloud(60)));
+}
+
+TEST(Train, LaterResultsAreNotOverwritten) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "run", "none");
+    o.checkpoint_iterations = {30};
+    run(o, small_scene());
+    EXPECT_THROW(open_run(o), UsageError) << "a new run into the folder of an old one";
+    o.resume = RunFolder{o.model}.checkpoint(30).string();
+    EXPECT_THROW(open_run(o), UsageError) << "going back to 30 would lose 60";
+    o.overwrite = true;
+    EXPECT_NO_THROW(open_run(o));
+    EXPECT_FALSE(fs::exists(RunFolder{o.model}.point_cloud(60)));
+    TrainOptions other = small_options(tmp.path() / "run", "none");
+    other.resume = RunFolder{o.model}.checkpoint(30).string();
+    other.appearance = "none";
+    Progress progress(ProgressStyle::kSilent);
+    EXPECT_THROW(train(other, small_scene(), open_run(other), progress, {}), UsageError) << "a checkpoint of another model";
+}
+
+TEST(Train, PlyAndCheckpointHoldTheSameModel) {
+    const test::TemporaryFolder tmp;
+    const TrainOptions o = small_options(tmp.path() / "run", "none");
+    run(o, small_scene());
+    const Gaussians ply = read_ply(RunFolder{o.model}.point_cloud(60));
+    EXPECT_LE(ply.count, 200);
+    EXPECT_GT(ply.count, 100);
+}
+
+TEST(Train, NonFiniteImagesEndTheRunWithTheReason) {
+    const test::TemporaryFolder tmp;
+    Scene scene = small_scene();
+    for (View& v : scene.train)
+        v.load = [] {
+            ViewImage image;
+            image.color = Image{32, 24, 3, {}, std::vector<float>(32 * 24 * 3, std::nanf(""))};
+            return image;
+        };
+    try {
+        run(small_options(tmp.path() / "run", "mcmc"), scene);
+        FAIL() << "trained on NaN";
+    } catch (const NumericError& e) {
+        EXPECT_NE(std::string(e.what()).find("not finite"), std::string::npos) << e.what();
+    }
+}
+
+TEST(ViewOrder, VisitsEveryViewOnceAnEpochInAnyOrderOfAsking) {
+    ViewOrder order(13, 5), other(13, 5);
+    std::vector<std::size_t> all;
+    for (int epoch = 0; epoch < 3; ++epoch) {
+        std::set<std::size_t> seen;
+        for (int k = 0; k < 13; ++k) seen.insert(all.emplace_back(order.at(13 * epoch + k)));
+        EXPECT_EQ(seen.size(), 13u);
+    }
+    EXPECT_NE(std::vector(all.begin(), all.begin() + 13), std::vector(all.begin() + 13, all.begin() + 26));
+    for (int k = 38; k >= 0; --k) EXPECT_EQ(other.at(k), all[k]);
+}
+
+TEST(LearningRates, FollowTheTable) {
+    Scene scene = small_scene();
+    scene.extent = 2;
+    TrainOptions o;
+    o.source = "x";
+    validate(o);
+    const LearningRates rates(o, appearance_spec(o), scene);
+    StepRequest r;
+    rates.apply(0, r);
+    EXPECT_NEAR(r.rates[0], 2 * 1.6e-4, 1e-7);
+    EXPECT_NEAR(r.noise, 5e5 * r.rates[0], 1e-2);
+    EXPECT_DOUBLE_EQ(r.rates[1], 0.005);
+    EXPECT_DOUBLE_EQ(r.rates[2], 0.001);
+    EXPECT_DOUBLE_EQ(r.rates[3], 0.05);
+    EXPECT_NEAR(r.rates[4], 0.000705237, 1e-9);
+    EXPECT_DOUBLE_EQ(r.rates[5], 0.000125);
+    rates.apply(29999, r);
+    EXPECT_NEAR(r.rates[0], 2 * 1.6e-6, 1e-12);
+    TrainOptions adc;
+    adc.source = "x";
+    adc.strategy = "adc";
+    validate(adc);
+    EXPECT_DOUBLE_EQ(adc.opacity_lr, 0.025);
+    LearningRates(adc, appearance_spec(adc), scene).apply(0, r);
+    EXPECT_EQ(r.noise, 0);
+}
+
+TEST(DegreeSchedule, RaisesByOneEveryThousandIterations) {
+    TrainOptions o;
+    o.source = "x";
+    validate(o);
+    const DensificationSchedule s(o, appearance_spec(o), 1, true);
+    EXPECT_EQ(s.active_degree(0), 0);
+    EXPECT_EQ(s.active_degree(999), 0);
+    EXPECT_EQ(s.active_degree(1000), 1);
+    EXPECT_EQ(s.active_degree(2999), 2);
+    EXPECT_EQ(s.active_degree(50000), 3);
+}
+
+}  // namespace
+}  // namespace gs
