@@ -13,7 +13,7 @@ namespace gs {
 std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance) {
     const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
     for (const auto& [name, make] : kCpuBackends)
-        if (info.name == name) return make(appearance);
+        if (info.name == name) return make();
     throw UsageError("appearance model '" + appearance.model + "' has no CPU backend");
 }
 

@@ -5,16 +5,13 @@
 #include "appearance/model_info.h"
 #include "kernels/cpu_rasterizer.h"
 #include "kernels/densify/densify.h"
-#include "kernels/densify/relocation_device.h"
 #include "kernels/loss/loss.h"
-#include "kernels/optimizer/adam_device.h"
+#include "kernels/optimizer/update_device.h"
 
 namespace gs {
 
 template <class Model> class CpuBackend final : public Backend {
   public:
-    explicit CpuBackend(const AppearanceSpec& spec) : spec_(spec) {}
-
     std::string describe() const override { return "CPU, " + std::to_string(max_workers()) + " threads"; }
 
     void upload(const Gaussians& state) override {
@@ -104,46 +101,10 @@ template <class Model> class CpuBackend final : public Backend {
     void reset_opacity() override { adc_reset_opacity(state_); }
     void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
-    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override {
-        std::fill_n(by_group, kNumGroups, 0);
-        return keep_if([&](std::int64_t i) {
-            bool finite = true;
-            for (int g = 0; g < kNumGroups; ++g) {
-                const auto& group = state_.groups[g];
-                bool row = true;
-                for (int k = 0; k < group.width; ++k) row = row && std::isfinite(group.param[i * group.width + k]);
-                if (!row) ++by_group[g];
-                finite = finite && row;
-            }
-            return finite;
-        });
-    }
-    std::int64_t prune_invisible() override {
-        return keep_if([&](std::int64_t i) {
-            const float* q = &state_[Group::kRotation].param[4 * i];
-            return sigmoid(state_[Group::kOpacity].param[i]) >= float(kMinAlpha) &&
-                   norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2);
-        });
-    }
+    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return remove_nonfinite(state_, by_group); }
+    std::int64_t prune_invisible() override { return remove_invisible(state_); }
 
   private:
-    using Gradient = GaussianGradient<float, Model>;
-
-    template <class Keep> std::int64_t keep_if(Keep&& keep) {
-        std::vector<std::uint32_t> order;
-        for (std::int64_t i = 0; i < state_.count; ++i)
-            if (keep(i)) order.push_back(static_cast<std::uint32_t>(i));
-        const std::int64_t removed = state_.count - static_cast<std::int64_t>(order.size());
-        if (removed) gather_rows(state_, order);
-        return removed;
-    }
-
-    /// Adam steps of one iteration, per group; the residual may have one per column.
-    struct Steps {
-        AdamStep<float> group[kNumGroups];
-        std::vector<AdamStep<float>> residual;
-    };
-
     LossValues timed_loss(const StepRequest& r) {
         const StageTimer timer(loss_seconds_);
         return loss_.compute(image_.data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
@@ -159,87 +120,32 @@ template <class Model> class CpuBackend final : public Backend {
 
     void update(const StepRequest& r, const ParameterView<float>& params) {
         const StageTimer timer(update_seconds_);
-        Steps steps;
-        for (int g = 0; g < kNumGroups; ++g) steps.group[g] = AdamStep<float>::at(r.rates[g], state_.step);
-        for (double rate : r.residual_rates) steps.residual.push_back(AdamStep<float>::at(rate, state_.step));
-        const std::int64_t parts = num_parts(state_.count);
-        nonfinite_.assign(parts, 0);
+        UpdateArgs args = update_args(r, state_.step, state_.count);
+        std::vector<AdamStep<float>> columns;
+        for (double rate : r.residual_rates) columns.push_back(AdamStep<float>::at(rate, state_.step));
+        args.residual_steps = columns.empty() ? nullptr : columns.data();
         if (r.gather_gradient_stats) {
             state_.gradient_sum.resize(state_.count, 0.0f);
             state_.gradient_count.resize(state_.count, 0.0f);
         }
+        ModelArrays arrays{};
+        for (int g = 0; g < kNumGroups; ++g) {
+            auto& group = state_.groups[g];
+            arrays.param[g] = group.param.data(), arrays.m[g] = group.m.data(), arrays.v[g] = group.v.data(), arrays.width[g] = group.width;
+        }
+        if (r.gather_gradient_stats) arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
+        const std::int64_t parts = num_parts(state_.count);
+        nonfinite_.assign(parts, 0);
         parallel_for(parts, [&](std::int64_t part) {
-            Gradient gradient;
+            GaussianGradient<float, Model> gradient;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
                 raster_.gaussian_gradient(params, i, gradient);
-                if (gradient.visible && r.gather_gradient_stats) {
-                    const float x = 0.5f * r.camera.width * gradient.mean2d.x, y = 0.5f * r.camera.height * gradient.mean2d.y;
-                    state_.gradient_sum[i] += std::sqrt(x * x + y * y);
-                    ++state_.gradient_count[i];
-                }
-                // One bad value would stay in the moments for ever: such a Gaussian sits this step out.
-                if (gradient.visible && !finite(gradient)) {
-                    std::memset(static_cast<void*>(&gradient), 0, sizeof gradient);
-                    ++nonfinite_[part];
-                }
-                add_regularizers(r, params, i, gradient);
-                adam(steps, i, gradient);
-                if (r.noise > 0) add_noise(r, i);
+                if (!update_gaussian(arrays, args, i, gradient)) ++nonfinite_[part];
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
     }
 
-    bool finite(const Gradient& g) const {
-        const auto& q = g.geometry;
-        // A sum of products with zero is zero unless something is not finite.
-        float s = 0 * (q.mean.x + q.mean.y + q.mean.z) + 0 * (q.log_scale.x + q.log_scale.y + q.log_scale.z) + 0 * q.raw_opacity +
-                  0 * (q.rotation.x + q.rotation.y + q.rotation.z + q.rotation.w) + 0 * (g.base.x + g.base.y + g.base.z);
-        for (int k = 0; k < state_[Group::kResidual].width; ++k) s += 0 * g.residual[k];
-        return s == 0;
-    }
-
-    /// Means of the activated opacities and scales, of all Gaussians, visible or not.
-    void add_regularizers(const StepRequest& r, const ParameterView<float>& params, std::int64_t i, Gradient& g) const {
-        if (r.opacity_reg > 0) {
-            const float o = sigmoid(params.raw_opacities[i]);
-            g.geometry.raw_opacity += r.opacity_reg / float(state_.count) * o * (1 - o);
-        }
-        if (r.scale_reg > 0) {
-            const float k = r.scale_reg / (3 * float(state_.count));
-            const float* s = params.log_scales + 3 * i;
-            const auto scale = [&](float x) { return k * gs_exp(gs_min(x, float(kMaxLogScale))); };
-            g.geometry.log_scale += Vec3<float>{scale(s[0]), scale(s[1]), scale(s[2])};
-        }
-    }
-
-    void adam(const Steps& steps, std::int64_t i, const Gradient& g) {
-        const auto& q = g.geometry;
-        const float mean[3] = {q.mean.x, q.mean.y, q.mean.z}, scale[3] = {q.log_scale.x, q.log_scale.y, q.log_scale.z};
-        const float rotation[4] = {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w}, base[3] = {g.base.x, g.base.y, g.base.z};
-        const float* values[kNumGroups] = {mean, scale, rotation, &q.raw_opacity, base, g.residual};
-        for (int k = 0; k < kNumGroups; ++k) {
-            auto& group = state_.groups[k];
-            float *p = group.param.data() + i * group.width, *m = group.m.data() + i * group.width, *v = group.v.data() + i * group.width;
-            if (k == static_cast<int>(Group::kResidual) && !steps.residual.empty()) {
-                for (int c = 0; c < group.width; ++c) adam_update(p[c], m[c], v[c], values[k][c], steps.residual[c]);
-            } else {
-                const AdamStep<float> s = steps.group[k];
-                const float* grad = values[k];
-#pragma omp simd
-                for (int c = 0; c < group.width; ++c) adam_update(p[c], m[c], v[c], grad[c], s);
-            }
-        }
-    }
-
-    void add_noise(const StepRequest& r, std::int64_t i) {
-        const auto g = ParameterView<float>::of(state_).geometry(i);
-        const Vec3<float> d = sgld_noise(g, r.noise, r.seed, std::uint64_t(r.iteration), std::uint32_t(i));
-        float* mean = state_[Group::kMean].param.data() + 3 * i;
-        mean[0] += d.x, mean[1] += d.y, mean[2] += d.z;
-    }
-
-    AppearanceSpec spec_;
     Gaussians state_;
     CpuRasterizer<float, Model> raster_;
     ImageLoss<float> loss_;

@@ -9,49 +9,15 @@
 #include <atomic>
 #include <chrono>
 #include <cstring>
-#include <limits>
 #include <vector>
 
-#include "appearance/contract.h"
-#include "kernels/backend.h"
 #include "kernels/blend/blend_cpu.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
-#include "kernels/preprocess/preprocess_device.h"
+#include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning.h"
 
 namespace gs {
-
-/// Parameters of all Gaussians, row-major, as in GaussianState.
-template <class Real> struct ParameterView {
-    std::int64_t count;
-    const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
-    int residual_width;
-    ColorActivation activation;
-
-    static ParameterView of(const GaussianState<Real>& s) {
-        const auto p = [&](Group g) { return s[g].param.data(); };
-        return {s.count,         p(Group::kMean),     p(Group::kScale),          p(Group::kRotation),     p(Group::kOpacity),
-                p(Group::kBase), p(Group::kResidual), s[Group::kResidual].width, s.appearance.activation};
-    }
-    GaussianGeometry<Real> geometry(std::int64_t i) const {
-        return {{means[3 * i], means[3 * i + 1], means[3 * i + 2]},
-                {log_scales[3 * i], log_scales[3 * i + 1], log_scales[3 * i + 2]},
-                {rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2], rotations[4 * i + 3]},
-                raw_opacities[i]};
-    }
-    Vec3<Real> base(std::int64_t i) const { return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]}; }
-    const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
-};
-
-/// Everything the backward pass knows about one Gaussian. For an invisible one `visible` is false and all is zero.
-template <class Real, class Model> struct GaussianGradient {
-    bool visible;
-    GeometryGradient<Real> geometry;
-    Vec3<Real> base;
-    Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
-    Vec2<Real> mean2d; ///< pixels; for the densification statistic
-};
 
 /// Adds the time of a scope to a sum.
 class StageTimer {
@@ -104,34 +70,15 @@ template <class Real, class Model> class CpuRasterizer {
 
     /// Gradients of Gaussian i. `params` are those of forward(). Thread-safe.
     void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, GaussianGradient<Real, Model>& out) const {
-        std::memset(static_cast<void*>(&out), 0, sizeof out);
-        Projection<Real> p;
-        const GaussianGeometry<Real> g = params.geometry(i);
-        if (bins_.count[i] == 0 || !project_geometry(g, camera_, p)) return;
-        out.visible = true;
+        out = {};
+        if (bins_.count[i] == 0) return;
         SplatSums<Real> sum{};
         const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) {
             sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy, sum.hyy += s[k].hyy;
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
-        const Splat<Real>& splat = splats_[i];
-        const SplatGradient<Real> d = splat_gradient(splat, sum);
-        out.mean2d = d.mean;
-        out.geometry = project_backward(g, camera_, p, splat.opacity, d);
-
-        const ViewDirection<Real> direction = view_direction(g.mean, camera_.position);
-        const Vec3<Real> y = params.base(i) + residual(params, i, direction);
-        out.base = {color_activation_derivative(params.activation, y.x) * d.color.x,
-                    color_activation_derivative(params.activation, y.y) * d.color.y,
-                    color_activation_derivative(params.activation, y.z) * d.color.z};
-        if constexpr (Model::kDirectional) {
-            if (degree_ > 0) {
-                Vec3<Real> dL_ddirection;
-                Model::residual_backward(params.residual(i), direction.unit, degree_, out.base, out.residual, dL_ddirection);
-                out.geometry.mean += direction_pullback(direction, dL_ddirection);
-            }
-        }
+        gaussian_backward<Model>(params, i, camera_, degree_, splats_[i], sum, out);
     }
 
     std::int64_t num_visible() const { return binning_.num_visible(); }
@@ -151,26 +98,6 @@ template <class Real, class Model> class CpuRasterizer {
     } seconds;
 
   private:
-    Vec3<Real> residual(const ParameterView<Real>& params, std::int64_t i, const ViewDirection<Real>& direction) const {
-        if constexpr (Model::kDirectional) {
-            if (degree_ > 0) return Model::residual(params.residual(i), direction.unit, degree_);
-        }
-        return {Real(0), Real(0), Real(0)};
-    }
-
-    Vec3<Real> color(const ParameterView<Real>& params, std::int64_t i, const Vec3<Real>& mean, RenderMode mode) const {
-        const auto phi = [&](const Vec3<Real>& y) {
-            return Vec3<Real>{color_activation(params.activation, y.x), color_activation(params.activation, y.y),
-                              color_activation(params.activation, y.z)};
-        };
-        const Vec3<Real> base = params.base(i);
-        if (mode == RenderMode::kBaseOnly) return phi(base);
-        const Vec3<Real> full = phi(base + residual(params, i, view_direction(mean, camera_.position)));
-        if (mode == RenderMode::kFull) return full;
-        const Vec3<Real> d = full - phi(base);
-        return {gs_abs(d.x), gs_abs(d.y), gs_abs(d.z)};
-    }
-
     void preprocess(const ParameterView<Real>& params, RenderMode mode) {
         const std::int64_t parts = num_parts(params.count);
         bins_.parts.resize(parts);
@@ -195,19 +122,10 @@ template <class Real, class Model> class CpuRasterizer {
 
     void preprocess_one(const ParameterView<Real>& params, std::int64_t i, RenderMode mode, BinningInput::Part& bin) {
         const GaussianGeometry<Real> g = params.geometry(i);
-        const Real opacity = sigmoid(g.raw_opacity);
-        if (!(opacity >= Real(kMinAlpha))) return;
-        Projection<Real> p;
-        if (!project_geometry(g, camera_, p)) return;
         Splat<Real>& s = splats_[i];
-        const Real inv = Real(1) / p.det;
-        s.a = p.cov2d.yy * inv;
-        s.b = -p.cov2d.xy * inv;
-        s.c = p.cov2d.xx * inv;
-        s.mean = {camera_.fx * p.u + camera_.cx, camera_.fy * p.v + camera_.cy};
-        s.opacity = opacity;
-        s.threshold = gs_max(gs_log(Real(255) * opacity), Real(0));
-        const PixelBounds b = pixel_bounds(s.mean, p.cov2d, touch_threshold(s), tiles_x_ * kCpuTile, tiles_y_ * kCpuTile);
+        PixelBounds b;
+        Real z;
+        if (!make_splat(g, camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, b, z)) return;
         const std::size_t before = bin.tiles.size();
         for (int ty = b.y_min / kCpuTile; ty * kCpuTile < b.y_max; ++ty)
             for (int tx = b.x_min / kCpuTile; tx * kCpuTile < b.x_max; ++tx) {
@@ -215,8 +133,8 @@ template <class Real, class Model> class CpuRasterizer {
                 if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
             }
         if (bin.tiles.size() == before) return;
-        s.color = color(params, i, g.mean, mode);
-        const float depth = float(p.cam.z);
+        s.color = gaussian_color<Model>(params, i, g.mean, camera_.position, degree_, mode);
+        const float depth = float(z);
         std::uint32_t bits;
         std::memcpy(&bits, &depth, sizeof bits); // positive floats order like their bits
         bin.depth_keys.push_back(std::uint64_t(bits) << 32 | std::uint32_t(i));

@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "kernels/blend/blend_device.h"
+#include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning.h"
 
 namespace gs {
@@ -23,9 +23,6 @@ template <class Real> struct TileInput {
 };
 
 inline constexpr int kTilePixels = kCpuTile * kCpuTile;
-
-/// Widening of the touch tests: above the rounding of the power in float, below what costs time.
-template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
 
 template <class Real> struct BlockGeometry {
     Lanes<Real> px[4], py[4]; ///< pixel centres of block column / row 0..3

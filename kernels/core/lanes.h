@@ -114,7 +114,7 @@ GS_HD Lanes<float> scale_by_power_of_two(Lanes<float> x, Lanes<float> n) {
     return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_scalef_ps(kAllLanes, (__m512)x.v, (__m512)n.v));
 }
 GS_HD float sum_lanes(Lanes<float> x) {
-    const __m256 a = _mm256_add_ps(_mm512_castps512_ps256((__m512)x.v), _mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 1));
+    const __m256 a = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 0), _mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 1));
     const __m128 b = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
     const __m128 c = _mm_add_ps(b, _mm_movehl_ps(b, b));
     return _mm_cvtss_f32(_mm_add_ss(c, _mm_movehdup_ps(c)));

@@ -5,6 +5,7 @@
 
 #include "kernels/core/parallel.h"
 #include "kernels/densify/densify.h"
+#include "kernels/preprocess/preprocess_device.h"
 
 namespace gs {
 namespace {
@@ -31,6 +32,15 @@ std::uint64_t spread_bits(std::uint64_t x) {
     return (x | x << 2) & 0x1249249249249249ull;
 }
 
+template <class Keep> std::int64_t keep_if(Gaussians& state, Keep&& keep) {
+    std::vector<std::uint32_t> order;
+    for (std::int64_t i = 0; i < state.count; ++i)
+        if (keep(i)) order.push_back(static_cast<std::uint32_t>(i));
+    const std::int64_t removed = state.count - static_cast<std::int64_t>(order.size());
+    if (removed) gather_rows(state, order);
+    return removed;
+}
+
 }  // namespace
 
 void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order) {
@@ -42,6 +52,28 @@ void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order) {
     gather(state.gradient_sum, 1, order);
     gather(state.gradient_count, 1, order);
     state.count = static_cast<std::int64_t>(order.size());
+}
+
+std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups]) {
+    std::fill_n(by_group, kNumGroups, 0);
+    return keep_if(state, [&](std::int64_t i) {
+        bool keep = true;
+        for (int g = 0; g < kNumGroups; ++g) {
+            const auto& group = state.groups[g];
+            const float* row = group.param.data() + i * group.width;
+            const bool finite = std::all_of(row, row + group.width, [](float x) { return std::isfinite(x); });
+            if (!finite) ++by_group[g];
+            keep = keep && finite;
+        }
+        return keep;
+    });
+}
+
+std::int64_t remove_invisible(Gaussians& state) {
+    return keep_if(state, [&](std::int64_t i) {
+        const float* q = &state[Group::kRotation].param[4 * i];
+        return sigmoid(state[Group::kOpacity].param[i]) >= float(kMinAlpha) && norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2);
+    });
 }
 
 std::vector<std::uint32_t> morton_order(const Gaussians& state) {

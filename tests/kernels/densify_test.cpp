@@ -242,5 +242,28 @@ TEST(Rows, MortonOrderIsAPermutationThatKeepsNeighboursTogether) {
             for (int c = 0; c < 3; ++c) EXPECT_EQ(int(m[3 * (i + k) + c]) / 2, int(m[3 * i + c]) / 2);
 }
 
+TEST(Prune, NonFiniteRowsGoAndAreNamed) {
+    Gaussians s = unit_rotations(numbered(5));
+    s[Group::kScale].param[4] = std::numeric_limits<float>::infinity();
+    s[Group::kBase].param[5] = std::nanf("");
+    s[Group::kMean].param[9] = std::nanf("");
+    std::int64_t by_group[kNumGroups];
+    EXPECT_EQ(remove_nonfinite(s, by_group), 2);
+    EXPECT_EQ(s.count, 3);
+    EXPECT_EQ(by_group[int(Group::kScale)], 1);
+    EXPECT_EQ(by_group[int(Group::kBase)], 1);
+    EXPECT_EQ(by_group[int(Group::kMean)], 1);
+    EXPECT_EQ(remove_nonfinite(s, by_group), 0);
+}
+
+TEST(Prune, InvisibleRowsGo) {
+    Gaussians s = unit_rotations(numbered(4));
+    s[Group::kOpacity].param[1] = -6;    // sigmoid 0.0025 < 1/255
+    s[Group::kRotation].param[8] = 0;    // no rotation
+    s[Group::kOpacity].param[3] = std::nanf("");
+    EXPECT_EQ(remove_invisible(s), 3);
+    EXPECT_EQ(s[Group::kBase].param[0], numbered(4)[Group::kBase].param[0]);
+}
+
 }  // namespace
 }  // namespace gs

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
+#include <spdlog/spdlog.h>
+
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "apps/gsapp/command.h"
+#include "kernels/core/error.h"
+#include "lib/core/log.h"
+#include "lib/core/nearest.h"
+#include "lib/core/version.h"
+
+namespace gs {
+namespace {
+
+/// Every flag and subcommand that may stand where `app` is the innermost command.
+std::vector<std::string> known_words(const CLI::App& app) {
+    std::vector<std::string> words;
+    for (const CLI::Option* option : app.get_options()) {
+        for (const std::string& name : option->get_lnames()) words.push_back("--" + name);
+        for (const std::string& name : option->get_snames()) words.push_back("-" + name);
+    }
+    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) words.push_back(sub->get_name());
+    return words;
+}
+
+/// CLI11's own message, unless the cause is a word it does not know: then the nearest known one is named.
+std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
+    const CLI::App* command = &app;
+    while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
+    for (const std::string& word : app.remaining(true)) {
+        if (word.empty() || (word[0] != '-' && command != &app)) continue;
+        const std::string name = word.substr(0, word.find('='));
+        const char* kind = word[0] == '-' ? "option" : "command";
+        return "unknown " + std::string(kind) + " '" + name + "'; did you mean '" + nearest_key(name, known_words(*command)) + "'?";
+    }
+    return error.what();
+}
+
+int run(int argc, char** argv) {
+    CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
+    app.set_version_flag("--version", version_text() + "\nbackends: cpu");
+    app.require_subcommand(1);
+    Command selected;
+    add_train_command(app, selected);
+    add_eval_command(app, selected);
+    add_render_command(app, selected);
+    add_prepare_command(app, selected);
+    add_bench_command(app, selected);
+    add_options_command(app, selected);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::Success& help_or_version) {
+        return app.exit(help_or_version);
+    } catch (const CLI::ParseError& error) {
+        throw UsageError(usage_message(app, error) + "\nTry 'gsapp --help', or 'gsapp COMMAND --help'.");
+    }
+    selected();
+    return static_cast<int>(ExitCode::kOk);
+}
+
+/// The one place where an error leaves the program.
+int report(const std::string& message, ExitCode code) {
+    spdlog::error("{}", message);
+    return static_cast<int>(code);
+}
+
+}  // namespace
+}  // namespace gs
+
+int main(int argc, char** argv) {
+    gs::setup_log("info");
+    try {
+        return gs::run(argc, argv);
+    } catch (const gs::Interrupted& e) {
+        spdlog::warn("{}", e.what());
+        return static_cast<int>(e.code());
+    } catch (const gs::Error& e) {
+        return gs::report(e.what(), e.code());
+    } catch (const std::bad_alloc&) {
+        return gs::report("out of memory; a smaller --cap-max, --image-cache or -r helps", gs::ExitCode::kDevice);
+    } catch (const std::exception& e) {
+        return gs::report(std::string("unexpected: ") + e.what(), gs::ExitCode::kUnexpected);
+    }
+}

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gsapp options`: the table of options, as YAML with the defaults or as the documentation page.
+#include <iostream>
+#include <memory>
+
+#include "apps/gsapp/command.h"
+#include "lib/core/options.h"
+
+namespace gs {
+
+void add_options_command(CLI::App& app, Command& selected) {
+    CLI::App* sub = app.add_subcommand("options", "Print all training options with their defaults as YAML");
+    const auto markdown = std::make_shared<bool>(false);
+    sub->add_flag("--markdown", *markdown, "print docs/options.md instead");
+    sub->callback([markdown, &selected] {
+        selected = [markdown] { std::cout << (*markdown ? options_markdown() : options_to_yaml(TrainOptions{})); };
+    });
+}
+
+}  // namespace gs

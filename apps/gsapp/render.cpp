@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// gsapp render: pictures of a finished run from its own cameras, a file of cameras, or an orbit.
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "apps/gsapp/command.h"
+#include "eval/camera_path.h"
+#include "eval/quantize.h"
+#include "eval/saved_run.h"
+#include "kernels/core/error.h"
+#include "lib/scene/camera_params.h"
+
+namespace gs {
+namespace {
+
+struct RenderArguments {
+    std::string run, views = "test", path, output;
+    int orbit = 0;
+    std::int64_t iteration = -1;  ///< -1 = the last saved one
+};
+
+std::vector<Camera> wanted_cameras(const RenderArguments& arguments, const Scene& scene) {
+    std::vector<Camera> cameras;
+    if (!arguments.path.empty()) return read_camera_path(arguments.path);
+    if (arguments.orbit > 0) return orbit_path(scene.train, arguments.orbit);
+    if (arguments.views != "train") {  // test first, as in cameras.json
+        for (const View& view : scene.test) cameras.push_back(view.camera);
+    }
+    if (arguments.views != "test") {
+        for (const View& view : scene.train) cameras.push_back(view.camera);
+    }
+    if (cameras.empty())
+        throw UsageError(fmt::format("{} has no {} views; --eval holds some out when training", arguments.run, arguments.views));
+    return cameras;
+}
+
+void run_render(const RenderArguments& arguments) {
+    SavedRun run = open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
+    const std::vector<Camera> cameras = wanted_cameras(arguments, run.scene);
+    const std::filesystem::path folder = arguments.output.empty() ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
+                                                                  : std::filesystem::path(arguments.output);
+    RenderRequest request;
+    request.background = run.background;
+    RenderedImage image;
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+        request.camera = camera_params(cameras[i]);
+        run.backend->render(request, image);
+        write_image(folder / fmt::format("{:05}.png", i), quantized_render(image));
+    }
+    spdlog::info("{} pictures in {}", cameras.size(), folder.string());
+}
+
+}  // namespace
+
+void add_render_command(CLI::App& app, Command& selected) {
+    auto arguments = std::make_shared<RenderArguments>();
+    CLI::App* command = app.add_subcommand("render", "Write pictures of a finished run");
+    command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
+    CLI::Option* views =
+        command->add_option("--views", arguments->views, "Cameras of the scene: test, train or all")->capture_default_str();
+    views->check(CLI::IsMember({"test", "train", "all"}));
+    CLI::Option* path = command->add_option("--path", arguments->path, "File of cameras in the cameras.json format")->excludes(views);
+    command->add_option("--orbit", arguments->orbit, "That many cameras on a circle around the scene")
+        ->check(CLI::PositiveNumber)
+        ->excludes(views)
+        ->excludes(path);
+    command->add_option("--iteration", arguments->iteration, "Saved iteration to render (default: the last)")
+        ->check(CLI::NonNegativeNumber);
+    command->add_option("-o,--output", arguments->output, "Folder for the pictures (default: RUN/renders/iteration_N)");
+    command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
+}
+
+}  // namespace gs

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gsapp train`: loads the scene, runs the trainer, measures the held-out views.
+#include <spdlog/spdlog.h>
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "apps/gsapp/command.h"
+#include "eval/results.h"
+#include "eval/saved_run.h"
+#include "eval/table.h"
+#include "kernels/core/error.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/log.h"
+#include "lib/core/options_cli.h"
+#include "lib/core/progress.h"
+#include "lib/core/version.h"
+#include "lib/train/scene_options.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough for one screen
+
+/// output/<scene>-<appearance>-<n>: the first n that is free.
+std::string default_run_folder(const TrainOptions& options) {
+    std::string scene = options.source.substr(options.source.find(':') + 1);
+    if (options.source.rfind("builtin:", 0) != 0) {
+        fs::path path = fs::weakly_canonical(options.source);
+        if (fs::is_regular_file(path)) path = path.parent_path();
+        scene = path.filename().string();
+    }
+    for (int n = 1;; ++n) {
+        const fs::path folder = fs::path("output") / (scene + "-" + options.appearance + "-" + std::to_string(n));
+        if (!fs::exists(folder)) return folder.string();
+    }
+}
+
+std::string log_level(const TrainOptions& options) {
+    if (options.quiet) return "warn";
+    return options.verbose ? "debug" : options.log_level;
+}
+
+void describe_scene(const Scene& scene) {
+    spdlog::info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
+                 scene.split_rule, scene.points.positions.size());
+    for (const std::string& note : scene.notes) spdlog::warn("{}", note);
+}
+
+/// Measures the held-out views during and after training, and keeps the latest scores.
+class Evaluation {
+  public:
+    Evaluation(const TrainOptions& options, const Scene& scene, Progress& progress)
+        : options_(options), scene_(scene), progress_(progress) {
+        const auto rgb = parse_background(options.background).rgb;  // black where the training draws random ones
+        background_ = {rgb[0], rgb[1], rgb[2]};
+    }
+
+    void operator()(std::int64_t iteration, Backend& backend) {
+        // Pictures of intermediate iterations would fill disks; their scores are kept.
+        const bool last = iteration == options_.iterations;
+        eval_ = {.run_folder = last ? fs::path(options_.model) : fs::path(), .iteration = iteration};
+        result_ = evaluate_views(backend, scene_.test, background_, eval_);
+        facts_ = run_facts(options_, scene_, background_, backend.count());
+        write_results(RunFolder{options_.model}, eval_, result_, facts_);
+        if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews);
+        spdlog::info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views", iteration, result_.psnr, result_.ssim,
+                     result_.views.size());
+        progress_.event({{"event", "evaluation"},
+                         {"iteration", iteration},
+                         {"views", result_.views.size()},
+                         {"psnr", result_.psnr},
+                         {"ssim", result_.ssim}});
+    }
+
+    /// Adds the training time, which is known only now, and prints the table.
+    void finish(double train_seconds) {
+        facts_.train_seconds = train_seconds;
+        write_results(RunFolder{options_.model}, eval_, result_, facts_);
+        const std::string table = format_table({read_table_row(options_.model, eval_.iteration)}, TableFormat::kMarkdown);
+        // Where a program reads JSON lines on stdout, the table is for the people who read the messages.
+        std::fputs(table.c_str(), progress_.style() == ProgressStyle::kJsonLines ? stderr : stdout);
+        spdlog::info("photographs and renders side by side: {}", comparison().string());
+    }
+
+  private:
+    fs::path comparison() const { return fs::path(options_.model) / "comparison.png"; }
+
+    const TrainOptions& options_;
+    const Scene& scene_;
+    Progress& progress_;
+    Vec3<float> background_;
+    EvalOptions eval_;
+    EvalResult result_;
+    RunFacts facts_;
+};
+
+void run_training(TrainOptions options) {
+    setup_log(log_level(options));
+    if (options.device == "cuda") throw DeviceError("option device: this gsapp has no CUDA backend; use --device cpu");
+    if (options.model.empty()) options.model = default_run_folder(options);
+    // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
+    const Scene scene = load_scene(scene_options(options));
+    RunStart start = open_run(options);
+    add_log_file(fs::path(options.model) / "gsapp.log");
+    spdlog::info("{}, output folder {}", version_text(), options.model);
+    describe_scene(scene);
+
+    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
+    Evaluation evaluation(options, scene, progress);
+    TrainHooks hooks;
+    const bool measure = options.eval && !scene.test.empty();
+    if (measure)
+        hooks.evaluate = std::ref(evaluation);
+    else if (options.eval)
+        spdlog::warn("--eval: there are no test views ({})", scene.split_rule);
+    catch_interrupts();
+    const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
+    progress.finish();
+    spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
+                 summary.data_wait_seconds, summary.num_gaussians);
+    if (measure) evaluation.finish(summary.train_seconds);
+    progress.event({{"event", "finished"},
+                    {"iteration", options.iterations},
+                    {"num_gaussians", summary.num_gaussians},
+                    {"train_seconds", summary.train_seconds},
+                    {"model", options.model}});
+}
+
+}  // namespace
+
+void add_train_command(CLI::App& app, Command& selected) {
+    CLI::App* command = app.add_subcommand("train", "Train a scene");
+    const auto arguments = std::make_shared<TrainArguments>(*command);
+    command->callback([arguments, &selected] { selected = [arguments] { run_training(arguments->resolve()); }; });
+}
+
+}  // namespace gs

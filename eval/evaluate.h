@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders views, compares them with the photographs, keeps the pictures.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "eval/ssim.h"
+#include "kernels/backend.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+struct EvalOptions {
+    SsimBorder ssim_border = SsimBorder::kValid;
+    std::filesystem::path run_folder;  ///< pictures go to <run>/<split>/ours_<iteration>/{renders,gt}; empty = none are written
+    std::int64_t iteration = 0;
+    std::string split = "test";
+};
+
+struct ViewScore {
+    std::string name;  ///< of the photograph
+    double psnr = 0;   ///< dB; infinity for identical images
+    double ssim = 0;
+    double render_seconds = 0;
+};
+
+struct EvalResult {
+    std::vector<ViewScore> views;
+    double psnr = 0, ssim = 0;  ///< means over views
+    double render_seconds = 0;  ///< sum over views, without loading, metrics and writing
+};
+
+/// Renders each view at the size of its camera, quantises render and photograph to 8 bits and compares these (protocol:
+/// optimization spec section 8; masks are ignored). Throws UsageError without views, DataError when an image cannot be
+/// read, has another size than its camera, or a picture cannot be written.
+EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, const EvalOptions& options);
+
+/// Writes up to `max_views` of the views, evenly spread, below one another: photograph left, render right.
+void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
+                      int max_views);
+
+}  // namespace gs

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// Merging scores into the JSON files of a run.
+#include "eval/results.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "kernels/core/error.h"
+#include "lib/core/version.h"
+#include "lib/io/atomic_file.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json existing(const std::filesystem::path& path) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored)) return Json::object();
+    std::ifstream file(path, std::ios::binary);
+    Json json = Json::parse(file, nullptr, false);
+    if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object; remove it to have it written anew", path.string()));
+    return json;
+}
+
+/// The object under `key`, made anew if something else stands there.
+Json& section(Json& json, const char* key) {
+    if (!json[key].is_object()) json[key] = Json::object();
+    return json[key];
+}
+
+Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+}  // namespace
+
+void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts) {
+    const std::string key = fmt::format("ours_{}", options.iteration);
+    Json results = existing(folder.results());
+    results[key] = {{"SSIM", result.ssim}, {"PSNR", finite_or_null(result.psnr)}};
+    section(results, "protocol")[key] = {
+        {"images", "8 bits: clamped to [0,1], *255, +0.5, truncated; no crop, no mask, no colour alignment"},
+        {"psnr", "10 log10(1/MSE) over all pixels and channels, mean over images; null = identical images"},
+        {"ssim", describe_ssim(options.ssim_border) + ", mean over images"},
+        {"background", {facts.background.x, facts.background.y, facts.background.z}},
+        {"split", facts.split_rule},
+        {"num_views", result.views.size()},
+        {"program", version_text()},
+    };
+    Json& timing = section(section(results, "timing"), key.c_str());
+    if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
+    timing["render_seconds"] = result.render_seconds;
+    section(results, "num_gaussians")[key] = facts.num_gaussians;
+    section(results, "run")[key] = {{"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}};
+
+    Json per_view = existing(folder.per_view());
+    Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object();
+    for (std::size_t i = 0; i < result.views.size(); ++i) {
+        const std::string file = folder.render(options.split, options.iteration, int(i)).filename().string();
+        scores["SSIM"][file] = result.views[i].ssim;
+        scores["PSNR"][file] = finite_or_null(result.views[i].psnr);
+        names[file] = result.views[i].name;
+    }
+    per_view[key] = scores;
+    section(per_view, "image_names")[key] = names;
+    write_text_atomic(folder.per_view(), per_view.dump(1) + "\n");
+    write_text_atomic(folder.results(), results.dump(1) + "\n");
+}
+
+}  // namespace gs

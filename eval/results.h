@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// results.json and per_view.json of a run folder: the keys of 3DGS's metrics, further facts beside them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "eval/evaluate.h"
+#include "lib/model/run_folder.h"
+
+namespace gs {
+
+/// What the results should say about the run besides the scores.
+struct RunFacts {
+    std::string scene;       ///< as the user named it
+    std::string model;       ///< appearance model, e.g. "sh (degree 3)"
+    std::string strategy;    ///< densification
+    std::string split_rule;  ///< which views were held out
+    Vec3<float> background{0, 0, 0};
+    std::int64_t num_gaussians = 0;
+    std::optional<double> train_seconds;  ///< absent: an earlier value in the file is kept
+};
+
+/// Adds iteration `options.iteration` to results.json and per_view.json and keeps what they hold of other iterations:
+///   {"ours_N": {"SSIM": .., "PSNR": ..}, "protocol": {"ours_N": {..}}, "timing": {"ours_N": {..}},
+///    "num_gaussians": {"ours_N": ..}, "run": {"ours_N": {..}}}
+///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}}, "image_names": {"ours_N": {"00000.png": ..}}}
+/// JSON knows no infinity: a PSNR of identical images is written as null. Atomic per file. Throws DataError when an
+/// existing file is no JSON object or cannot be written.
+void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts);
+
+}  // namespace gs

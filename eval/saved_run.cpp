@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a run folder back to a model on a backend.
+#include "eval/saved_run.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/ply.h"
+#include "lib/model/run_folder.h"
+#include "lib/train/scene_options.h"
+
+namespace gs {
+namespace {
+
+Gaussians read_model(const RunFolder& folder, std::optional<std::int64_t>& iteration) {
+    namespace fs = std::filesystem;
+    std::error_code ignored;
+    if (iteration) {
+        if (fs::exists(folder.point_cloud(*iteration), ignored)) return read_ply(folder.point_cloud(*iteration));
+        if (fs::exists(folder.checkpoint(*iteration), ignored)) return read_checkpoint(folder.checkpoint(*iteration)).state;
+        throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
+                                    folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(), *iteration));
+    }
+    if (fs::exists(folder.root / "point_cloud", ignored)) {
+        iteration = latest_point_cloud(folder.root);
+        return read_ply(folder.point_cloud(*iteration));
+    }
+    Checkpoint checkpoint = read_checkpoint(latest_checkpoint(folder.root));
+    iteration = checkpoint.iteration;
+    return std::move(checkpoint.state);
+}
+
+}  // namespace
+
+SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration) {
+    SavedRun run;
+    run.folder = run_folder;
+    run.options = load_run_options(run_folder);
+    const Gaussians model = read_model(RunFolder{run_folder}, iteration);
+    run.iteration = *iteration;
+    run.backend = make_cpu_backend(model.appearance);
+    run.backend->upload(model);
+    run.scene = load_scene(scene_options(run.options));
+    const Background background = parse_background(run.options.background);
+    run.background = {background.rgb[0], background.rgb[1], background.rgb[2]};
+    return run;
+}
+
+RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians) {
+    RunFacts facts;
+    facts.scene = options.source;
+    facts.model = options.appearance;
+    if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
+    facts.strategy = options.strategy;
+    facts.split_rule = scene.split_rule;
+    facts.background = background;
+    facts.num_gaussians = num_gaussians;
+    return facts;
+}
+
+}  // namespace gs

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// A finished run, opened again for rendering and evaluation.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "eval/results.h"
+#include "kernels/backend.h"
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+struct SavedRun {
+    std::filesystem::path folder;
+    TrainOptions options;
+    std::int64_t iteration = 0;
+    std::unique_ptr<Backend> backend;  ///< holds the model
+    Scene scene;
+    Vec3<float> background{0, 0, 0};  ///< for evaluation: black when the training drew random ones
+};
+
+/// Opens the model of `iteration` (the last saved one when empty): its PLY, or its checkpoint where there is no PLY; and
+/// the scene the run was trained on. Throws DataError naming what is missing, and what load_scene throws.
+SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
+
+/// What results.json says about a run with these options.
+RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians);
+
+}  // namespace gs

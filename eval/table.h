@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// A table over several runs, made from their results.json alone.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace gs {
+
+/// One evaluated model. Fields that the file does not know stay empty and are shown as "-".
+struct TableRow {
+    std::string run, scene, model, strategy;
+    std::int64_t iteration = 0;
+    std::optional<std::int64_t> num_gaussians;
+    double psnr = 0, ssim = 0;  ///< psnr may be infinite
+    std::optional<double> train_seconds;
+    std::string ssim_protocol;  ///< how SSIM was computed; rows with different ones do not compare
+};
+
+enum class TableFormat { kMarkdown, kCsv, kLatex };
+
+/// markdown | csv | latex. Throws UsageError naming these.
+TableFormat parse_table_format(const std::string& name);
+
+/// Scores of the given iteration of a run, of the last evaluated one when `iteration` is empty. Files of other programs
+/// that have the 3DGS keys are read as well. Throws DataError naming file and field.
+TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
+
+/// Columns run, scene, model, strategy, #Gs, PSNR, SSIM, train time; ends with a newline. CSV carries full numbers
+/// (times in seconds), the others are rounded for reading.
+std::string format_table(const std::vector<TableRow>& rows, TableFormat format);
+
+}  // namespace gs

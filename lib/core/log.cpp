@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// spdlog with two sinks.
+#include "lib/core/log.h"
+
+#include <spdlog/sinks/basic_file_sink.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+
+void setup_log(const std::string& level) {
+    auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+    // On a terminal a message first wipes the progress line that may stand there; the bar is drawn again below it.
+    sink->set_pattern(::isatty(STDERR_FILENO) != 0 ? "\r\033[K%^%l%$: %v" : "%l: %v");
+    auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
+    logger->set_level(spdlog::level::from_str(level));
+    logger->flush_on(spdlog::level::info);
+    spdlog::set_default_logger(logger);
+}
+
+void add_log_file(const std::filesystem::path& file) {
+    try {
+        auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file.string());
+        sink->set_pattern("%Y-%m-%d %H:%M:%S %l: %v");
+        spdlog::default_logger()->sinks().push_back(sink);
+    } catch (const spdlog::spdlog_ex& e) {
+        throw DataError("cannot write the log file " + file.string() + ": " + e.what());
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// Values of options: from text, to text, and checked.
+#include "lib/core/options.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/bytes.h"
+
+namespace gs {
+namespace {
+
+template <class T>
+constexpr bool is_list = false;
+template <class T>
+constexpr bool is_list<std::vector<T>> = true;
+
+[[noreturn]] void wrong_type(const std::string& where, const std::string& value, const char* expected) {
+    throw UsageError(fmt::format("{}: '{}' is not {}", where, value, expected));
+}
+
+template <class T>
+T parse_number(const std::string& text, const std::string& where) {
+    T value{};
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error == std::errc::result_out_of_range) wrong_type(where, text, "a number this option can hold");
+    const bool complete = error == std::errc{} && end == text.data() + text.size();
+    if constexpr (std::is_floating_point_v<T>) {
+        if (!complete || !std::isfinite(value)) wrong_type(where, text, "a finite number");
+    } else {
+        if (!complete) wrong_type(where, text, std::is_signed_v<T> ? "a whole number" : "a whole number from 0 upwards");
+    }
+    return value;
+}
+
+bool parse_bool(const std::string& text, const std::string& where) {
+    std::string lower = text;
+    std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (lower == "true" || lower == "yes" || lower == "on") return true;
+    if (lower == "false" || lower == "no" || lower == "off") return false;
+    wrong_type(where, text, "true or false");
+}
+
+template <class T>
+void parse_into(T& field, const std::string& text, const std::string& where) {
+    if constexpr (std::is_same_v<T, std::string>)
+        field = text;
+    else if constexpr (std::is_same_v<T, bool>)
+        field = parse_bool(text, where);
+    else
+        field = parse_number<T>(text, where);
+}
+
+/// Doubles in their shortest exact form.
+template <class T>
+std::string number_text(T value) {
+    return fmt::format("{}", value);
+}
+
+template <class T>
+void check_number(const Option& option, T value) {
+    const bool too_small = option.min && static_cast<double>(value) < *option.min;
+    const bool too_large = option.max && static_cast<double>(value) > *option.max;
+    if (too_small || too_large) {
+        throw UsageError(fmt::format("option {}: {} is out of range ({})", option.key, number_text(value), option_range(option)));
+    }
+}
+
+void check_choice(const Option& option, const std::string& value) {
+    if (option.choices.empty() || std::find(option.choices.begin(), option.choices.end(), value) != option.choices.end()) return;
+    throw UsageError(fmt::format("option {}: '{}' is not one of {}", option.key, value, option_range(option)));
+}
+
+void check_value(const Option& option, const TrainOptions& options) {
+    std::visit(
+        [&](auto member) {
+            const auto& value = options.*member;
+            using T = std::decay_t<decltype(value)>;
+            if constexpr (std::is_same_v<T, std::string>)
+                check_choice(option, value);
+            else if constexpr (is_list<T>) {
+                for (auto element : value) check_number(option, element);
+            } else if constexpr (!std::is_same_v<T, bool>)
+                check_number(option, value);
+        },
+        option.field);
+}
+
+void check_resolution(int r) {
+    // A width of 3 px is a mistyped divisor, not a wish.
+    if (r == 0 || r == 3 || (r > 4 && r < 8) || (r > 8 && r < 16)) {
+        throw UsageError(fmt::format("option resolution: {} is neither -1, a divisor (1, 2, 4, 8) nor a width in pixels (16 and more)", r));
+    }
+}
+
+void check_image_cache(const std::string& text) {
+    try {
+        parse_bytes(text);
+    } catch (const UsageError& e) {
+        throw UsageError(fmt::format("option image-cache: {}", e.what()));
+    }
+}
+
+}  // namespace
+
+std::vector<std::string> option_groups() {
+    std::vector<std::string> groups;
+    for (const Option& option : train_option_table()) {
+        if (groups.empty() || groups.back() != option.group) groups.push_back(option.group);
+    }
+    return groups;
+}
+
+std::string option_range(const Option& option) {
+    if (!option.values.empty()) return option.values;
+    if (!option.choices.empty()) return fmt::format("{}", fmt::join(option.choices, ", "));
+    if (option.min && option.max) return fmt::format("{}..{}", number_text(*option.min), number_text(*option.max));
+    return "true or false";
+}
+
+std::string option_text(const Option& option, const TrainOptions& options) {
+    return std::visit(
+        [&](auto member) -> std::string {
+            const auto& value = options.*member;
+            using T = std::decay_t<decltype(value)>;
+            if constexpr (std::is_same_v<T, std::string>)
+                return value;
+            else if constexpr (std::is_same_v<T, bool>)
+                return value ? "true" : "false";
+            else if constexpr (is_list<T>)
+                return fmt::format("[{}]", fmt::join(value, ", "));
+            else
+                return number_text(value);
+        },
+        option.field);
+}
+
+void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values, const std::string& where) {
+    std::visit(
+        [&](auto member) {
+            auto& field = options.*member;
+            using T = std::decay_t<decltype(field)>;
+            if constexpr (is_list<T>) {
+                T list;
+                for (const std::string& text : values) parse_into(list.emplace_back(), text, where);
+                field = list;
+            } else {
+                if (values.size() != 1) throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
+                parse_into(field, values.front(), where);
+            }
+        },
+        option.field);
+}
+
+Background parse_background(const std::string& text) {
+    if (text == "black") return {};
+    if (text == "white") return {.rgb = {1, 1, 1}};
+    if (text == "random") return {.random = true};
+    Background background;
+    std::size_t begin = 0;
+    for (int channel = 0; channel < 3; ++channel) {
+        const std::size_t end = channel < 2 ? text.find(',', begin) : text.size();
+        float& value = background.rgb[channel];
+        const char* last = text.data() + (end == std::string::npos ? text.size() : end);
+        const auto [stop, error] = std::from_chars(text.data() + begin, last, value);
+        if (end == std::string::npos || error != std::errc{} || stop != last || !(value >= 0 && value <= 1)) {
+            throw UsageError(fmt::format("option background: '{}' is not black, white, random or R,G,B with numbers in 0..1", text));
+        }
+        begin = end + 1;
+    }
+    return background;
+}
+
+void validate(TrainOptions& options) {
+    if (options.source.empty()) throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
+    for (const Option& option : train_option_table()) check_value(option, options);
+    check_resolution(options.resolution);
+    parse_background(options.background);
+    check_image_cache(options.image_cache);
+    if (options.resume == "latest" && options.model.empty()) {
+        throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
+    }
+    const bool mcmc = options.strategy == "mcmc";
+    if (options.opacity_lr == 0) options.opacity_lr = mcmc ? 0.05 : 0.025;
+    if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;
+}
+
+}  // namespace gs

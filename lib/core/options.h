@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// Options are data: one table describes every field of TrainOptions, and everything that reads, writes, checks or
+// documents options walks over that table.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "lib/core/train_options.h"
+
+namespace gs {
+
+/// Where an option is stored; the alternative is its type.
+using OptionField = std::variant<std::string TrainOptions::*, bool TrainOptions::*, int TrainOptions::*, std::int64_t TrainOptions::*,
+                                 std::uint64_t TrainOptions::*, double TrainOptions::*, std::vector<std::int64_t> TrainOptions::*>;
+
+/// One option. Its default is the value in a default-constructed TrainOptions.
+struct Option {
+    std::string key;  ///< kebab-case; the YAML key, and `--key` on the command line
+    OptionField field;
+    std::string group;                           ///< heading in help, files and docs
+    std::string help;                            ///< what it does, one sentence
+    std::string unit = {};                       ///< empty for pure numbers and words
+    std::optional<double> min = {}, max = {};    ///< of numbers, inclusive; of each element of a list
+    std::vector<std::string> choices = {};       ///< of words; empty = see `values`
+    std::string values = {};                     ///< allowed values in words, where neither range nor choices say it
+    std::vector<std::string> names = {};         ///< further spellings shown in the help ("-s", "--output")
+    std::vector<std::string> hidden_names = {};  ///< spellings of other programs, accepted but not shown
+    std::string implicit = {};                   ///< value when the flag stands alone; empty = the flag needs a value
+};
+
+/// All options, grouped, in the order of TrainOptions.
+const std::vector<Option>& train_option_table();
+
+/// Headings in the order of the table.
+std::vector<std::string> option_groups();
+
+/// "1..8", "relu, softplus", ...: the allowed values of an option in words.
+std::string option_range(const Option& option);
+
+/// The value of `option` in `options` as it is written in YAML and shown in help ("true", "0.2", "[7000, 30000]").
+std::string option_text(const Option& option, const TrainOptions& options);
+
+/// Parses `values` (one text, or the elements of a list) into the field. `where` names the place in error messages
+/// ("--cap-max", "bonsai.yaml:3: cap-max"). Throws UsageError for a text of the wrong type; ranges are left to validate.
+void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values, const std::string& where);
+
+/// Checks every value against the table and the few rules between options, and replaces the "0 / -1 = by strategy"
+/// values by the numbers they stand for. Throws UsageError naming option, value and range.
+void validate(TrainOptions& options);
+
+/// The colour behind the scene.
+struct Background {
+    bool random = false;         ///< a new colour in every iteration
+    std::array<float, 3> rgb{};  ///< in [0,1]; black when random (evaluation needs one fixed colour)
+};
+
+/// Reads "black", "white", "random" or "R,G,B" with numbers in [0,1]. Throws UsageError.
+Background parse_background(const std::string& text);
+
+/// Defaults overlaid with the file, its `parent:` (relative to the file) first. Not validated: the command line may
+/// still add the missing parts. Throws UsageError naming file, line, key, and for an unknown key the nearest known one.
+TrainOptions load_options_yaml(const std::filesystem::path& path);
+
+/// Every option with its value, grouped by headings, after a comment naming the program; load_options_yaml reads it back
+/// to equal options.
+std::string options_to_yaml(const TrainOptions& options);
+
+/// Options of a finished or running run: config.yaml in its folder. Throws DataError when the folder holds no run.
+TrainOptions load_run_options(const std::filesystem::path& run_folder);
+
+/// docs/options.md.
+std::string options_markdown();
+
+}  // namespace gs

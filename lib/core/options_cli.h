@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// The options of a training run as command-line flags.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <utility>
+#include <vector>
+
+#include "lib/core/options.h"
+
+namespace gs {
+
+/// Declares every option of the table on `app`, with its aliases and hidden spellings, plus `--config` and
+/// `--white-background`. The object must live until `resolve` was called.
+class TrainArguments {
+  public:
+    explicit TrainArguments(CLI::App& app);
+    TrainArguments(const TrainArguments&) = delete;
+    TrainArguments& operator=(const TrainArguments&) = delete;
+
+    /// Defaults, overlaid with the file of --config, overlaid with the flags; validated. A run that is resumed without
+    /// --config takes the config.yaml of its output folder as the file, so that only changes need flags.
+    /// Call after parsing. Throws UsageError.
+    TrainOptions resolve() const;
+
+  private:
+    TrainOptions base() const;
+    void apply_flags(TrainOptions& options) const;
+    struct Flag {
+        const Option* option;
+        CLI::Option* cli;
+    };
+    void declare(CLI::App& app, const Option& option);
+    CLI::Option* declare_spelling(CLI::App& app, const Option& option, const std::string& names);
+
+    std::vector<Flag> flags_;
+    std::vector<CLI::Option*> white_;  ///< both spellings of --white-background
+    std::string config_;
+};
+
+}  // namespace gs

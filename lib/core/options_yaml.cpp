@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Options in YAML files: reading with parents, and writing the resolved ones.
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+
+#include <spdlog/fmt/fmt.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/nearest.h"
+#include "lib/core/options.h"
+#include "lib/core/version.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kParentKey = "parent";
+
+std::string place(const fs::path& file, const YAML::Node& node) {
+    return node.Mark().is_null() ? file.string() : fmt::format("{}:{}", file.string(), node.Mark().line + 1);
+}
+
+YAML::Node parse_file(const fs::path& file) {
+    if (fs::is_directory(file)) throw UsageError(fmt::format("the configuration file {} is a folder", file.string()));
+    try {
+        return YAML::LoadFile(file.string());
+    } catch (const YAML::BadFile&) {
+        throw UsageError(fmt::format("cannot read the configuration file {}; does it exist?", file.string()));
+    } catch (const YAML::ParserException& e) {
+        throw UsageError(fmt::format("{}:{}: not valid YAML: {}", file.string(), e.mark.line + 1, e.msg));
+    }
+}
+
+const Option& find_option(const std::string& key, const std::string& where) {
+    const auto& table = train_option_table();
+    const auto found = std::find_if(table.begin(), table.end(), [&](const Option& o) { return o.key == key; });
+    if (found != table.end()) return *found;
+    std::vector<std::string> keys = {kParentKey};
+    for (const Option& option : table) keys.push_back(option.key);
+    throw UsageError(fmt::format("{}: unknown key '{}'; the nearest known key is '{}'", where, key, nearest_key(key, keys)));
+}
+
+const char* kind_of(const YAML::Node& node) {
+    switch (node.Type()) {
+        case YAML::NodeType::Sequence:
+            return "a list";
+        case YAML::NodeType::Map:
+            return "a mapping";
+        case YAML::NodeType::Null:
+            return "empty";
+        default:
+            return "a single value";
+    }
+}
+
+void apply_entry(TrainOptions& options, const fs::path& file, const std::string& key, const YAML::Node& key_node, const YAML::Node& value) {
+    const std::string where = fmt::format("{}: {}", place(file, key_node), key);
+    const Option& option = find_option(key, place(file, key_node));
+    const bool wants_list = std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field);
+    std::vector<std::string> texts;
+    if (wants_list && value.IsSequence()) {
+        for (const YAML::Node& element : value) {
+            if (!element.IsScalar()) throw UsageError(fmt::format("{}: an element is {}, not a number", where, kind_of(element)));
+            texts.push_back(element.Scalar());
+        }
+    } else if (value.IsScalar()) {
+        texts.push_back(value.Scalar());
+    } else {
+        throw UsageError(
+            fmt::format("{}: the value is {}, but {} is needed", where, kind_of(value), wants_list ? "a list" : "a single value"));
+    }
+    set_option(options, option, texts, where);
+}
+
+void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::path>& chain) {
+    const fs::path canonical = fs::weakly_canonical(file);
+    if (std::find(chain.begin(), chain.end(), canonical) != chain.end()) {
+        throw UsageError(fmt::format("{}: the file is its own parent", file.string()));
+    }
+    chain.push_back(canonical);
+    const YAML::Node root = parse_file(file);
+    if (root.IsNull()) return;
+    if (!root.IsMap())
+        throw UsageError(
+            fmt::format("{}: the file is {}, but a mapping of option names to values is needed", file.string(), kind_of(root)));
+    if (const YAML::Node parent = root[kParentKey]) {
+        if (!parent.IsScalar())
+            throw UsageError(fmt::format("{}: parent: the value is {}, but a file name is needed", place(file, parent), kind_of(parent)));
+        apply_file(options, file.parent_path() / parent.Scalar(), chain);
+    }
+    for (const auto& entry : root) {
+        if (!entry.first.IsScalar())
+            throw UsageError(fmt::format("{}: a key is {}, not a name", place(file, entry.first), kind_of(entry.first)));
+        const std::string key = entry.first.Scalar();
+        if (key != kParentKey) apply_entry(options, file, key, entry.first, entry.second);
+    }
+}
+
+}  // namespace
+
+TrainOptions load_options_yaml(const fs::path& path) {
+    TrainOptions options;
+    std::vector<fs::path> chain;
+    apply_file(options, path, chain);
+    return options;
+}
+
+std::string options_to_yaml(const TrainOptions& options) {
+    YAML::Emitter out;
+    out << YAML::BeginMap;
+    std::string group;
+    for (const Option& option : train_option_table()) {
+        if (option.group != group) {
+            group = option.group;
+            out << YAML::Newline << YAML::Comment(group);
+        }
+        out << YAML::Key << option.key << YAML::Value;
+        if (const auto* list = std::get_if<std::vector<std::int64_t> TrainOptions::*>(&option.field))
+            out << YAML::Flow << options.**list;
+        else
+            out << option_text(option, options);
+    }
+    out << YAML::EndMap;
+    return "# " + version_text() + "\n" + out.c_str() + "\n";
+}
+
+TrainOptions load_run_options(const fs::path& run_folder) {
+    const fs::path file = run_folder / "config.yaml";
+    if (!fs::exists(file)) {
+        throw DataError(fmt::format("{} is not the output folder of a run: it has no config.yaml", run_folder.string()));
+    }
+    return load_options_yaml(file);
+}
+
+}  // namespace gs

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// How far a run is: one changing line on a terminal, JSON lines for programs, nothing when quiet.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <iosfwd>
+#include <nlohmann/json_fwd.hpp>
+
+namespace gs {
+
+enum class ProgressStyle { kBar, kJsonLines, kSilent };
+
+/// Bar when stderr is a terminal, JSON lines otherwise.
+ProgressStyle default_progress_style();
+
+/// Shows iteration, loss, number of Gaussians, speed and remaining time.
+///
+/// The bar goes to stderr, at most ten times a second. JSON lines go to stdout, at most one a second besides the last:
+///   {"event":"progress","iteration":700,"iterations":30000,"loss":0.0812,"num_gaussians":94477,
+///    "iterations_per_second":21.4,"eta_seconds":1369.2}
+/// `loss` is null when it is not finite; speed and ETA are null while they are not known.
+class Progress {
+  public:
+    explicit Progress(ProgressStyle style);
+    /// For tests: other streams, and another least time between two lines.
+    Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines);
+
+    ProgressStyle style() const { return style_; }
+
+    /// Before the first iteration. `done` iterations of `total` were made by an earlier run.
+    void start(std::int64_t total, std::int64_t done);
+
+    /// Whether `update` would show something now. Ask before fetching the loss from the device.
+    bool due(std::int64_t iteration) const;
+
+    /// After `iteration` iterations (1-based); does nothing when not due.
+    void update(std::int64_t iteration, double loss, std::int64_t num_gaussians);
+
+    /// One more JSON line for programs, `event` naming what happened; other styles drop it.
+    void event(const nlohmann::ordered_json& line);
+
+    /// Ends the line of the bar. Call before printing results.
+    void finish();
+
+  private:
+    using Clock = std::chrono::steady_clock;
+    void show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians);
+    void show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians);
+    double eta_seconds(std::int64_t iteration) const { return double(total_ - iteration) / rate_; }
+
+    ProgressStyle style_;
+    std::ostream& bar_;
+    std::ostream& lines_;
+    Clock::duration interval_;
+    std::int64_t total_ = 0;
+    std::int64_t shown_iteration_ = 0;
+    Clock::time_point shown_time_;
+    double rate_ = 0;        ///< iterations per second, smoothed; 0 = not known yet
+    bool bar_open_ = false;  ///< the cursor stands behind a bar
+};
+
+}  // namespace gs

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every setting of a training run. The table in train_options.cpp is the one definition of names, ranges and help;
+// command line, YAML files, saved configuration and docs/options.md are made from it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace gs {
+
+struct TrainOptions {
+    // Input and output
+    std::string source;                   ///< scene folder, file, or builtin:NAME
+    std::string model;                    ///< output folder; empty = output/<scene>-<appearance>-<n>
+    std::string images = "images";
+    int resolution = -1;                  ///< 1,2,4,8 divisor; larger: width in px; -1: cap at 1600 px
+    bool eval = false;
+    int test_every = 8;
+    std::string test_list;
+    std::string mask_mode = "ignore";     ///< ignore | transparent
+    bool invert_masks = false;
+    std::string alpha_mode = "transparent"; ///< transparent | mask
+    std::string image_cache = "4GiB";     ///< byte budget for decoded images
+    bool overwrite = false;
+    std::string resume;                   ///< checkpoint file or "latest"
+    // Run
+    std::int64_t iterations = 30000;
+    std::uint64_t seed = 0;
+    std::string device = "auto";          ///< auto | cpu | cuda
+    int threads = 0;                      ///< 0 = all cores
+    std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
+    std::int64_t preview_every = 0;       ///< 0 = off
+    std::string background = "black";     ///< black | white | random | R,G,B
+    // Appearance
+    std::string appearance = "sh";
+    int sh_degree = 3;
+    std::string color_activation = "relu"; ///< relu | softplus | sigmoid | hardsigmoid
+    // Initialisation
+    std::int64_t init_points = 100000;    ///< random initialisation only
+    // Loss
+    double lambda_dssim = 0.2;
+    double opacity_reg = 0.01;            ///< MCMC only
+    double scale_reg = 0.01;              ///< MCMC only
+    // Learning rates (optimization spec section 4)
+    double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
+    std::int64_t position_lr_max_steps = 30000;
+    double scaling_lr = 0.005, rotation_lr = 0.001;
+    double opacity_lr = 0;                ///< 0 = 0.05 with mcmc, 0.025 with adc
+    // Densification
+    std::string strategy = "mcmc";        ///< mcmc | adc | none
+    std::int64_t cap_max = 1000000;
+    std::int64_t densify_from_iter = 600, densify_until_iter = -1; ///< -1 = 24900 with mcmc, 14900 with adc
+    std::int64_t densification_interval = 100;
+    double densify_grad_threshold = 0.0002;
+    std::int64_t opacity_reset_interval = 3000;
+    double noise_lr = 5e5;
+    // Logging
+    bool quiet = false, verbose = false;
+    std::string log_level = "info";
+};
+
+}  // namespace gs

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that exist completely or not at all: written under a temporary name in the same folder, then renamed.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <ostream>
+#include <string_view>
+
+namespace gs {
+
+/// A file under construction. Missing parent folders are created. Until `commit` the target is untouched; an object
+/// destroyed without `commit` removes its temporary file.
+/// Errors: every failure (folder not writable, disk full, file too large) throws DataError naming the path and the
+/// system's reason, either from the write that failed or from `commit`.
+class AtomicFile {
+  public:
+    explicit AtomicFile(std::filesystem::path path);
+    ~AtomicFile();
+    AtomicFile(const AtomicFile&) = delete;
+    AtomicFile& operator=(const AtomicFile&) = delete;
+
+    /// Binary stream; buffered, so small writes are cheap.
+    std::ostream& stream();
+    /// Flushes to the disk (fsync) and renames over the target. Nothing may be written afterwards.
+    void commit();
+
+  private:
+    class Buffer;
+    std::filesystem::path path_;
+    std::unique_ptr<Buffer> buffer_;
+    std::ostream stream_;
+};
+
+/// Writes `text` to `path` through an AtomicFile.
+void write_text_atomic(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace gs

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decodes and encodes images with OpenImageIO.
+#include "lib/io/image.h"
+
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <type_traits>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Largest image accepted, so that a damaged header cannot ask for the whole memory: 2^29 pixels is five times the
+// largest photographs in use, and 65535 is what JPEG can hold per side.
+constexpr int kMaxSide = 65535;
+constexpr std::int64_t kMaxPixels = std::int64_t(1) << 29;
+
+/// Which decoded channels become rgb and alpha (-1 = none).
+struct ChannelPlan {
+    int rgb[3] = {0, 1, 2};
+    int alpha = -1;
+};
+
+ChannelPlan plan_channels(const OIIO::ImageSpec& spec) {
+    ChannelPlan plan;
+    if (spec.nchannels < 3) plan.rgb[1] = plan.rgb[2] = 0;  // grey, grey+alpha
+    const int first_possible_alpha = spec.nchannels < 3 ? 1 : 3;
+    if (spec.alpha_channel >= first_possible_alpha) plan.alpha = spec.alpha_channel;
+    return plan;
+}
+
+bool decodes_to_float(const OIIO::ImageSpec& spec) {
+    return spec.format.basetype != OIIO::TypeDesc::UINT8 && spec.format.basetype != OIIO::TypeDesc::INT8;
+}
+
+std::string trimmed(std::string text) {
+    while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
+    return text.empty() ? "unknown reason" : text;
+}
+
+[[noreturn]] void fail(const fs::path& path, const std::string& reason) {
+    throw DataError(fmt::format("image {}: {}", path.string(), reason));
+}
+
+std::unique_ptr<OIIO::ImageInput> open_image(const fs::path& path) {
+    std::error_code error;
+    if (!fs::is_regular_file(path, error)) fail(path, "no such file");
+    if (fs::file_size(path, error) == 0) fail(path, "the file is empty (0 bytes)");
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it so
+    auto input = OIIO::ImageInput::open(path.string(), &config);
+    if (!input) fail(path, fmt::format("cannot be decoded: {}", trimmed(OIIO::geterror())));
+    const OIIO::ImageSpec& spec = input->spec();
+    if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0)
+        fail(path, fmt::format("size {}x{} with {} channels is not an image", spec.width, spec.height, spec.nchannels));
+    if (spec.width > kMaxSide || spec.height > kMaxSide || std::int64_t(spec.width) * spec.height > kMaxPixels)
+        fail(path, fmt::format("size {}x{} is above the limit of {} pixels; the header is damaged, or the image needs tiling", spec.width,
+                               spec.height, kMaxPixels));
+    if (spec.deep || spec.depth > 1) fail(path, "deep and volume images are not photographs");
+    return input;
+}
+
+template <class T>
+std::vector<T> decode(OIIO::ImageInput& input, const fs::path& path, OIIO::TypeDesc type) {
+    const OIIO::ImageSpec& spec = input.spec();
+    std::vector<T> data(std::size_t(spec.width) * spec.height * spec.nchannels);
+    if (!input.read_image(0, 0, 0, spec.nchannels, type, data.data()))
+        fail(path, fmt::format("cannot be decoded: {}", trimmed(input.geterror())));
+    return data;
+}
+
+/// Picks the planned channels and undoes premultiplication where the file has it. `one` is the value of full alpha.
+template <class T>
+std::vector<T> arrange(std::vector<T>&& in, const OIIO::ImageSpec& spec, const ChannelPlan& plan, float one) {
+    const int channels = plan.alpha >= 0 ? 4 : 3;
+    const bool premultiplied = plan.alpha >= 0 && spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
+    if (spec.nchannels == channels && !premultiplied) return std::move(in);
+    const std::size_t pixels = std::size_t(spec.width) * spec.height;
+    std::vector<T> out(pixels * channels);
+    for (std::size_t p = 0; p < pixels; ++p) {
+        const T* source = &in[p * spec.nchannels];
+        T* target = &out[p * channels];
+        for (int c = 0; c < 3; ++c) target[c] = source[plan.rgb[c]];
+        if (plan.alpha < 0) continue;
+        const float alpha = target[3] = source[plan.alpha];
+        if (!premultiplied || alpha <= 0) continue;
+        for (int c = 0; c < 3; ++c) {
+            const float straight = target[c] * one / alpha;
+            if constexpr (std::is_same_v<T, std::uint8_t>)
+                target[c] = static_cast<T>(std::min(straight + 0.5f, one));
+            else
+                target[c] = straight;
+        }
+    }
+    return out;
+}
+
+std::uint8_t quantise(float v) {
+    // The negated comparison sends NaN to 0.
+    if (!(v > 0)) return 0;
+    return static_cast<std::uint8_t>(std::min(v, 1.0f) * 255.0f + 0.5f);
+}
+
+bool stores_float(const fs::path& path) {
+    std::string extension = path.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+    return extension == ".exr" || extension == ".hdr" || extension == ".tif" || extension == ".tiff";
+}
+
+/// Values as the format wants them: EXR holds premultiplied colour by definition.
+std::vector<float> float_samples(const Image& image, bool premultiply) {
+    std::vector<float> out(std::size_t(image.width) * image.height * image.channels);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = image.is_float() ? image.f32[i] : image.u8[i] * (1.0f / 255.0f);
+    if (premultiply && image.channels == 4)
+        for (std::size_t i = 0; i < out.size(); i += 4)
+            for (int c = 0; c < 3; ++c) out[i + c] *= out[i + 3];
+    return out;
+}
+
+void encode(const fs::path& temporary, const fs::path& path, const Image& image) {
+    auto output = OIIO::ImageOutput::create(temporary.string());
+    if (!output) fail(path, fmt::format("cannot be written: {}", trimmed(OIIO::geterror())));
+    // OpenImageIO's WebP writer un-premultiplies in linear light whatever it is told, which changes straight colours.
+    if (std::string(output->format_name()) == "webp" && image.channels == 4) fail(path, "WebP cannot be written with alpha; use PNG");
+    const bool as_float = stores_float(path) && image.is_float();
+    const bool is_exr = std::string(output->format_name()) == "openexr";
+    const auto type = as_float || is_exr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+    OIIO::ImageSpec spec(image.width, image.height, image.channels, type);
+    spec.attribute("oiio:UnassociatedAlpha", is_exr ? 0 : 1);
+    if (std::string(output->format_name()) == "jpeg") spec.attribute("Compression", "jpeg:95");  // visually lossless previews
+
+    bool ok = output->open(temporary.string(), spec);
+    if (ok) {
+        if (type == OIIO::TypeDesc::FLOAT) {
+            ok = output->write_image(type, float_samples(image, is_exr).data());
+        } else if (image.is_float()) {
+            std::vector<std::uint8_t> bytes(image.f32.size());
+            std::transform(image.f32.begin(), image.f32.end(), bytes.begin(), quantise);
+            ok = output->write_image(type, bytes.data());
+        } else {
+            ok = output->write_image(type, image.u8.data());
+        }
+        ok = output->close() && ok;
+    }
+    if (!ok) fail(path, fmt::format("cannot be written: {}", trimmed(output->geterror())));
+}
+
+}  // namespace
+
+ImageInfo read_image_info(const fs::path& path) {
+    const auto input = open_image(path);
+    const OIIO::ImageSpec& spec = input->spec();
+    return {spec.width, spec.height, plan_channels(spec).alpha >= 0 ? 4 : 3, decodes_to_float(spec)};
+}
+
+Image read_image(const fs::path& path) {
+    const auto input = open_image(path);
+    const OIIO::ImageSpec& spec = input->spec();
+    const ChannelPlan plan = plan_channels(spec);
+    Image image;
+    image.width = spec.width;
+    image.height = spec.height;
+    image.channels = plan.alpha >= 0 ? 4 : 3;
+    if (decodes_to_float(spec)) {
+        image.f32 = arrange(decode<float>(*input, path, OIIO::TypeDesc::FLOAT), spec, plan, 1.0f);
+        for (std::size_t i = 0; i < image.f32.size(); ++i) {
+            if (std::isfinite(image.f32[i])) continue;
+            const std::size_t pixel = i / image.channels;
+            fail(path,
+                 fmt::format("pixel ({}, {}) is {}; every value must be finite", pixel % image.width, pixel / image.width, image.f32[i]));
+        }
+    } else {
+        image.u8 = arrange(decode<std::uint8_t>(*input, path, OIIO::TypeDesc::UINT8), spec, plan, 255.0f);
+    }
+    return image;
+}
+
+Image read_mask(const fs::path& path) {
+    const Image in = read_image(path);
+    Image mask;
+    mask.width = in.width;
+    mask.height = in.height;
+    mask.channels = 1;
+    mask.u8.resize(std::size_t(in.width) * in.height);
+    for (int y = 0; y < in.height; ++y)
+        for (int x = 0; x < in.width; ++x) {
+            // Rec. 709 luma; for the usual grey masks any weights with sum 1 do.
+            const float luma = 0.2126f * in.value(x, y, 0) + 0.7152f * in.value(x, y, 1) + 0.0722f * in.value(x, y, 2);
+            mask.u8[std::size_t(y) * in.width + x] = quantise(in.channels == 4 ? in.value(x, y, 3) : luma);
+        }
+    return mask;
+}
+
+void write_image(const fs::path& path, const Image& image) {
+    const std::size_t samples = std::size_t(image.width) * image.height * image.channels;
+    if (samples == 0 || (image.is_float() ? image.f32.size() : image.u8.size()) != samples)
+        fail(path,
+             fmt::format("cannot write {}x{} with {} channels from {} bytes", image.width, image.height, image.channels, image.bytes()));
+    std::error_code folder_error;
+    if (path.has_parent_path()) fs::create_directories(path.parent_path(), folder_error);
+    if (folder_error) fail(path, fmt::format("its folder cannot be created: {}", folder_error.message()));
+    // The temporary keeps the extension because it selects the format.
+    fs::path temporary = path;
+    temporary.replace_filename(fmt::format("{}.tmp{}{}", path.stem().string(), ::getpid(), path.extension().string()));
+    try {
+        encode(temporary, path, image);
+        std::error_code error;
+        fs::rename(temporary, path, error);
+        if (error) fail(path, fmt::format("cannot be written: {}", error.message()));
+    } catch (...) {
+        std::error_code ignored;
+        fs::remove(temporary, ignored);
+        throw;
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Images in memory and on disk. All decoding and encoding goes through OpenImageIO.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace gs {
+
+/// Interleaved (H,W,C) image. Exactly one of u8 / f32 is non-empty: 8-bit sources stay 8-bit, 16-bit and float
+/// sources are float (16-bit integers divided by 65535). Alpha is straight (not premultiplied).
+struct Image {
+    int width = 0, height = 0, channels = 0;
+    std::vector<std::uint8_t> u8;
+    std::vector<float> f32;
+
+    bool is_float() const { return !f32.empty(); }
+    std::size_t bytes() const { return u8.size() + 4 * f32.size(); }
+    /// Value in [0,1] for 8-bit data, as stored for float data.
+    float value(int x, int y, int c) const {
+        const std::size_t i = (std::size_t(y) * width + x) * channels + c;
+        return is_float() ? f32[i] : u8[i] * (1.0f / 255.0f);
+    }
+};
+
+struct ImageInfo {
+    int width = 0, height = 0, channels = 0;
+    bool float_data = false; ///< would be loaded as float
+};
+
+/// Reads only the header. Throws DataError (file, reason; zero or absurd sizes are errors).
+ImageInfo read_image_info(const std::filesystem::path& path);
+
+/// Reads PNG, JPEG, TIFF, WebP, EXR, ... as 3 (rgb) or 4 (rgba) channels; grey is replicated, extra channels dropped,
+/// EXIF orientation ignored. Throws DataError naming the file and the decoder's reason.
+Image read_image(const std::filesystem::path& path);
+
+/// Reads a mask as one channel (alpha if present, else luma).
+Image read_mask(const std::filesystem::path& path);
+
+/// Area-exact box filter when shrinking, bilinear when enlarging; premultiplies alpha while filtering.
+Image resize_image(const Image& in, int width, int height);
+
+/// Writes by extension (png, jpg, exr, ...), under a temporary name and renamed; makes missing parent folders. Float data
+/// is quantised for 8-bit formats by clamp to [0,1], *255, +0.5, truncate (evaluation protocol). Throws DataError, also
+/// for WebP with alpha.
+void write_image(const std::filesystem::path& path, const Image& image);
+
+}  // namespace gs

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// The PLY container as Gaussian-splatting and point-cloud files use it: binary little endian, one `vertex` element first.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+namespace gs {
+
+enum class PlyType : int { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+
+struct PlyProperty {
+    std::string name;
+    PlyType type = PlyType::kFloat;
+};
+
+struct PlyHeader {
+    std::vector<std::string> comments;  ///< without the word "comment"
+    std::int64_t count = 0;             ///< vertices
+    std::vector<PlyProperty> properties;
+};
+
+/// Writes the header; the caller then writes `count` packed rows.
+void write_ply_header(std::ostream& out, const PlyHeader& header);
+
+/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file. Elements after the vertices
+/// (faces, trailing bytes) are ignored.
+/// Errors: DataError naming file and property for a header that is not PLY, ASCII or big-endian data, list properties
+/// of a vertex, duplicate names, and a file shorter than its header promises (checked before anything is allocated).
+class PlyReader {
+  public:
+    explicit PlyReader(const std::filesystem::path& path);
+
+    const PlyHeader& header() const { return header_; }
+    /// Index of the property, or -1.
+    int find(const std::string& name) const;
+    /// Index of the property; throws DataError naming file and property when it is missing.
+    int require(const std::string& name) const;
+
+    /// Reads the next rows into the buffer. Returns how many; 0 at the end.
+    std::int64_t next_chunk();
+    /// Value of a property in row `row` of the current chunk, as stored (integers are converted).
+    double value(std::int64_t row, int property) const;
+
+    /// Throws DataError "cannot read 'file': reason".
+    [[noreturn]] void fail(const std::string& reason) const;
+
+  private:
+    void parse_header();
+
+    std::filesystem::path path_;
+    std::ifstream in_;
+    PlyHeader header_;
+    std::vector<std::int64_t> offsets_;  ///< of each property in a row, bytes
+    std::int64_t row_bytes_ = 0, rows_read_ = 0;
+    std::vector<char> chunk_;
+};
+
+}  // namespace gs

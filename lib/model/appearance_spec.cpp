@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// What files and command lines say about an appearance model, checked against the registry.
+#include "lib/model/appearance_spec.h"
+
+#include <fmt/format.h>
+
+#include <array>
+
+#include "appearance/model_info.h"
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+constexpr std::array<const char*, 4> kActivationNames = {"relu", "softplus", "sigmoid", "hardsigmoid"};
+
+}  // namespace
+
+const char* color_activation_name(ColorActivation activation) { return kActivationNames[std::size_t(activation)]; }
+
+ColorActivation parse_color_activation(const std::string& name) {
+    for (std::size_t i = 0; i < kActivationNames.size(); ++i) {
+        if (name == kActivationNames[i]) return ColorActivation(int(i));
+    }
+    throw UsageError(fmt::format("unknown colour activation '{}'; known: relu, softplus, sigmoid, hardsigmoid", name));
+}
+
+std::string describe(const AppearanceSpec& spec) {
+    return fmt::format("{}, max degree {}, {}", spec.model, spec.max_degree, color_activation_name(spec.activation));
+}
+
+void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& wanted, const std::string& file) {
+    if (found.model == wanted.model && found.max_degree == wanted.max_degree && found.activation == wanted.activation) return;
+    throw UsageError(
+        fmt::format("'{}' holds the appearance ({}), but ({}) was asked for; use the same appearance options, or start a new run", file,
+                    describe(found), describe(wanted)));
+}
+
+AppearanceSpec appearance_from_file(const std::string& file, const std::string& model, std::int64_t max_degree,
+                                    const std::string& activation) {
+    try {
+        const ModelInfo& info = appearance_model(model);
+        if (max_degree < 0 || max_degree > info.max_degree_limit) {
+            throw UsageError(fmt::format("max_degree {} of appearance '{}' is outside 0..{}", max_degree, model, info.max_degree_limit));
+        }
+        return {model, int(max_degree), parse_color_activation(activation)};
+    } catch (const UsageError& e) {
+        // The user did not type these words; the file is at fault.
+        throw DataError(fmt::format("cannot read '{}': {}", file, e.what()));
+    }
+}
+
+int group_width(Group group, const AppearanceSpec& spec) {
+    switch (group) {
+        case Group::kMean:
+        case Group::kScale:
+        case Group::kBase:
+            return 3;
+        case Group::kRotation:
+            return 4;
+        case Group::kOpacity:
+            return 1;
+        case Group::kResidual:
+            return appearance_model(spec.model).residual_width(spec.max_degree);
+    }
+    return 0;
+}
+
+}  // namespace gs

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Camera poses as JSON.
+#include "lib/model/cameras_json.h"
+
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "lib/io/atomic_file.h"
+
+namespace gs {
+
+void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const auto* views : {&scene.test, &scene.train}) {
+        for (const View& view : *views) {
+            const Camera& c = view.camera;
+            const Eigen::Vector3d o = c.center();
+            const Eigen::Matrix3d r = c.rotation.transpose();
+            const auto row = [&](int i) { return std::array{r(i, 0), r(i, 1), r(i, 2)}; };
+            list.push_back({{"id", list.size()},
+                            {"img_name", view.name},
+                            {"width", c.width},
+                            {"height", c.height},
+                            {"position", std::array{o.x(), o.y(), o.z()}},
+                            {"rotation", std::array{row(0), row(1), row(2)}},
+                            {"fy", c.fy},
+                            {"fx", c.fx}});
+        }
+    }
+    write_text_atomic(path, list.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+}  // namespace gs

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// Initial points and what is derived from their neighbourhood.
+#include "lib/model/initialize.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <nanoflann.hpp>
+
+#include "appearance/contract.h"
+#include "appearance/model_info.h"
+#include "kernels/camera.h"
+#include "kernels/core/error.h"
+#include "kernels/core/rng.h"
+#include "lib/model/appearance_spec.h"
+
+namespace gs {
+namespace {
+
+/// Squared distance below which neighbours count as duplicates; keeps the logarithm of the scale finite.
+constexpr double kMinSquaredDistance = 1e-7;
+
+/// Points as nanoflann wants to see them.
+struct PointAdaptor {
+    const std::vector<Eigen::Vector3f>& points;
+    std::size_t kdtree_get_point_count() const { return points.size(); }
+    double kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][Eigen::Index(axis)]; }
+    template <class Box>
+    bool kdtree_get_bbox(Box&) const {
+        return false;
+    }
+};
+using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAdaptor>, PointAdaptor, 3>;
+
+bool sees(const Camera& camera, const Eigen::Vector3d& point) {
+    const Eigen::Vector3d p = camera.rotation * point + camera.translation;
+    const CameraParams<double> planes{};
+    if (!(p.z() > planes.near_plane && p.z() < planes.far_plane)) return false;
+    const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
+    return x >= 0 && x < camera.width && y >= 0 && y < camera.height;
+}
+
+PointCloud random_points(const Scene& scene, const InitOptions& options) {
+    Eigen::Vector3d center = Eigen::Vector3d::Zero();
+    double half = scene.random_init_half_extent;
+    if (half <= 0) {
+        for (const View& view : scene.train) center += view.camera.center();
+        if (!scene.train.empty()) center /= double(scene.train.size());
+        half = 3 * scene.extent;
+    }
+    std::vector<Eigen::Vector3f> drawn(std::size_t(options.random_points));
+    std::vector<char> seen(drawn.size());
+#pragma omp parallel for schedule(static)
+    for (std::int64_t i = 0; i < options.random_points; ++i) {
+        const Philox4 r = philox(options.seed, RngStream::kInitPoints, std::uint64_t(i), 0);
+        Eigen::Vector3d p;
+        for (int k = 0; k < 3; ++k) p[k] = center[k] + half * (2 * uniform_from_bits<double>(r.v[k]) - 1);
+        drawn[std::size_t(i)] = p.cast<float>();
+        seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return sees(v.camera, p); });
+    }
+    PointCloud cloud;
+    for (std::size_t i = 0; i < drawn.size(); ++i) {
+        if (seen[i]) cloud.positions.push_back(drawn[i]);
+    }
+    cloud.colors.assign(cloud.positions.size(), Eigen::Vector3f::Constant(0.5f));
+    if (cloud.positions.empty()) {
+        throw DataError(
+            fmt::format("scene '{}': none of {} random points within {} of ({}, {}, {}) is seen by a training view; check the camera poses",
+                        scene.source, options.random_points, half, center.x(), center.y(), center.z()));
+    }
+    return cloud;
+}
+
+}  // namespace
+
+std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points) {
+    std::vector<double> means(points.size(), 0.0);
+    if (points.size() < 2) return means;
+    const PointAdaptor adaptor{points};
+    const KdTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    // One more than 3: the nearest point is the point itself, or another at the same place, which is the same distance.
+    const std::size_t wanted = std::min<std::size_t>(4, points.size());
+#pragma omp parallel for schedule(dynamic, 1024)
+    for (std::int64_t i = 0; i < std::int64_t(points.size()); ++i) {
+        const Eigen::Vector3d query = points[std::size_t(i)].cast<double>();
+        std::array<std::uint32_t, 4> index;
+        std::array<double, 4> squared{};
+        tree.knnSearch(query.data(), wanted, index.data(), squared.data());
+        means[std::size_t(i)] = (squared[1] + squared[2] + squared[3]) / double(wanted - 1);
+    }
+    return means;
+}
+
+PointCloud initial_points(const Scene& scene, const InitOptions& options) {
+    if (scene.points.positions.empty()) return random_points(scene, options);
+    PointCloud cloud;
+    for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
+        if (!scene.points.positions[i].allFinite()) continue;
+        cloud.positions.push_back(scene.points.positions[i]);
+        cloud.colors.push_back(scene.points.colors[i]);
+    }
+    if (cloud.positions.empty())
+        throw DataError(fmt::format("scene '{}': none of its {} points is finite", scene.source, scene.points.positions.size()));
+    return cloud;
+}
+
+Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appearance, const InitOptions& options) {
+    const PointCloud cloud = initial_points(scene, options);
+    const std::vector<double> squared = mean_squared_neighbor_distances(cloud.positions);
+    const ModelInfo& model = appearance_model(appearance.model);
+
+    Gaussians g;
+    g.count = std::int64_t(cloud.positions.size());
+    g.appearance = appearance;
+    g.active_degree = std::min(model.initial_degree, appearance.max_degree);
+    for (int i = 0; i < kNumGroups; ++i) {
+        g.groups[i].width = group_width(Group(i), appearance);
+        g.groups[i].param.assign(std::size_t(g.count) * g.groups[i].width, 0.0f);
+    }
+    const float opacity = options.mcmc ? 0.5f : 0.1f;
+    const double factor = options.mcmc ? 0.1 : 1.0;
+    for (std::int64_t i = 0; i < g.count; ++i) {
+        const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
+        std::copy_n(cloud.positions[std::size_t(i)].data(), 3, row(Group::kMean));
+        // A lone point has no neighbour to tell its size: a hundredth of the scene.
+        const double scale = g.count > 1 ? factor * std::sqrt(std::max(squared[std::size_t(i)], kMinSquaredDistance)) : 0.01 * scene.extent;
+        std::fill_n(row(Group::kScale), 3, float(std::log(scale)));
+        row(Group::kRotation)[0] = 1;
+        row(Group::kOpacity)[0] = std::log(opacity / (1 - opacity));
+        for (int c = 0; c < 3; ++c) {
+            row(Group::kBase)[c] = inverse_color_activation(appearance.activation, cloud.colors[std::size_t(i)][c]);
+        }
+        model.init_residual(appearance.max_degree, row(Group::kResidual));
+    }
+    return g;
+}
+
+}  // namespace gs

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// Paths, protection and small files of a run folder.
+#include "lib/model/run_folder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <string_view>
+#include <vector>
+
+#include "kernels/core/error.h"
+#include "lib/io/atomic_file.h"
+#include "lib/io/ply_file.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The number in "<prefix>N<suffix>"; empty when the name has another form.
+std::optional<std::int64_t> numbered(const fs::path& path, std::string_view prefix, std::string_view suffix) {
+    const std::string name = path.filename().string();
+    std::int64_t value = 0;
+    if (name.size() <= prefix.size() + suffix.size() || !name.starts_with(prefix) || !name.ends_with(suffix)) return std::nullopt;
+    const char* const first = name.data() + prefix.size();
+    const char* const last = name.data() + name.size() - suffix.size();
+    const auto [end, error] = std::from_chars(first, last, value);
+    if (error != std::errc() || end != last || *first == '-') return std::nullopt;
+    return value;
+}
+
+struct NumberedFile {
+    std::int64_t number;
+    fs::path path;
+};
+
+/// Entries "<prefix>N<suffix>" of a folder, ascending by N; none where the folder does not exist.
+std::vector<NumberedFile> list_numbered(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
+    std::vector<NumberedFile> found;
+    std::error_code error;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+        if (const auto n = numbered(it->path(), prefix, suffix)) found.push_back({*n, it->path()});
+    }
+    std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.number < b.number; });
+    return found;
+}
+
+std::vector<NumberedFile> point_clouds(const fs::path& root) { return list_numbered(root / "point_cloud", "iteration_", ""); }
+std::vector<NumberedFile> checkpoints(const fs::path& root) { return list_numbered(root / "checkpoints", "iteration_", ".safetensors"); }
+
+void remove_file(const fs::path& path) {
+    std::error_code error;
+    fs::remove(path, error);
+    if (error) throw DataError(fmt::format("cannot remove '{}' of an earlier run: {}", path.string(), error.message()));
+}
+
+/// Removes a folder that has become empty; one that holds other files stays.
+void remove_if_empty(const fs::path& folder) {
+    std::error_code error;
+    if (fs::is_empty(folder, error) && !error) fs::remove(folder, error);
+}
+
+/// Removes the files gsapp writes for iterations above `after`.
+void remove_iterations(const RunFolder& folder, std::int64_t after) {
+    for (const auto& [n, path] : point_clouds(folder.root)) {
+        if (n <= after) continue;
+        remove_file(path / "point_cloud.ply");
+        remove_if_empty(path);
+    }
+    for (const auto& [n, path] : checkpoints(folder.root)) {
+        if (n > after) remove_file(path);
+    }
+    for (const auto& [n, path] : list_numbered(folder.root / "preview", "", ".png")) {
+        if (n > after) remove_file(path);
+    }
+    for (const char* split : {"test", "train"}) {
+        for (const auto& [n, path] : list_numbered(folder.root / split, "ours_", "")) {
+            if (n <= after) continue;
+            for (const char* kind : {"renders", "gt"}) {
+                for (const auto& [index, image] : list_numbered(path / kind, "", ".png")) remove_file(image);
+                remove_if_empty(path / kind);
+            }
+            remove_if_empty(path);
+        }
+        remove_if_empty(folder.root / split);
+    }
+    for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
+}
+
+/// A Python string literal.
+std::string quoted(const std::string& text) {
+    std::string out = "'";
+    for (const char c : text) {
+        if (c == '\\' || c == '\'') out += '\\';
+        if (c == '\n') {
+            out += "\\n";
+        } else {
+            out += c;
+        }
+    }
+    return out + "'";
+}
+
+fs::path view_image(const fs::path& root, const std::string& split, std::int64_t iteration, const char* kind, int index) {
+    return root / split / fmt::format("ours_{}", iteration) / kind / fmt::format("{:05}.png", index);
+}
+
+}  // namespace
+
+fs::path RunFolder::point_cloud(std::int64_t iteration) const {
+    return root / "point_cloud" / fmt::format("iteration_{}", iteration) / "point_cloud.ply";
+}
+
+fs::path RunFolder::checkpoint(std::int64_t iteration) const {
+    return root / "checkpoints" / fmt::format("iteration_{}.safetensors", iteration);
+}
+
+fs::path RunFolder::preview(std::int64_t iteration) const { return root / "preview" / fmt::format("{:06}.png", iteration); }
+
+fs::path RunFolder::render(const std::string& split, std::int64_t iteration, int index) const {
+    return view_image(root, split, iteration, "renders", index);
+}
+
+fs::path RunFolder::ground_truth(const std::string& split, std::int64_t iteration, int index) const {
+    return view_image(root, split, iteration, "gt", index);
+}
+
+void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration) {
+    std::error_code error;
+    fs::create_directories(folder.root, error);
+    if (error) throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
+    AtomicFile probe(folder.config());  // never committed: only proves that files can be created here
+
+    const std::int64_t after = resume_iteration.value_or(-1);
+    std::int64_t latest = -1;
+    for (const auto& list : {point_clouds(folder.root), checkpoints(folder.root)}) {
+        if (!list.empty()) latest = std::max(latest, list.back().number);
+    }
+    const bool conflict = latest > after || (!resume_iteration && fs::exists(folder.config(), error));
+    if (conflict && !overwrite) {
+        const std::string holds = latest >= 0 ? fmt::format("a run up to iteration {}", latest) : "a run (config.yaml)";
+        throw UsageError(
+            resume_iteration
+                ? fmt::format("the output folder '{}' holds {}, later than iteration {} that is resumed; choose another --model folder, or "
+                              "give --overwrite to drop the later results",
+                              folder.root.string(), holds, after)
+                : fmt::format("the output folder '{}' already holds {}; choose another --model folder, --resume it, or give --overwrite",
+                              folder.root.string(), holds));
+    }
+    if (!overwrite) return;
+    remove_iterations(folder, after);
+    if (resume_iteration) return;
+    for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
+                             folder.per_view(), folder.train_log()}) {
+        remove_file(path);
+    }
+    remove_if_empty(folder.train_log().parent_path());
+}
+
+fs::path latest_checkpoint(const fs::path& run_folder) {
+    const auto found = checkpoints(run_folder);
+    if (found.empty())
+        throw DataError(fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from", run_folder.string()));
+    return found.back().path;
+}
+
+std::int64_t latest_point_cloud(const fs::path& run_folder) {
+    const auto found = point_clouds(run_folder);
+    if (found.empty())
+        throw DataError(
+            fmt::format("'{}' holds no point_cloud/iteration_N; is it the output folder of a finished run?", run_folder.string()));
+    return found.back().number;
+}
+
+void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
+    const auto absolute = [](const std::string& path) {
+        return path.starts_with("builtin:") ? path : fs::absolute(path).lexically_normal().string();
+    };
+    const auto flag = [](bool value) { return value ? "True" : "False"; };
+    write_text_atomic(folder.cfg_args(),
+                      fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
+                                  "source_path={}, white_background={})",
+                                  flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())), options.resolution,
+                                  options.appearance == "sh" ? options.sh_degree : 0, quoted(absolute(options.source)),
+                                  flag(options.background == "white")));
+}
+
+void write_input_points(const RunFolder& folder, const PointCloud& points) {
+    PlyHeader header;
+    header.count = std::int64_t(points.positions.size());
+    for (const char* name : {"x", "y", "z", "nx", "ny", "nz"}) header.properties.push_back({name, PlyType::kFloat});
+    for (const char* name : {"red", "green", "blue"}) header.properties.push_back({name, PlyType::kUint8});
+    AtomicFile file(folder.input_points());
+    write_ply_header(file.stream(), header);
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+        char row[27] = {};
+        std::memcpy(row, points.positions[i].data(), 12);
+        for (int c = 0; c < 3; ++c) {
+            const float color = std::clamp(points.colors[i][c], 0.0f, 1.0f);
+            row[24 + c] = char(static_cast<unsigned char>(color * 255.0f + 0.5f));
+        }
+        file.stream().write(row, sizeof row);
+    }
+    file.commit();
+}
+
+}  // namespace gs

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// The output folder of a run, laid out as 3DGS tools expect it (docs/formats.md).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// Names inside a run folder. Computes paths only; writers create the folders they need.
+struct RunFolder {
+    std::filesystem::path root;
+
+    std::filesystem::path config() const { return root / "config.yaml"; }
+    std::filesystem::path cfg_args() const { return root / "cfg_args"; }
+    std::filesystem::path cameras() const { return root / "cameras.json"; }
+    std::filesystem::path input_points() const { return root / "input.ply"; }
+    std::filesystem::path results() const { return root / "results.json"; }
+    std::filesystem::path per_view() const { return root / "per_view.json"; }
+    std::filesystem::path train_log() const { return root / "stats" / "train.jsonl"; }
+    std::filesystem::path point_cloud(std::int64_t iteration) const;
+    std::filesystem::path checkpoint(std::int64_t iteration) const;
+    /// preview/000500.png
+    std::filesystem::path preview(std::int64_t iteration) const;
+    /// "test" or "train" views of an iteration: <split>/ours_N/renders/00007.png and .../gt/00007.png
+    std::filesystem::path render(const std::string& split, std::int64_t iteration, int index) const;
+    std::filesystem::path ground_truth(const std::string& split, std::int64_t iteration, int index) const;
+};
+
+/// Makes the folder ready before any work is spent: creates it, proves that files can be written, and protects earlier
+/// results. `resume_iteration` is the iteration a resumed run goes on from; empty for a new run.
+/// A folder that holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed
+/// run when it holds outputs of a later iteration. With `overwrite` the earlier run's files (of later iterations only,
+/// when resuming) are removed instead; files gsapp did not write are never touched.
+/// Throws UsageError for the refusal, DataError when the folder cannot be created or written.
+void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration = std::nullopt);
+
+/// The checkpoint of the highest iteration in the folder. Throws DataError when there is none.
+std::filesystem::path latest_checkpoint(const std::filesystem::path& run_folder);
+
+/// The highest iteration with a point cloud in the folder. Throws DataError when there is none.
+std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);
+
+/// cfg_args: the Namespace(...) text of the 3DGS trainer. sh_degree is that of the PLY: 0 for models other than sh.
+void write_cfg_args(const RunFolder& folder, const TrainOptions& options);
+
+/// input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar).
+void write_input_points(const RunFolder& folder, const PointCloud& points);
+
+}  // namespace gs

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The lens models of COLMAP: their names and parameters, and projection both ways, in double.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <span>
+#include <string_view>
+
+namespace gs {
+
+/// Ids as stored in cameras.bin.
+enum class CameraModel : int {
+    kSimplePinhole = 0,
+    kPinhole = 1,
+    kSimpleRadial = 2,
+    kRadial = 3,
+    kOpenCV = 4,
+    kOpenCVFisheye = 5,
+    kFullOpenCV = 6,
+    kFov = 7,
+    kSimpleRadialFisheye = 8,
+    kRadialFisheye = 9,
+    kThinPrismFisheye = 10,
+    kRadTanThinPrismFisheye = 11,
+    kSimpleDivision = 12,
+    kDivision = 13,
+    kSimpleFisheye = 14,
+    kFisheye = 15,
+    kEucm = 16,
+    kEquirectangular = 17,
+};
+
+struct CameraModelInfo {
+    CameraModel id;
+    std::string_view name;
+    int num_focal;       ///< 1: f,cx,cy; 2: fx,fy,cx,cy; 0: equirectangular, whose only parameters are w,h
+    int num_distortion;  ///< parameters after the principal point
+    int num_params() const { return num_focal == 0 ? 2 : num_focal + 2 + num_distortion; }
+};
+
+/// All models, ordered by id; entry i has id i.
+std::span<const CameraModelInfo> camera_models();
+const CameraModelInfo& camera_model_info(CameraModel model);
+
+/// A camera with lens distortion. Pixel (0,0) has its centre at (0.5,0.5). Models with one focal length have fx = fy here,
+/// so that width and height can be scaled apart. For the equirectangular model fx, fy are the full width and height.
+struct LensCamera {
+    CameraModel model = CameraModel::kPinhole;
+    int width = 0, height = 0;
+    double fx = 0, fy = 0, cx = 0, cy = 0;
+    std::array<double, 12> distortion{};  ///< in COLMAP's order, unused entries 0
+
+    bool operator==(const LensCamera&) const = default;
+};
+
+/// `params` in COLMAP's order; its length must be camera_model_info(model).num_params().
+LensCamera make_lens_camera(CameraModel model, int width, int height, std::span<const double> params);
+
+/// The same lens on an image of another size: focal lengths and principal point scale per axis, distortion stays.
+LensCamera scaled_to(const LensCamera& lens, int width, int height);
+
+/// True when the lens maps straight lines to straight lines, i.e. no undistortion is needed.
+bool is_pinhole(const LensCamera& lens);
+
+/// Pixel of a point in camera space (OpenCV axes). Empty behind the camera (except equirectangular), outside the model's
+/// domain, and where the distortion has folded over (non-positive Jacobian), which is no part of a real image.
+std::optional<Eigen::Vector2d> project(const LensCamera& lens, const Eigen::Vector3d& point);
+
+/// Direction in camera space through a pixel: z = 1, or unit length for the equirectangular model. Empty where no ray in
+/// front of the camera belongs to the pixel, or Newton's method does not converge.
+std::optional<Eigen::Vector3d> unproject(const LensCamera& lens, const Eigen::Vector2d& pixel);
+
+}  // namespace gs

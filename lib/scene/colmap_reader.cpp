@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds COLMAP models and checks what their files say.
+#include "lib/scene/colmap_reader.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+
+#include "kernels/core/error.h"
+#include "lib/scene/colmap_checks.h"
+
+namespace gs {
+
+namespace fs = std::filesystem;
+
+namespace colmap {
+
+// Above any camera; what is larger is a damaged file.
+constexpr std::uint64_t kMaxSide = 1 << 20;
+
+std::string read_file(const fs::path& path) {
+    std::error_code error;
+    const std::uintmax_t size = fs::is_regular_file(path, error) ? fs::file_size(path, error) : 0;
+    std::ifstream in(path, std::ios::binary);
+    if (error || !in) throw DataError(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
+    std::string data(size, '\0');
+    in.read(data.data(), static_cast<std::streamsize>(size));
+    if (static_cast<std::uintmax_t>(in.gcount()) != size) throw DataError(fmt::format("{}: cannot be read", path.string()));
+    return data;
+}
+
+void ModelBuilder::add_camera(const fs::path& file, std::uint32_t id, CameraModel model, std::uint64_t width, std::uint64_t height,
+                              std::span<const double> params) {
+    const auto fail = [&](const std::string& what) { throw DataError(fmt::format("{}: camera {}: {}", file.string(), id, what)); };
+    if (width == 0 || height == 0 || width > kMaxSide || height > kMaxSide)
+        fail(fmt::format("width x height is {} x {}; both must be 1 to {}", width, height, kMaxSide));
+    const CameraModelInfo& info = camera_model_info(model);
+    for (std::size_t i = 0; i < params.size(); ++i)
+        if (!std::isfinite(params[i])) fail(fmt::format("parameter {} of {} is {}; must be finite", i, info.name, params[i]));
+    const LensCamera lens = make_lens_camera(model, int(width), int(height), params);
+    if (!(lens.fx > 0 && lens.fy > 0)) fail(fmt::format("focal length is ({:g}, {:g}); must be positive", lens.fx, lens.fy));
+    if (!model_.cameras.emplace(id, lens).second) fail("the id appears twice");
+}
+
+void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::array<double, 7>& pose, std::uint32_t camera_id,
+                             std::string name) {
+    const auto fail = [&](const std::string& what) {
+        throw DataError(fmt::format("{}: image {} ('{}'): {}", file.string(), id, name, what));
+    };
+    if (!image_ids_.insert(id).second) fail("the id appears twice");
+    if (name.empty()) fail("the name is empty");
+    if (!model_.cameras.contains(camera_id)) fail(fmt::format("camera_id {} is not among the cameras", camera_id));
+    Eigen::Quaterniond q(pose[0], pose[1], pose[2], pose[3]);
+    const Eigen::Vector3d t(pose[4], pose[5], pose[6]);
+    const double norm = q.coeffs().stableNorm();
+    // Not only NaN: a quaternion without a direction has no rotation either.
+    if (!std::isfinite(norm) || norm < 1e-12 || !t.allFinite()) {
+        if (skipped_images_++ == 0) first_skipped_image_ = name;
+        return;
+    }
+    q.coeffs() /= norm;
+    model_.images.push_back(
+        {.id = id, .camera_id = camera_id, .name = std::move(name), .rotation = q.toRotationMatrix(), .translation = t});
+}
+
+void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen::Vector3d& position, const std::array<int, 3>& rgb) {
+    if (!point_ids_.insert(id).second) throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
+    // In float, because a finite double may overflow there.
+    const Eigen::Vector3f p = position.cast<float>();
+    if (!p.allFinite()) {
+        ++skipped_points_;
+        return;
+    }
+    model_.points.positions.push_back(p);
+    model_.points.colors.push_back(Eigen::Vector3f(float(rgb[0]), float(rgb[1]), float(rgb[2])) / 255.0f);
+}
+
+void ModelBuilder::finish() {
+    if (skipped_images_ > 0)
+        note(fmt::format("{} images with a non-finite or zero pose (first: {}): skipped", skipped_images_, first_skipped_image_));
+    if (skipped_points_ > 0) note(fmt::format("{} points with non-finite coordinates: skipped", skipped_points_));
+}
+
+}  // namespace colmap
+
+namespace {
+
+bool is_file(const fs::path& path) {
+    std::error_code ignored;
+    return fs::is_regular_file(path, ignored);
+}
+
+bool has_binary(const fs::path& folder) { return is_file(folder / "cameras.bin") && is_file(folder / "images.bin"); }
+bool has_text(const fs::path& folder) { return is_file(folder / "cameras.txt") && is_file(folder / "images.txt"); }
+
+/// Number of images a model claims; only used to choose between models.
+std::uint64_t count_images(const fs::path& folder) {
+    if (has_binary(folder)) {
+        std::uint64_t count = 0;
+        std::ifstream in(folder / "images.bin", std::ios::binary);
+        in.read(reinterpret_cast<char*>(&count), sizeof(count));
+        return in ? count : 0;
+    }
+    // A comment-free estimate: two lines per image.
+    std::ifstream in(folder / "images.txt");
+    std::uint64_t lines = 0;
+    for (std::string line; std::getline(in, line);) lines += line.empty() || line[0] != '#';
+    return lines / 2;
+}
+
+}  // namespace
+
+fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& notes) {
+    std::vector<std::pair<std::uint64_t, fs::path>> candidates;
+    std::error_code error;
+    for (const fs::directory_entry& entry : fs::directory_iterator(scene / "sparse", error))
+        if (entry.is_directory(error) && (has_binary(entry.path()) || has_text(entry.path())))
+            candidates.emplace_back(count_images(entry.path()), entry.path());
+    if (!candidates.empty()) {
+        const auto best = *std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
+            return a.first != b.first ? a.first > b.first : a.second < b.second;
+        });
+        if (candidates.size() > 1)
+            notes.push_back(fmt::format("{} COLMAP models in {}: using {} with {} images, the most", candidates.size(),
+                                        (scene / "sparse").string(), best.second.filename().string(), best.first));
+        return best.second;
+    }
+    for (const fs::path& folder : {scene / "sparse", scene})
+        if (has_binary(folder) || has_text(folder)) return folder;
+    return {};
+}
+
+ColmapModel read_colmap_model(const fs::path& folder) {
+    ColmapModel model;
+    model.folder = folder;
+    colmap::ModelBuilder builder(model);
+    if (has_binary(folder))
+        colmap::read_binary(folder, builder);
+    else if (has_text(folder))
+        colmap::read_text(folder, builder);
+    else
+        throw DataError(fmt::format("{}: no COLMAP model (cameras and images as .bin or .txt) here", folder.string()));
+    builder.finish();
+    return model;
+}
+
+}  // namespace gs

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// Keeps decoded views in memory under a byte budget and decodes ahead on background threads.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// Decodes each view once and keeps it while all kept images fit the budget; the least recently used ones are dropped and read
+/// again when asked for. Prefetched images wait for their `get` even beyond the budget, so that it is exceeded by at most the
+/// images in flight (prefetched or being decoded). All members may be called from any thread.
+class ImageCache {
+  public:
+    /// `views` must outlive the cache. A budget of 0 keeps nothing. Without prefetch threads `prefetch` does nothing.
+    ImageCache(const std::vector<View>& views, std::size_t budget_bytes, int prefetch_threads);
+    /// Waits for decodes in progress; drops queued ones.
+    ~ImageCache();
+    ImageCache(const ImageCache&) = delete;
+    ImageCache& operator=(const ImageCache&) = delete;
+
+    /// The decoded view, shared with the cache. Decodes on the calling thread if no other thread does so already.
+    /// Throws what View::load threw, be it in a prefetch; the next `get` tries again.
+    std::shared_ptr<const ViewImage> get(std::size_t index);
+
+    /// Queues a decode unless the view is there, queued, or being decoded.
+    void prefetch(std::size_t index);
+
+    double wait_seconds() const;         ///< time `get` spent decoding or waiting, all calls together
+    std::size_t resident_bytes() const;  ///< of all images the cache holds now
+    std::uint64_t num_decodes() const;   ///< calls of View::load so far
+
+  private:
+    enum class State { kAbsent, kQueued, kLoading, kReady, kFailed };
+    struct Entry {
+        State state = State::kAbsent;
+        bool pinned = false;  ///< prefetched and not yet taken
+        std::shared_ptr<const ViewImage> image;
+        std::exception_ptr error;
+        std::list<std::size_t>::iterator recency;  ///< valid while kReady
+    };
+
+    void work();
+    void load(std::size_t index, std::unique_lock<std::mutex>& lock);
+    std::shared_ptr<const ViewImage> take(std::size_t index);
+    void evict();
+
+    const std::vector<View>& views_;
+    const std::size_t budget_bytes_;
+    mutable std::mutex mutex_;
+    std::condition_variable queued_, loaded_;
+    std::vector<Entry> entries_;
+    std::list<std::size_t> recency_;  ///< kReady entries, most recently used first
+    std::deque<std::size_t> queue_;
+    std::size_t resident_bytes_ = 0;
+    std::uint64_t num_decodes_ = 0;
+    double wait_seconds_ = 0;
+    bool stop_ = false;
+    std::vector<std::thread> threads_;
+};
+
+}  // namespace gs

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// A COLMAP scene: model, image folder, masks, points.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "kernels/core/error.h"
+#include "lib/io/ply_file.h"
+#include "lib/scene/colmap_reader.h"
+#include "lib/scene/image_files.h"
+#include "lib/scene/source_scene.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The folder to read images from: for a divisor the pre-scaled images_N if there is one.
+fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options, SourceScene& out) {
+    std::error_code ignored;
+    const bool divisor = options.resolution == 2 || options.resolution == 4 || options.resolution == 8;
+    if (divisor) {
+        const fs::path scaled = scene / fmt::format("{}_{}", options.images, options.resolution);
+        if (fs::is_directory(scaled, ignored)) {
+            out.prescaled = options.resolution;
+            out.notes.push_back(fmt::format("images: {} as they are, for resolution {}", scaled.filename().string(), options.resolution));
+            return scaled;
+        }
+    }
+    const fs::path folder = scene / options.images;
+    if (!fs::is_directory(folder, ignored))
+        throw DataError(fmt::format("{}: image folder '{}' does not exist (choose another with --images)", scene.string(), options.images));
+    return folder;
+}
+
+/// Pairs names of the full-size folder with files of a pre-scaled one by sorted order: some publishers renumber the files.
+class SortedPairs {
+  public:
+    SortedPairs(const ImageFolder& full, const ImageFolder& scaled) : full_(full), scaled_(scaled) {}
+
+    std::optional<fs::path> find(const std::string& name) const {
+        const auto& names = full_.names();
+        const auto it = std::lower_bound(names.begin(), names.end(), name);
+        if (names.size() != scaled_.names().size() || it == names.end() || *it != name) return {};
+        return scaled_.path() / scaled_.names()[it - names.begin()];
+    }
+
+  private:
+    const ImageFolder &full_, &scaled_;
+};
+
+void read_points(const fs::path& scene, const fs::path& model_folder, ColmapModel& model, SourceScene& out) {
+    std::error_code ignored;
+    out.points = std::move(model.points);
+    const bool has_file = fs::exists(model_folder / "points3D.bin", ignored) || fs::exists(model_folder / "points3D.txt", ignored);
+    for (const fs::path& folder : {model_folder, scene})
+        if (const fs::path ply = folder / "points3D.ply"; !has_file && out.points.positions.empty() && fs::exists(ply, ignored)) {
+            out.points = read_point_ply(ply);
+            out.notes.push_back(fmt::format("points: {} from {}", out.points.positions.size(), ply.string()));
+        }
+}
+
+void note_masks(const SourceScene& scene, std::vector<std::string>& notes) {
+    const std::size_t masks = std::count_if(scene.views.begin(), scene.views.end(), [](const SourceView& v) { return v.mask.has_value(); });
+    if (masks > 0 && masks < scene.views.size())
+        notes.push_back(fmt::format("{} of {} images have no mask: used whole", scene.views.size() - masks, scene.views.size()));
+}
+
+}  // namespace
+
+PointCloud read_point_ply(const fs::path& path) {
+    PlyReader reader(path);
+    const int x = reader.require("x"), y = reader.require("y"), z = reader.require("z");
+    const int color[3] = {reader.find("red"), reader.find("green"), reader.find("blue")};
+    const bool colored = color[0] >= 0 && color[1] >= 0 && color[2] >= 0;
+    const bool unit = colored && (reader.header().properties[color[0]].type == PlyType::kFloat ||
+                                  reader.header().properties[color[0]].type == PlyType::kDouble);
+    PointCloud points;
+    while (const std::int64_t rows = reader.next_chunk())
+        for (std::int64_t r = 0; r < rows; ++r) {
+            const Eigen::Vector3f p(float(reader.value(r, x)), float(reader.value(r, y)), float(reader.value(r, z)));
+            if (!p.allFinite()) continue;
+            Eigen::Vector3f rgb = Eigen::Vector3f::Constant(0.5f);
+            for (int c = 0; colored && c < 3; ++c)
+                rgb[c] = std::clamp(float(reader.value(r, color[c])) / (unit ? 1.0f : 255.0f), 0.0f, 1.0f);
+            points.positions.push_back(p);
+            points.colors.push_back(rgb.allFinite() ? rgb : Eigen::Vector3f(Eigen::Vector3f::Constant(0.5f)));
+        }
+    return points;
+}
+
+SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, const SceneOptions& options) {
+    ColmapModel model = read_colmap_model(model_folder);
+    SourceScene out;
+    out.kind = "colmap";
+    out.notes = std::move(model.notes);
+    const ImageFolder folder(choose_image_folder(scene, options, out));
+    const ImageFolder full(out.prescaled > 1 ? scene / options.images : fs::path());
+    const SortedPairs pairs(full, folder);
+    out.image_folder = folder.path().lexically_relative(scene).generic_string();
+
+    Preflight preflight;
+    for (const ColmapImage& image : model.images) {
+        SourceView view;
+        view.name = image.name;
+        view.lens = model.cameras.at(image.camera_id);
+        view.rotation = image.rotation;
+        view.translation = image.translation;
+        std::optional<fs::path> file = folder.find(image.name);
+        if (!file) file = pairs.find(image.name);
+        if (!preflight.accept_file(view, file)) continue;
+        // A pre-scaled folder differs from the camera by design; only what it does not explain is worth a line.
+        if (out.prescaled > 1)
+            view.lens = scaled_to(view.lens, view.info.width, view.info.height);
+        else
+            preflight.fit_lens(view);
+        view.mask = find_mask(scene, image.name, view.image_path, out.prescaled);
+        out.views.push_back(std::move(view));
+    }
+    for (std::string& line : preflight.report(fmt::format("{} with images of {}", model_folder.string(), folder.path().string())))
+        out.notes.push_back(std::move(line));
+    note_masks(out, out.notes);
+    read_points(scene, model_folder, model, out);
+    if (out.points.positions.empty()) out.notes.push_back("the model has no points: random initialisation");
+    std::sort(out.views.begin(), out.views.end(), [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
+    return out;
+}
+
+}  // namespace gs

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recognises a dataset, has it read, splits it and builds its views.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+
+#include "kernels/core/error.h"
+#include "lib/scene/colmap_reader.h"
+#include "lib/scene/image_files.h"
+#include "lib/scene/procedural.h"
+#include "lib/scene/source_scene.h"
+#include "lib/scene/view_builder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+void check_options(const SceneOptions& options) {
+    const auto one_of = [](const std::string& name, const std::string& value, const char* a, const char* b) {
+        if (value != a && value != b) throw UsageError(fmt::format("{} is '{}'; must be '{}' or '{}'", name, value, a, b));
+    };
+    one_of("mask_mode", options.mask_mode, "ignore", "transparent");
+    one_of("alpha_mode", options.alpha_mode, "transparent", "mask");
+    const int r = options.resolution;
+    // Small other numbers are divisors mistyped, not widths.
+    if (r != -1 && r != 1 && r != 2 && r != 4 && r != 8 && r < 16)
+        throw UsageError(fmt::format("resolution is {}; must be -1, 1, 2, 4, 8 or a width of at least 16 pixels", r));
+    if (options.test_every < 0) throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
+}
+
+SourceScene read_source(const fs::path& source, const SceneOptions& options) {
+    std::error_code ignored;
+    if (!fs::exists(source, ignored)) throw DataError(fmt::format("{}: no such folder or file", source.string()));
+    if (!fs::is_directory(source, ignored)) return load_transforms(source);
+    std::vector<std::string> notes;
+    if (const fs::path model = find_colmap_model(source, notes); !model.empty()) {
+        SourceScene scene = load_colmap(source, model, options);
+        scene.notes.insert(scene.notes.begin(), notes.begin(), notes.end());
+        return scene;
+    }
+    if (fs::exists(source / "transforms_train.json", ignored)) return load_nerf_synthetic(source);
+    if (fs::exists(source / "transforms.json", ignored)) return load_transforms(source / "transforms.json");
+    throw DataError(
+        fmt::format("{}: not a scene: neither sparse/0/cameras.bin (or .txt) nor transforms_train.json nor transforms.json found; "
+                    "photographs alone need 'gsapp prepare' first",
+                    source.string()));
+}
+
+/// Marks the views whose names a list file holds, one per line, with or without extension.
+std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
+    std::ifstream in(path);
+    if (!in) throw DataError(fmt::format("test list {}: cannot be opened", path));
+    std::map<std::string, std::size_t> by_name;
+    for (std::size_t i = 0; i < views.size(); ++i) by_name.emplace(without_extension(views[i].name), i);
+    for (std::size_t i = 0; i < views.size(); ++i) by_name[views[i].name] = i;
+    std::vector<bool> test(views.size());
+    std::size_t number = 0;
+    for (std::string line; std::getline(in, line);) {
+        ++number;
+        line.erase(line.find_last_not_of(" \t\r") + 1);
+        if (line.empty() || line[0] == '#') continue;
+        const auto it = by_name.find(line);
+        if (it == by_name.end()) throw DataError(fmt::format("test list {}: line {}: no image is named '{}'", path, number, line));
+        test[it->second] = true;
+    }
+    return test;
+}
+
+/// Which views are held out; says the rule in words.
+std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions& options, std::string& rule) {
+    std::vector<bool> test(scene.views.size());
+    if (!options.eval) {
+        rule = "all views train (no --eval)";
+        if (!scene.given_split.empty()) rule += "; the test views of " + scene.given_split + " train as well, as in 3DGS";
+    } else if (!options.test_list.empty()) {
+        test = read_test_list(options.test_list, scene.views);
+        rule = "test views listed in " + fs::path(options.test_list).filename().string();
+    } else if (!scene.given_split.empty()) {
+        for (std::size_t i = 0; i < test.size(); ++i) test[i] = scene.views[i].given_test;
+        rule = "given: " + scene.given_split;
+    } else if (options.test_every > 0) {
+        for (std::size_t i = 0; i < test.size(); i += options.test_every) test[i] = true;
+        rule = fmt::format("sorted by name, index % {} == 0 is test", options.test_every);
+    } else {
+        rule = "all views train (--test-every 0)";
+    }
+    if (std::find(test.begin(), test.end(), false) == test.end()) {
+        test.assign(test.size(), false);
+        rule = fmt::format("all views train ({} would leave none to train)", rule);
+    }
+    return test;
+}
+
+}  // namespace
+
+double camera_extent(const std::vector<View>& views, const PointCloud& points) {
+    if (views.empty()) return 1;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const View& view : views) mean += view.camera.center() / double(views.size());
+    double radius = 0;
+    for (const View& view : views) radius = std::max(radius, (view.camera.center() - mean).norm());
+    // A zero extent would freeze all positions; cameras in one place say nothing about the size of the scene, its points do.
+    if (1.1 * radius > 1e-6) return 1.1 * radius;
+    Eigen::Vector3d low = mean, high = mean;
+    for (const Eigen::Vector3f& point : points.positions) {
+        low = low.cwiseMin(point.cast<double>());
+        high = high.cwiseMax(point.cast<double>());
+    }
+    return std::max(1e-2 * (high - low).norm(), 1e-6);
+}
+
+Scene load_scene(const SceneOptions& options) {
+    check_options(options);
+    constexpr std::string_view kBuiltin = "builtin:";
+    if (options.source.starts_with(kBuiltin)) return load_builtin_scene(options.source.substr(kBuiltin.size()), options);
+
+    SourceScene source = read_source(options.source, options);
+    Scene scene;
+    scene.source = options.source;
+    scene.kind = source.kind;
+    scene.image_folder = source.image_folder;
+    scene.points = std::move(source.points);
+    scene.random_init_half_extent = source.random_init_half_extent;
+    scene.notes = std::move(source.notes);
+    if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
+
+    const std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
+    ViewBuilder builder(options, source.prescaled);
+    for (std::size_t i = 0; i < source.views.size(); ++i) (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
+    for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
+    scene.has_alpha = builder.has_alpha();
+
+    std::vector<View> all = scene.train;
+    all.insert(all.end(), scene.test.begin(), scene.test.end());
+    if (auto line = check_points(all, scene.points)) scene.notes.push_back(std::move(*line));
+    scene.extent = camera_extent(scene.train, scene.points);
+    return scene;
+}
+
+}  // namespace gs

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes described by transforms*.json: NeRF-synthetic folders, and single files of instant-ngp and nerfstudio.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "kernels/core/error.h"
+#include "lib/scene/image_files.h"
+#include "lib/scene/source_scene.h"
+#include "lib/scene/transforms_reader.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// file_path may leave out the extension.
+std::optional<fs::path> find_image(const fs::path& folder, const std::string& file_path) {
+    std::error_code ignored;
+    const fs::path exact = folder / file_path;
+    if (fs::is_regular_file(exact, ignored)) return exact;
+    for (const std::string_view extension : kImageExtensions)
+        if (fs::path candidate = exact.string() + std::string(extension); fs::is_regular_file(candidate, ignored)) return candidate;
+    return {};
+}
+
+void append(const TransformsFile& file, Preflight& preflight, bool given_test, SourceScene& out) {
+    const fs::path folder = file.path.parent_path();
+    for (const TransformsFrame& frame : file.frames) {
+        SourceView view;
+        const std::optional<fs::path> image = find_image(folder, frame.file_path);
+        view.name = has_image_extension(frame.file_path) || !image ? frame.file_path : frame.file_path + image->extension().string();
+        view.rotation = frame.rotation;
+        view.translation = frame.translation;
+        view.given_test = given_test;
+        if (!preflight.accept_file(view, image)) continue;
+        view.lens = resolve_intrinsics(frame.intrinsics, view.info.width, view.info.height,
+                                       fmt::format("{}: frame '{}'", file.path.string(), frame.file_path));
+        preflight.fit_lens(view);
+        if (frame.mask_path.empty())
+            view.mask = find_mask(folder, view.name, view.image_path, 1);
+        else
+            view.mask = MaskFile{folder / frame.mask_path, false};
+        out.views.push_back(std::move(view));
+    }
+    for (const std::string& line : file.notes) out.notes.push_back(line);
+}
+
+void finish(const Preflight& preflight, const fs::path& source, SourceScene& out) {
+    for (std::string& line : preflight.report(source.string())) out.notes.push_back(std::move(line));
+}
+
+void sort_by_name(SourceScene& scene) {
+    std::sort(scene.views.begin(), scene.views.end(), [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
+}
+
+void apply_explicit_split(const TransformsFile& file, SourceScene& out) {
+    if (!file.test_filenames) return;
+    const std::set<std::string> test(file.test_filenames->begin(), file.test_filenames->end());
+    for (SourceView& view : out.views) view.given_test = test.contains(view.name) || test.contains(without_extension(view.name));
+    out.given_split = "test_filenames of " + file.path.filename().string();
+}
+
+}  // namespace
+
+SourceScene load_nerf_synthetic(const fs::path& folder) {
+    SourceScene out;
+    out.kind = "nerf-synthetic";
+    // Blender scenes of this set fill a cube of this half side around the origin (data-formats specification 4).
+    out.random_init_half_extent = 1.5;
+    Preflight preflight;
+    append(read_transforms(folder / "transforms_train.json"), preflight, false, out);
+    std::error_code ignored;
+    if (const fs::path test = folder / "transforms_test.json"; fs::exists(test, ignored)) {
+        append(read_transforms(test), preflight, true, out);
+        out.given_split = "transforms_train.json / transforms_test.json";
+    }
+    finish(preflight, folder / "transforms_train.json", out);
+    return out;
+}
+
+SourceScene load_transforms(const fs::path& path) {
+    const TransformsFile file = read_transforms(path);
+    SourceScene out;
+    out.kind = "transforms";
+    Preflight preflight;
+    append(file, preflight, false, out);
+    apply_explicit_split(file, out);
+    const fs::path test = path.parent_path() / "transforms_test.json";
+    std::error_code ignored;
+    if (out.given_split.empty() && path.filename() != test.filename() && fs::exists(test, ignored)) {
+        append(read_transforms(test), preflight, true, out);
+        out.given_split = path.filename().string() + " / transforms_test.json";
+    }
+    finish(preflight, path, out);
+    if (!file.point_file.empty()) {
+        const fs::path points = path.parent_path() / file.point_file;
+        if (fs::exists(points, ignored))
+            out.points = read_point_ply(points);
+        else
+            out.notes.push_back(fmt::format("{}: ply_file_path '{}' does not exist: ignored", path.string(), file.point_file));
+    }
+    if (out.points.positions.empty()) out.notes.push_back("the scene has no points: random initialisation");
+    sort_by_name(out);
+    return out;
+}
+
+}  // namespace gs

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Checks of a dataset before training: files that are missing or unreadable, sizes that differ, points that nobody sees.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/core/error.h"
+#include "lib/scene/source_scene.h"
+
+namespace gs {
+namespace {
+
+/// "a.jpg, b.jpg, c.jpg and 7 more".
+std::string listed(const std::vector<std::string>& items) {
+    constexpr std::size_t kShown = 3;
+    std::string text;
+    for (std::size_t i = 0; i < std::min(items.size(), kShown); ++i) text += (i > 0 ? ", " : "") + items[i];
+    if (items.size() > kShown) text += fmt::format(" and {} more", items.size() - kShown);
+    return text;
+}
+
+bool sees(const Camera& camera, const Eigen::Vector3d& point) {
+    const Eigen::Vector3d p = camera.rotation * point + camera.translation;
+    if (!(p.z() > 0)) return false;
+    const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
+    return x >= 0 && y >= 0 && x < camera.width && y < camera.height;
+}
+
+}  // namespace
+
+bool Preflight::accept_file(SourceView& view, const std::optional<std::filesystem::path>& file) {
+    if (names_.contains(view.name)) {
+        duplicate_.push_back(view.name);
+        return false;
+    }
+    if (!file) {
+        missing_.push_back(view.name);
+        return false;
+    }
+    try {
+        view.info = read_image_info(*file);
+    } catch (const DataError& error) {
+        unreadable_.push_back(error.what());
+        return false;
+    }
+    view.image_path = *file;
+    names_.insert(view.name);
+    return true;
+}
+
+void Preflight::fit_lens(SourceView& view) {
+    if (view.lens.width == view.info.width && view.lens.height == view.info.height) return;
+    rescaled_.push_back(
+        fmt::format("{} is {}x{}, its camera {}x{}", view.name, view.info.width, view.info.height, view.lens.width, view.lens.height));
+    view.lens = scaled_to(view.lens, view.info.width, view.info.height);
+}
+
+std::vector<std::string> Preflight::report(const std::string& where) const {
+    std::vector<std::string> lines;
+    if (!missing_.empty()) lines.push_back(fmt::format("{} images missing: skipped ({})", missing_.size(), listed(missing_)));
+    if (!unreadable_.empty()) lines.push_back(fmt::format("{} images unreadable: skipped ({})", unreadable_.size(), listed(unreadable_)));
+    if (!duplicate_.empty())
+        lines.push_back(fmt::format("{} image names appear more than once: the first is used ({})", duplicate_.size(), listed(duplicate_)));
+    if (names_.empty()) {
+        std::string reasons;
+        for (const std::string& line : lines) reasons += "; " + line;
+        throw DataError(fmt::format("{}: no usable image{}", where, reasons.empty() ? "; the file lists none" : reasons));
+    }
+    if (!rescaled_.empty())
+        lines.push_back(
+            fmt::format("{} images differ in size from their camera: intrinsics scaled per axis ({})", rescaled_.size(), rescaled_[0]));
+    return lines;
+}
+
+std::optional<std::string> check_points(const std::vector<View>& views, const PointCloud& points) {
+    std::int64_t unseen = 0;
+    const std::int64_t count = std::int64_t(points.positions.size());
+#pragma omp parallel for schedule(static) reduction(+ : unseen)
+    for (std::int64_t block = 0; block < (count + 1023) / 1024; ++block) {
+        std::size_t last = 0;  // neighbours in the file are mostly seen by the same camera
+        for (std::int64_t i = block * 1024; i < std::min(count, block * 1024 + 1024); ++i) {
+            const Eigen::Vector3d point = points.positions[i].cast<double>();
+            std::size_t tried = 0;
+            for (; tried < views.size() && !sees(views[last].camera, point); ++tried) last = (last + 1) % views.size();
+            unseen += tried == views.size();
+        }
+    }
+    if (unseen == 0) return {};
+    if (unseen == count)
+        return fmt::format("none of the {} points projects into an image: kept, but poses and points do not fit together", count);
+    return fmt::format("{} of {} points project into no image: kept, no image moves them", unseen, count);
+}
+
+}  // namespace gs

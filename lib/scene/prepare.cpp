@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Drives colmap through its four stages.
+#include "lib/scene/prepare.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
+#include <unistd.h>
+
+#include <cctype>
+#include <cstdint>
+#include <fstream>
+#include <set>
+#include <vector>
+
+#include "kernels/core/error.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/process.h"
+#include "lib/io/image.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kNumStages = 4;
+
+/// A folder that disappears again unless it was moved to its final place.
+struct WorkFolder {
+    fs::path path;
+    explicit WorkFolder(const fs::path& target) : path(target.string() + fmt::format(".partial-{}", ::getpid())) {
+        std::error_code error;
+        fs::create_directories(path, error);
+        if (error) throw DataError(fmt::format("{}: cannot be created: {}", path.string(), error.message()));
+    }
+    ~WorkFolder() {
+        std::error_code ignored;
+        fs::remove_all(path, ignored);
+    }
+};
+
+bool lies_within(const fs::path& inner, const fs::path& outer) {
+    const fs::path relative = fs::weakly_canonical(inner).lexically_relative(fs::weakly_canonical(outer));
+    return !relative.empty() && *relative.begin() != "..";
+}
+
+/// Checks the target before hours are spent.
+void check_target(const PrepareOptions& options) {
+    std::error_code ignored;
+    if (lies_within(options.scene, options.images))
+        throw UsageError(
+            fmt::format("{} lies inside the folder of photographs {}; give another -o", options.scene.string(), options.images.string()));
+    if (!fs::exists(options.scene, ignored)) return;
+    const std::string target = options.scene.string();
+    if (lies_within(options.images, options.scene))
+        throw UsageError(
+            fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target, options.images.string()));
+    if (fs::is_directory(options.scene, ignored) && fs::is_empty(options.scene, ignored)) return;
+    if (!fs::is_directory(options.scene / "sparse", ignored))
+        throw UsageError(fmt::format("{} exists and is no scene; give another -o", target));
+    if (!options.overwrite) throw UsageError(fmt::format("{} exists; --overwrite replaces it", target));
+}
+
+/// Whether all photographs have one size, so that they may share one camera. Throws DataError when there are none.
+bool same_size(const fs::path& images) {
+    std::error_code error;
+    std::set<std::pair<int, int>> sizes;
+    for (fs::recursive_directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
+        if (!it->is_regular_file()) continue;
+        try {
+            const ImageInfo info = read_image_info(it->path());
+            sizes.insert({info.width, info.height});
+        } catch (const DataError&) {
+            // Notes and other files between the photographs; colmap skips them, too.
+        }
+    }
+    if (error) throw DataError(fmt::format("{}: cannot be read: {}", images.string(), error.message()));
+    if (sizes.empty()) throw DataError(fmt::format("{}: no photographs found", images.string()));
+    return sizes.size() == 1;
+}
+
+/// "3/67" out of "Processed file [3/67]"; empty when the line holds no such count.
+std::string count_in(const std::string& line) {
+    const auto open = line.find('['), slash = line.find('/', open);
+    if (open == std::string::npos || slash == std::string::npos) return "";
+    std::size_t end = slash + 1;
+    while (end < line.size() && std::isdigit(static_cast<unsigned char>(line[end]))) ++end;
+    const std::string count = line.substr(open + 1, end - open - 1);
+    const bool digits_only = count.find_first_not_of("0123456789/") == std::string::npos;
+    return digits_only && slash > open + 1 && end > slash + 1 ? count : "";
+}
+
+void run_stage(int stage, const std::string& name, const std::vector<std::string>& arguments, const PrepareProgress& progress) {
+    progress(stage, kNumStages, name, "");
+    std::vector<std::string> command = {"colmap"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    ProcessResult result;
+    try {
+        // Debian's colmap is linked with Qt and wants a display even for work without windows.
+        result = run_process(command, {{"QT_QPA_PLATFORM", "offscreen"}}, [&](const std::string& line) {
+            if (const std::string count = count_in(line); !count.empty()) progress(stage, kNumStages, name, count);
+        });
+    } catch (const UsageError& e) {
+        throw UsageError(fmt::format("{}; install it with: apt-get install colmap", e.what()));
+    }
+    if (interrupted()) throw Interrupted(fmt::format("stopped while colmap did: {}", name));
+    if (result.exit_code == 0) return;
+    throw DataError(fmt::format("colmap {} ended with exit code {}; its last lines:\n  {}", arguments[0], result.exit_code,
+                                fmt::join(result.last_lines, "\n  ")));
+}
+
+/// Number of images in a binary model; 0 when there is none.
+std::uint64_t num_images(const fs::path& model) {
+    std::ifstream file(model / "images.bin", std::ios::binary);
+    unsigned char bytes[8] = {};
+    if (!file.read(reinterpret_cast<char*>(bytes), 8)) return 0;
+    std::uint64_t count = 0;
+    for (int i = 7; i >= 0; --i) count = count << 8 | bytes[i];  // little endian in the file
+    return count;
+}
+
+fs::path largest_model(const fs::path& models) {
+    fs::path best;
+    std::uint64_t most = 0;
+    for (int i = 0; fs::exists(models / std::to_string(i)); ++i) {
+        if (const auto n = num_images(models / std::to_string(i)); n > most) most = n, best = models / std::to_string(i);
+    }
+    if (most == 0) throw DataError("colmap found no camera positions; the photographs need more overlap, texture or sharpness");
+    return best;
+}
+
+/// Keeps images/ and sparse/0/ of what image_undistorter wrote.
+void arrange(const fs::path& dense) {
+    std::vector<fs::path> models, superfluous;
+    for (const auto& entry : fs::directory_iterator(dense / "sparse")) {
+        if (entry.is_regular_file()) models.push_back(entry.path());
+    }
+    if (models.empty() || !fs::is_directory(dense / "images"))
+        throw DataError("colmap image_undistorter reported success but wrote no scene");
+    fs::create_directories(dense / "sparse" / "0");
+    for (const fs::path& file : models) fs::rename(file, dense / "sparse" / "0" / file.filename());
+    for (const auto& entry : fs::directory_iterator(dense)) {
+        if (entry.path().filename() != "images" && entry.path().filename() != "sparse") superfluous.push_back(entry.path());
+    }
+    for (const fs::path& path : superfluous) fs::remove_all(path);
+}
+
+}  // namespace
+
+void prepare_scene(const PrepareOptions& options, const PrepareProgress& progress) {
+    if (options.matcher != "exhaustive" && options.matcher != "sequential")
+        throw UsageError(fmt::format("--matcher: '{}' is not one of exhaustive, sequential", options.matcher));
+    check_target(options);
+    const char* single_camera = same_size(options.images) ? "1" : "0";
+    const char* gpu = options.gpu ? "1" : "0";
+    const fs::path target = options.scene.has_filename() ? options.scene : options.scene.parent_path();
+    const WorkFolder work(target);
+    const std::string database = (work.path / "database.db").string(), images = options.images.string();
+    const fs::path models = work.path / "models", dense = work.path / "dense";
+    try {
+        fs::create_directories(models);
+        run_stage(1, "features",
+                  {"feature_extractor", "--database_path", database, "--image_path", images, "--ImageReader.camera_model",
+                   options.camera_model, "--ImageReader.single_camera", single_camera, "--SiftExtraction.use_gpu", gpu},
+                  progress);
+        run_stage(2, "matches", {options.matcher + "_matcher", "--database_path", database, "--SiftMatching.use_gpu", gpu}, progress);
+        run_stage(3, "cameras", {"mapper", "--database_path", database, "--image_path", images, "--output_path", models.string()},
+                  progress);
+        run_stage(4, "undistortion",
+                  {"image_undistorter", "--image_path", images, "--input_path", largest_model(models).string(), "--output_path",
+                   dense.string(), "--output_type", "COLMAP"},
+                  progress);
+        arrange(dense);
+        fs::remove_all(target);
+        fs::rename(dense, target);
+    } catch (const fs::filesystem_error& e) {
+        throw DataError(fmt::format("{}: {}", e.path1().string(), e.code().message()));
+    }
+}
+
+}  // namespace gs

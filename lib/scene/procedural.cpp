@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders a procedural description into a Scene: views, initial points, extent.
+#include "lib/scene/procedural.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "kernels/core/error.h"
+#include "kernels/core/rng.h"
+#include "lib/scene/procedural_description.h"
+
+namespace gs {
+namespace {
+
+using procedural::Description;
+
+/// `resolution` as for photographs: 1, 2, 4, 8 divide, larger values are the width; -1 keeps the scene's own size.
+void apply_resolution(procedural::CameraRig& rig, int resolution) {
+    if (resolution == -1 || resolution == 1) return;
+    const int width = rig.width;
+    if (resolution == 2 || resolution == 4 || resolution == 8)
+        rig.width = int(std::lround(double(width) / resolution));
+    else if (resolution > 8)
+        rig.width = resolution;
+    else
+        throw UsageError(fmt::format("resolution {} is neither -1, 1, 2, 4, 8 nor a width above 8 pixels", resolution));
+    rig.height = std::max(1, int(std::lround(double(rig.height) * rig.width / width)));
+}
+
+/// 8-bit by the rounding of the evaluation protocol.
+Image quantized(const Image& in, double exposure) {
+    Image out{in.width, in.height, 3, {}, {}};
+    out.u8.resize(in.f32.size());
+    std::transform(in.f32.begin(), in.f32.end(), out.u8.begin(),
+                   [&](float v) { return std::uint8_t(std::clamp(double(v) * exposure, 0.0, 1.0) * 255 + 0.5); });
+    return out;
+}
+
+View make_view(const Description& description, bool test, int index) {
+    View view;
+    view.name = fmt::format("{}/{:03}.png", test ? "test" : "train", index);
+    view.camera = procedural::rig_camera(description.cameras, test, index);
+    const procedural::World world = test ? description.world : procedural::train_world(description, index);
+    const double exposure = test ? 1.0 : procedural::train_exposure(description, index);
+    auto pixels = std::make_shared<const Image>(quantized(procedural::render(world, view.camera, description.pixel_grid), exposure));
+    view.image_bytes = pixels->bytes();
+    view.load = [pixels] { return ViewImage{*pixels, std::nullopt}; };
+    return view;
+}
+
+/// Surface points seen through random pixels of the training cameras, with the colour they have without gloss: what
+/// structure from motion would deliver, but exact.
+PointCloud sample_points(const Description& description) {
+    PointCloud cloud;
+    // A rig that looks past everything must not loop for ever.
+    const std::uint32_t attempts = 20u * std::uint32_t(description.points);
+    for (std::uint32_t i = 0; i < attempts && cloud.positions.size() < std::size_t(description.points); ++i) {
+        const Philox4 random = philox(0, RngStream::kScene, 1, i);
+        const Camera camera = procedural::rig_camera(description.cameras, false, int(i % std::uint32_t(description.cameras.train)));
+        const auto ray = procedural::camera_ray(camera, camera.width * uniform_from_bits<double>(random.v[0]),
+                                                camera.height * uniform_from_bits<double>(random.v[1]));
+        if (const auto hit = procedural::intersect(description.world, ray)) {
+            cloud.positions.push_back(hit->position.cast<float>());
+            cloud.colors.push_back(procedural::shade(description.world, *hit, ray.direction).diffuse.cwiseMin(1.0).cast<float>());
+        }
+    }
+    return cloud;
+}
+
+void note_violations(const Description& description, Scene& scene) {
+    if (description.moved)
+        scene.notes.push_back(fmt::format("'{}' stands elsewhere in every {}. training view, as the scene asks for",
+                                          description.moved->shape, description.moved->every));
+    if (description.exposure)
+        scene.notes.push_back(
+            fmt::format("training views differ in exposure by up to {} stops, as the scene asks for", description.exposure->stops));
+    if (description.shadow)
+        scene.notes.push_back(
+            fmt::format("a shadow passes through every {}. training view, as the scene asks for", description.shadow->every));
+}
+
+}  // namespace
+
+std::vector<std::string> builtin_scene_names() { return procedural::embedded_scene_names(); }
+
+Scene load_builtin_scene(const std::string& name, const SceneOptions& options) {
+    Description description = procedural::load_description(name);
+    apply_resolution(description.cameras, options.resolution);
+    Scene scene;
+    scene.source = "builtin:" + name;
+    scene.kind = "builtin";
+    for (int i = 0; i < description.cameras.train; ++i) scene.train.push_back(make_view(description, false, i));
+    for (int i = 0; options.eval && i < description.cameras.test; ++i) scene.test.push_back(make_view(description, true, i));
+    scene.split_rule =
+        options.eval ? "training and test cameras of the procedural scene" : "training cameras of the procedural scene, no test views";
+    scene.points = sample_points(description);
+    scene.extent = camera_extent(scene.train, scene.points);
+    note_violations(description, scene);
+    return scene;
+}
+
+}  // namespace gs

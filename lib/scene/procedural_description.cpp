@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// From YAML to a procedural scene's description, and from the description to single views.
+#include "lib/scene/procedural_description.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "kernels/core/error.h"
+#include "kernels/core/rng.h"
+#include "lib/scene/procedural_yaml.h"
+
+namespace gs::procedural {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kDegree = M_PI / 180;
+constexpr double kFar = 1e6;                        ///< limit of coordinates: far beyond any use, still exact arithmetic
+constexpr double kGoldenTurn = 0.6180339887498949;  ///< golden ratio - 1: spreads directions evenly for any count
+constexpr double kMaxColor = 10;                    ///< lights may be brighter than white, but a slip of a digit is caught
+
+const std::vector<std::string> kTopKeys = {"base",       "shapes",  "lights",     "sky",    "ambient",
+                                           "background", "cameras", "pixel_grid", "points", "violations"};
+
+Vector3d unit(const YamlSection& section, const std::string& key, Vector3d v) {
+    if (v.norm() < 1e-12) throw UsageError(fmt::format("{}: the zero vector has no direction", section.where(key)));
+    return v.normalized();
+}
+
+Material read_material(const YAML::Node& node, const std::string& where) {
+    const YamlSection section(node, where, {"albedo", "albedo2", "checker", "specular", "sharpness"});
+    Material m;
+    section.read("albedo", m.albedo, 0, 1);
+    m.albedo2 = m.albedo;
+    section.read("albedo2", m.albedo2, 0, 1);
+    section.read("checker", m.checker, 0, kFar);
+    section.read("specular", m.specular, 0, kMaxColor);
+    section.read("sharpness", m.sharpness, 1, 1e5);
+    return m;
+}
+
+Shape read_shape(const YAML::Node& node, const std::string& where) {
+    const YamlSection section(node, where, {"name", "kind", "center", "radius", "half_size", "rotation", "material"});
+    Shape shape;
+    std::string kind = "sphere";
+    section.read("name", shape.name);
+    section.read("kind", kind);
+    if (kind == "sphere")
+        shape.kind = ShapeKind::kSphere;
+    else if (kind == "box")
+        shape.kind = ShapeKind::kBox;
+    else if (kind == "plane")
+        shape.kind = ShapeKind::kPlane;
+    else
+        throw UsageError(fmt::format("{}: '{}' is not one of sphere, box, plane", section.where("kind"), kind));
+    section.read("center", shape.center, -kFar, kFar);
+    section.read("radius", shape.radius, 1e-6, kFar);
+    section.read("half_size", shape.half_size, 1e-6, kFar);
+    Vector3d degrees = Vector3d::Zero();
+    section.read("rotation", degrees, -360, 360);
+    shape.rotation =
+        (Eigen::AngleAxisd(degrees.z() * kDegree, Vector3d::UnitZ()) * Eigen::AngleAxisd(degrees.y() * kDegree, Vector3d::UnitY()) *
+         Eigen::AngleAxisd(degrees.x() * kDegree, Vector3d::UnitX()))
+            .toRotationMatrix();
+    if (section.has("material")) shape.material = read_material(section.node("material"), section.where("material"));
+    return shape;
+}
+
+Light read_light(const YAML::Node& node, const std::string& where) {
+    const YamlSection section(node, where, {"kind", "direction", "center", "edge_u", "edge_v", "samples", "color"});
+    Light light;
+    std::string kind = "directional";
+    section.read("kind", kind);
+    if (kind != "directional" && kind != "area")
+        throw UsageError(fmt::format("{}: '{}' is not one of directional, area", section.where("kind"), kind));
+    light.directional = kind == "directional";
+    section.read("direction", light.direction, -kFar, kFar);
+    light.direction = unit(section, "direction", light.direction);
+    section.read("center", light.center, -kFar, kFar);
+    section.read("edge_u", light.edge_u, -kFar, kFar);
+    section.read("edge_v", light.edge_v, -kFar, kFar);
+    section.read("samples", light.samples, 1, 64);
+    section.read("color", light.color, 0, kMaxColor);
+    return light;
+}
+
+World read_world(const YamlSection& top) {
+    World world;
+    for (const YAML::Node& node : top.items("shapes"))
+        world.shapes.push_back(read_shape(node, top.where(fmt::format("shapes[{}]", world.shapes.size()))));
+    for (const YAML::Node& node : top.items("lights"))
+        world.lights.push_back(read_light(node, top.where(fmt::format("lights[{}]", world.lights.size()))));
+    if (world.shapes.empty()) throw UsageError(fmt::format("{}: at least one shape is needed", top.where("shapes")));
+    if (top.has("sky")) {
+        const YamlSection sky(top.node("sky"), top.where("sky"), {"zenith", "horizon", "ground"});
+        sky.read("zenith", world.sky.zenith, 0, kMaxColor);
+        sky.read("horizon", world.sky.horizon, 0, kMaxColor);
+        sky.read("ground", world.sky.ground, 0, kMaxColor);
+    }
+    top.read("ambient", world.ambient, 0, kMaxColor);
+    const bool sky_seen = !top.has("background") || (top.node("background").IsScalar() && top.node("background").Scalar() == "sky");
+    if (!sky_seen) {
+        world.background = Vector3d::Zero();
+        top.read("background", *world.background, 0, 1);
+    }
+    return world;
+}
+
+CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
+    const YamlSection section(node, where,
+                              {"width", "height", "fov", "radius", "elevation_min", "elevation_max", "look_at", "train", "test"});
+    CameraRig rig;
+    section.read("width", rig.width, 8, 16384);
+    section.read("height", rig.height, 8, 16384);
+    section.read("fov", rig.fov, 1, 170);
+    section.read("radius", rig.radius, 1e-3, kFar);
+    // Not straight up or down: there the picture's "up" is undefined.
+    section.read("elevation_min", rig.elevation_min, -89, 89);
+    section.read("elevation_max", rig.elevation_max, rig.elevation_min, 89);
+    section.read("look_at", rig.look_at, -kFar, kFar);
+    section.read("train", rig.train, 1, 10000);
+    section.read("test", rig.test, 0, 10000);
+    return rig;
+}
+
+void read_violations(const YAML::Node& node, const std::string& where, Description& out) {
+    const YamlSection section(node, where, {"moved", "exposure", "shadow"});
+    if (section.has("moved")) {
+        const YamlSection moved(section.node("moved"), section.where("moved"), {"shape", "offset", "every"});
+        out.moved.emplace();
+        moved.read("shape", out.moved->shape);
+        moved.read("offset", out.moved->offset, -kFar, kFar);
+        moved.read("every", out.moved->every, 1, 10000);
+        const auto& shapes = out.world.shapes;
+        if (std::none_of(shapes.begin(), shapes.end(), [&](const Shape& s) { return s.name == out.moved->shape; }))
+            throw UsageError(fmt::format("{}: no shape is named '{}'", moved.where("shape"), out.moved->shape));
+    }
+    if (section.has("exposure")) {
+        const YamlSection exposure(section.node("exposure"), section.where("exposure"), {"stops", "seed"});
+        out.exposure.emplace();
+        int seed = 0;
+        exposure.read("stops", out.exposure->stops, 0, 10);
+        exposure.read("seed", seed, 0, 1 << 30);
+        out.exposure->seed = std::uint64_t(seed);
+    }
+    if (section.has("shadow")) {
+        const YamlSection shadow(section.node("shadow"), section.where("shadow"), {"from", "to", "radius", "every"});
+        out.shadow.emplace();
+        shadow.read("from", out.shadow->from, -kFar, kFar);
+        shadow.read("to", out.shadow->to, -kFar, kFar);
+        shadow.read("radius", out.shadow->radius, 1e-6, kFar);
+        shadow.read("every", out.shadow->every, 1, 10000);
+    }
+}
+
+YAML::Node parse_yaml(const std::string& text, const std::string& origin) {
+    try {
+        return YAML::Load(text);
+    } catch (const YAML::Exception& e) {
+        throw UsageError(fmt::format("{}: not valid YAML, line {}: {}", origin, e.mark.line + 1, e.msg));
+    }
+}
+
+const char* known_scene(const std::string& name) {
+    if (const char* text = embedded_scene(name)) return text;
+    throw UsageError(fmt::format("builtin:{}: no such scene; known are {} (or the path of a .yaml file)", name,
+                                 fmt::join(embedded_scene_names(), ", ")));
+}
+
+/// Follows `base: NAME`: keys of the file replace the same keys of the scene it builds on.
+YAML::Node with_base(const YAML::Node& node) {
+    if (!node.IsMap() || !node["base"]) return node;
+    YAML::Node merged = with_base(YAML::Load(known_scene(node["base"].as<std::string>())));
+    for (const auto& entry : node) merged[entry.first.Scalar()] = entry.second;
+    return merged;
+}
+
+}  // namespace
+
+Description parse_description(const std::string& text, const std::string& origin) {
+    const YAML::Node own = parse_yaml(text, origin);
+    const YamlSection checked(own, origin, kTopKeys);  // before merging, so that messages are about this file
+    std::string base;
+    checked.read("base", base);
+    const YamlSection top(with_base(own), origin, kTopKeys);
+    Description description;
+    description.world = read_world(top);
+    if (top.has("cameras")) description.cameras = read_cameras(top.node("cameras"), top.where("cameras"));
+    top.read("pixel_grid", description.pixel_grid, 1, 16);
+    top.read("points", description.points, 0, 10000000);
+    if (top.has("violations")) read_violations(top.node("violations"), top.where("violations"), description);
+    return description;
+}
+
+Description load_description(const std::string& name) {
+    const bool is_file = name.size() > 5 && (name.ends_with(".yaml") || name.ends_with(".yml"));
+    if (!is_file) return parse_description(known_scene(name), "builtin:" + name);
+    std::ifstream file(name, std::ios::binary);
+    std::stringstream text;
+    if (!file || !(text << file.rdbuf())) throw DataError(fmt::format("{}: cannot be read", name));
+    return parse_description(text.str(), name);
+}
+
+Camera rig_camera(const CameraRig& rig, bool test, int index) {
+    // Training azimuths follow the golden angle and climb steadily; test azimuths are even and their heights mixed, so
+    // that no test view repeats a training view.
+    const double count = test ? rig.test : rig.train;
+    const double even = (index + 0.5) / count, spread = std::fmod(index * kGoldenTurn, 1.0);
+    const double azimuth = 2 * M_PI * (test ? even : spread);
+    const double elevation = kDegree * (rig.elevation_min + (rig.elevation_max - rig.elevation_min) * (test ? spread : even));
+    const Vector3d outward(std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+    const Vector3d forward = -outward, right = forward.cross(Vector3d::UnitZ()).normalized(), down = forward.cross(right);
+    Camera camera;
+    camera.width = rig.width;
+    camera.height = rig.height;
+    camera.fx = camera.fy = 0.5 * rig.width / std::tan(0.5 * rig.fov * kDegree);
+    camera.cx = 0.5 * rig.width;
+    camera.cy = 0.5 * rig.height;
+    camera.rotation.row(0) = right;
+    camera.rotation.row(1) = down;
+    camera.rotation.row(2) = forward;
+    camera.translation = -camera.rotation * (rig.look_at + rig.radius * outward);
+    return camera;
+}
+
+World train_world(const Description& description, int index) {
+    World world = description.world;
+    const auto chosen = [&](int every) { return index % every == every - 1; };
+    if (description.moved && chosen(description.moved->every)) {
+        for (Shape& shape : world.shapes) {
+            if (shape.name == description.moved->shape) shape.center += description.moved->offset;
+        }
+    }
+    if (description.shadow && chosen(description.shadow->every)) {
+        Shape blocker;
+        blocker.name = "passing shadow";
+        blocker.radius = description.shadow->radius;
+        blocker.shadow_only = true;
+        const double along = (index + 0.5) / description.cameras.train;
+        blocker.center = description.shadow->from + along * (description.shadow->to - description.shadow->from);
+        world.shapes.push_back(blocker);
+    }
+    return world;
+}
+
+double train_exposure(const Description& description, int index) {
+    if (!description.exposure) return 1;
+    const double u = uniform_from_bits<double>(philox(description.exposure->seed, RngStream::kScene, 0, std::uint32_t(index)).v[0]);
+    return std::exp2(description.exposure->stops * (2 * u - 1));
+}
+
+}  // namespace gs::procedural

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Turns a source image with its lens into a view: pinhole camera at the training size and a function that loads its pixels.
+#include "lib/scene/view_builder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/core/error.h"
+#include "lib/scene/undistort.h"
+
+namespace gs {
+namespace {
+
+// What 3DGS trains at unless told otherwise; larger photographs cost time without a visible gain there.
+constexpr int kDefaultMaxWidth = 1600;
+
+/// Everything a loader thread needs, by value.
+struct LoadJob {
+    SourceView source;
+    Camera pinhole;  ///< after undistortion, before resizing
+    int width, height;
+    std::string alpha_mode, mask_mode;
+    bool invert_masks;
+
+    ViewImage operator()() const {
+        Image color = read_image(source.image_path);
+        if (color.width != source.info.width || color.height != source.info.height)
+            throw DataError(fmt::format("image {}: is {}x{} now but was {}x{} when the scene was loaded", source.image_path.string(),
+                                        color.width, color.height, source.info.width, source.info.height));
+        std::optional<Image> mask;
+        if (source.mask) mask = load_mask(*source.mask, invert_masks, color.width, color.height);
+        ViewImage view = combine(std::move(color), std::move(mask), alpha_mode, mask_mode);
+        if (!is_pinhole(source.lens)) view = undistort(view, source.lens, pinhole);
+        if (view.color.width != width || view.color.height != height) {
+            view.color = resize_image(view.color, width, height);
+            if (view.mask) view.mask = resize_image(*view.mask, width, height);
+        }
+        return view;
+    }
+};
+
+int scaled_size(int size, double divisor) { return std::max(1, int(std::lround(size / divisor))); }
+
+}  // namespace
+
+std::pair<int, int> ViewBuilder::training_size(int width, int height) {
+    const int resolution = prescaled_ > 1 ? 1 : options_.resolution;
+    if (resolution == 1) return {width, height};
+    if (resolution == 2 || resolution == 4 || resolution == 8) return {scaled_size(width, resolution), scaled_size(height, resolution)};
+    const int target = resolution == -1 ? kDefaultMaxWidth : resolution;
+    if (width <= target) {
+        kept_small_ += resolution != -1 && width < target;
+        return {width, height};
+    }
+    capped_ += resolution == -1;
+    return {target, scaled_size(height, double(width) / target)};
+}
+
+View ViewBuilder::build(const SourceView& source) {
+    if (source.lens != last_lens_) {
+        last_pinhole_ = undistorted_camera(source.lens, fmt::format("image '{}'", source.name));
+        last_lens_ = source.lens;
+    }
+    Camera camera = last_pinhole_;
+    camera.rotation = source.rotation;
+    camera.translation = source.translation;
+    const bool distorted = !is_pinhole(source.lens);
+    if (distorted && undistorted_++ == 0) undistorted_model_ = camera_model_info(source.lens.model).name;
+
+    const auto [width, height] = training_size(camera.width, camera.height);
+    LoadJob job{source, camera, width, height, options_.alpha_mode, options_.mask_mode, options_.invert_masks};
+    if (width != camera.width || height != camera.height) {
+        if (resized_++ == 0)
+            resized_example_ = fmt::format("{} from {}x{} to {}x{}", source.name, camera.width, camera.height, width, height);
+        const double sx = double(width) / camera.width, sy = double(height) / camera.height;
+        camera.fx *= sx;
+        camera.cx *= sx;
+        camera.fy *= sy;
+        camera.cy *= sy;
+        camera.width = width;
+        camera.height = height;
+    }
+
+    const bool mask_to_alpha = source.mask && options_.mask_mode == "transparent";
+    const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == "mask";
+    const bool alpha =
+        (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha || (alpha_to_mask && options_.mask_mode == "transparent");
+    const bool mask = (source.mask || alpha_to_mask) && options_.mask_mode != "transparent";
+    has_alpha_ = has_alpha_ || alpha;
+    View view;
+    view.name = source.name;
+    view.camera = camera;
+    view.image_bytes = std::size_t(width) * height * ((alpha ? 4 : 3) * (source.info.float_data ? 4 : 1) + (mask ? 1 : 0));
+    view.load = std::move(job);
+    return view;
+}
+
+std::vector<std::string> ViewBuilder::notes() const {
+    std::vector<std::string> lines;
+    if (undistorted_ > 0)
+        lines.push_back(
+            fmt::format("{} images with lens distortion ({}): undistorted to pinhole when loaded", undistorted_, undistorted_model_));
+    if (capped_ > 0)
+        lines.push_back(fmt::format("{} images are wider than {} px: resized with a box filter ({}); -r 1 keeps the full size", capped_,
+                                    kDefaultMaxWidth, resized_example_));
+    else if (resized_ > 0)
+        lines.push_back(fmt::format("{} images resized with a box filter ({}); not comparable with ready-made smaller images", resized_,
+                                    resized_example_));
+    if (kept_small_ > 0) lines.push_back(fmt::format("{} images are narrower than {} px: not enlarged", kept_small_, options_.resolution));
+    return lines;
+}
+
+}  // namespace gs

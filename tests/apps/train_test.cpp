@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// A short training through the program: files, progress lines, resuming, interrupting.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/apps/program.h"
+
+namespace gs {
+namespace {
+
+using test::Outcome;
+using test::Program;
+
+std::vector<nlohmann::json> json_lines(const std::string& text) {
+    std::vector<nlohmann::json> lines;
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) lines.push_back(nlohmann::json::parse(line));
+    return lines;
+}
+
+constexpr const char* kShort = "train -s builtin:diffuse --eval -r 4 --iterations 20 --cap-max 6000 ";
+
+TEST(Train, LeavesTheDocumentedRunFolder) {
+    const Program program;
+    const Outcome outcome = program.run(std::string(kShort) + "-m run --test-iterations 10");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    for (const char* name : {"config.yaml", "cfg_args", "cameras.json", "input.ply", "point_cloud/iteration_20/point_cloud.ply",
+                             "checkpoints/iteration_20.safetensors", "stats/train.jsonl", "results.json", "per_view.json",
+                             "test/ours_20/renders/00000.png", "test/ours_20/gt/00000.png", "comparison.png", "gsapp.log"}) {
+        EXPECT_TRUE(std::filesystem::exists(program.path("run") / name)) << name;
+    }
+    EXPECT_FALSE(std::filesystem::exists(program.path("run/test/ours_10"))) << "pictures are for the last iteration";
+    const auto results = nlohmann::json::parse(program.read("run/results.json"));
+    EXPECT_TRUE(results.contains("ours_10"));
+    EXPECT_GT(results["ours_20"]["PSNR"], 5.0);
+    EXPECT_GT(results["timing"]["ours_20"]["train_seconds"], 0.0);
+}
+
+TEST(Train, StdoutOfAPipeIsJsonLines) {
+    const Program program;
+    const Outcome outcome = program.run(std::string(kShort) + "-m run");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    const auto lines = json_lines(outcome.out);
+    ASSERT_GE(lines.size(), 3u);
+    EXPECT_EQ(lines.front()["event"], "progress");
+    EXPECT_EQ(lines[lines.size() - 2]["event"], "evaluation");
+    EXPECT_EQ(lines.back()["event"], "finished");
+    EXPECT_EQ(lines.back()["iteration"], 20);
+    EXPECT_NE(outcome.err.find("PSNR"), std::string::npos);
+}
+
+TEST(Train, QuietPrintsOnlyTheTable) {
+    const Program program;
+    const Outcome outcome = program.run(std::string(kShort) + "-m run --quiet");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_EQ(outcome.out.find("{"), std::string::npos) << outcome.out;
+    EXPECT_NE(outcome.out.find("PSNR"), std::string::npos) << outcome.out;
+    EXPECT_EQ(outcome.err.find("info"), std::string::npos) << outcome.err;
+}
+
+TEST(Train, FolderIsChosenWhenNoneIsGiven) {
+    const Program program;
+    ASSERT_EQ(program.run("train builtin:diffuse -r 4 --iterations 1").exit_code, 0);
+    ASSERT_EQ(program.run("train builtin:diffuse -r 4 --iterations 1 --appearance none").exit_code, 0);
+    ASSERT_EQ(program.run("train builtin:diffuse -r 4 --iterations 1").exit_code, 0);
+    for (const char* name : {"diffuse-sh-1", "diffuse-none-1", "diffuse-sh-2"}) {
+        EXPECT_TRUE(std::filesystem::exists(program.path("output") / name / "config.yaml")) << name;
+    }
+}
+
+TEST(Train, StoredConfigurationRepeatsTheRun) {
+    const Program program;
+    ASSERT_EQ(program.run(std::string(kShort) + "-m a").exit_code, 0);
+    const Outcome again = program.run("train -c a/config.yaml -m b");
+    ASSERT_EQ(again.exit_code, 0) << again.err;
+    const std::string ply = "/point_cloud/iteration_20/point_cloud.ply";
+    ASSERT_FALSE(program.read("a" + ply).empty());
+    EXPECT_EQ(program.read("a" + ply), program.read("b" + ply));
+}
+
+TEST(Train, InterruptWritesACheckpointThatResumes) {
+    const Program program;
+    const Outcome stopped = program.run("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "timeout --preserve-status -s INT 4");
+    ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
+    std::int64_t iteration = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(program.path("run/checkpoints"))) {
+        const std::string stem = entry.path().stem().string();
+        iteration = std::stoll(stem.substr(stem.rfind('_') + 1));
+    }
+    ASSERT_GT(iteration, 0) << stopped.err;
+    const std::string total = std::to_string(iteration + 5);
+    const Outcome resumed = program.run("train -m run --resume --iterations " + total);
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(json_lines(resumed.out).back()["iteration"], iteration + 5);
+    EXPECT_TRUE(std::filesystem::exists(program.path("run/point_cloud/iteration_" + total + "/point_cloud.ply")));
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The nearest known name.
+#include "lib/core/nearest.h"
+
+#include <gtest/gtest.h>
+
+namespace gs {
+namespace {
+
+TEST(Nearest, SmallestEditDistanceWins) {
+    const std::vector<std::string> keys = {"iterations", "sh-degree", "cap-max", "opacity-lr"};
+    EXPECT_EQ(nearest_key("iteration", keys), "iterations");
+    EXPECT_EQ(nearest_key("itreations", keys), "iterations");
+    EXPECT_EQ(nearest_key("SH_DEGREE", keys), "sh-degree");
+    EXPECT_EQ(nearest_key("capmx", keys), "cap-max");
+    EXPECT_EQ(nearest_key("ab", {"aa", "bb"}), "aa") << "the first of equally near ones";
+    EXPECT_EQ(nearest_key("acb", {"abcd", "abc"}), "abc") << "a swap of neighbours costs one";
+    EXPECT_EQ(nearest_key("x", {}), "");
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// The table of options: complete, checked by range, and the same in the code, in the docs and in the scene files.
+#include "lib/core/options.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+TrainOptions with_source() {
+    TrainOptions options;
+    options.source = "builtin:glossy";
+    return options;
+}
+
+const Option& find(const std::string& key) {
+    for (const Option& option : train_option_table()) {
+        if (option.key == key) return option;
+    }
+    throw std::runtime_error("no option " + key);
+}
+
+/// Message of the UsageError that `validate` throws; empty when it throws nothing.
+std::string complaint(const std::string& key, const std::string& value) {
+    TrainOptions options = with_source();
+    try {
+        set_option(options, find(key), {value}, "--" + key);
+        validate(options);
+    } catch (const UsageError& e) {
+        return e.what();
+    }
+    return "";
+}
+
+TEST(Options, EveryOneHasHelpRangeAndUniqueSpellings) {
+    std::set<std::string> names;
+    for (const Option& option : train_option_table()) {
+        EXPECT_FALSE(option.help.empty()) << option.key;
+        EXPECT_FALSE(option.group.empty()) << option.key;
+        EXPECT_FALSE(option_range(option).empty()) << option.key;
+        EXPECT_EQ(option.key.find('_'), std::string::npos) << option.key;
+        EXPECT_TRUE(names.insert("--" + option.key).second) << option.key;
+        for (const std::string& name : option.names) EXPECT_TRUE(names.insert(name).second) << name;
+        for (const std::string& name : option.hidden_names) EXPECT_TRUE(names.insert(name).second) << name;
+        const bool is_word = std::holds_alternative<std::string TrainOptions::*>(option.field);
+        const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
+        EXPECT_TRUE(is_switch || !option.values.empty() || (is_word ? !option.choices.empty() : option.min && option.max)) << option.key;
+    }
+}
+
+TEST(Options, TableCoversTheWholeStruct) {
+    // The fields of the table, laid over the struct, leave no gap that is larger than padding: a field that only the
+    // struct knows would be one.
+    TrainOptions options;
+    std::vector<std::pair<std::size_t, std::size_t>> places;  // begin, end
+    for (const Option& option : train_option_table()) {
+        std::visit(
+            [&](auto member) {
+                const auto begin = std::size_t(reinterpret_cast<const char*>(&(options.*member)) - reinterpret_cast<const char*>(&options));
+                places.emplace_back(begin, begin + sizeof(options.*member));
+            },
+            option.field);
+    }
+    std::sort(places.begin(), places.end());
+    places.emplace_back(sizeof(TrainOptions), 0);
+    std::size_t end = 0;
+    for (const auto& [begin, next_end] : places) {
+        EXPECT_GE(begin, end) << "two entries share a field";
+        EXPECT_LT(begin - end, alignof(TrainOptions)) << "no entry for the field at byte " << end;
+        end = next_end;
+    }
+}
+
+TEST(Options, DefaultsAreValid) {
+    TrainOptions options = with_source();
+    EXPECT_NO_THROW(validate(options));
+}
+
+TEST(Options, NumbersOutsideTheirRangeAreNamed) {
+    for (const Option& option : train_option_table()) {
+        if (!option.max) continue;
+        const std::string text = complaint(option.key, "99999999999");
+        if (std::holds_alternative<int TrainOptions::*>(option.field)) {
+            EXPECT_NE(text.find("a number this option can hold"), std::string::npos) << option.key << ": " << text;
+        } else {
+            EXPECT_NE(text.find("option " + option.key), std::string::npos) << text;
+            EXPECT_NE(text.find(option_range(option)), std::string::npos) << text;
+        }
+    }
+    EXPECT_EQ(complaint("lambda-dssim", "-0.1"), "option lambda-dssim: -0.1 is out of range (0..1)");
+    EXPECT_EQ(complaint("sh-degree", "4"), "option sh-degree: 4 is out of range (0..3)");
+    EXPECT_EQ(complaint("test-iterations", "0"), "option test-iterations: 0 is out of range (1..2147483647)");
+}
+
+TEST(Options, WordsOutsideTheirChoicesAreNamed) {
+    EXPECT_EQ(complaint("strategy", "mcm"), "option strategy: 'mcm' is not one of mcmc, adc, none");
+    EXPECT_EQ(complaint("strategy", "adc"), "");
+    EXPECT_NE(complaint("appearance", "phong").find("is not one of"), std::string::npos);
+}
+
+TEST(Options, TextsOfTheWrongTypeAreNamed) {
+    EXPECT_EQ(complaint("cap-max", "many"), "--cap-max: 'many' is not a whole number");
+    EXPECT_EQ(complaint("cap-max", "1.5"), "--cap-max: '1.5' is not a whole number");
+    EXPECT_EQ(complaint("cap-max", ""), "--cap-max: '' is not a whole number");
+    EXPECT_EQ(complaint("scaling-lr", "nan"), "--scaling-lr: 'nan' is not a finite number");
+    EXPECT_EQ(complaint("scaling-lr", "1e-3x"), "--scaling-lr: '1e-3x' is not a finite number");
+    EXPECT_EQ(complaint("seed", "-1"), "--seed: '-1' is not a whole number from 0 upwards");
+    EXPECT_EQ(complaint("eval", "maybe"), "--eval: 'maybe' is not true or false");
+}
+
+TEST(Options, ResolutionIsDivisorOrWidth) {
+    for (const char* good : {"-1", "1", "2", "4", "8", "16", "1600"}) EXPECT_EQ(complaint("resolution", good), "") << good;
+    for (const char* bad : {"0", "3", "5", "15"})
+        EXPECT_NE(complaint("resolution", bad).find("option resolution"), std::string::npos) << bad;
+}
+
+TEST(Options, BackgroundIsParsed) {
+    EXPECT_EQ(parse_background("black").rgb, (std::array<float, 3>{0, 0, 0}));
+    EXPECT_EQ(parse_background("white").rgb, (std::array<float, 3>{1, 1, 1}));
+    EXPECT_EQ(parse_background("0.25,0,1").rgb, (std::array<float, 3>{0.25f, 0, 1}));
+    EXPECT_TRUE(parse_background("random").random);
+    for (const char* bad : {"grey", "", "1,1", "1,1,1,1", "0,0,2", "0,0,nan", "0, 0,0", "1,,1"}) {
+        EXPECT_THROW(parse_background(bad), UsageError) << bad;
+        EXPECT_NE(complaint("background", bad), "") << bad;
+    }
+}
+
+TEST(Options, ImageCacheIsAnAmountOfMemory) {
+    EXPECT_EQ(complaint("image-cache", "512MiB"), "");
+    EXPECT_NE(complaint("image-cache", "lots").find("option image-cache"), std::string::npos);
+}
+
+TEST(Options, ResumingTheLatestNeedsItsFolder) {
+    TrainOptions options = with_source();
+    options.resume = "latest";
+    EXPECT_THROW(validate(options), UsageError);
+    options.model = "run";
+    EXPECT_NO_THROW(validate(options));
+}
+
+TEST(Options, ValidationResolvesWhatDependsOnTheStrategy) {
+    TrainOptions mcmc = with_source(), adc = with_source();
+    adc.strategy = "adc";
+    validate(mcmc);
+    validate(adc);
+    EXPECT_EQ(mcmc.opacity_lr, 0.05);
+    EXPECT_EQ(adc.opacity_lr, 0.025);
+    EXPECT_EQ(mcmc.densify_until_iter, 24900);
+    EXPECT_EQ(adc.densify_until_iter, 14900);
+    adc.opacity_lr = 0.01;
+    validate(adc);
+    EXPECT_EQ(adc.opacity_lr, 0.01);
+}
+
+TEST(Options, DocumentationPageIsTheGeneratedOne) {
+    std::ifstream file(std::filesystem::path(GSAPP_SOURCE_DIR) / "docs/options.md");
+    ASSERT_TRUE(file) << "docs/options.md is missing";
+    std::stringstream text;
+    text << file.rdbuf();
+    EXPECT_EQ(text.str(), options_markdown()) << "run: gsapp options --markdown > docs/options.md";
+}
+
+TEST(Options, EverySceneFileIsValid) {
+    int count = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(GSAPP_SOURCE_DIR) / "scenes")) {
+        if (entry.path().extension() != ".yaml") continue;
+        TrainOptions options = load_options_yaml(entry.path());
+        options.source = "scene";
+        EXPECT_NO_THROW(validate(options)) << entry.path();
+        EXPECT_TRUE(options.eval) << entry.path() << ": benchmark scenes hold out test views";
+        ++count;
+    }
+    EXPECT_EQ(count, 22) << "21 benchmark scenes and their base";
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// Progress lines for programs and for people.
+#include "lib/core/progress.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+namespace gs {
+namespace {
+
+struct Recorder {
+    std::ostringstream bar, lines;
+    std::vector<nlohmann::json> parsed() const {
+        std::vector<nlohmann::json> result;
+        std::istringstream in(lines.str());
+        for (std::string line; std::getline(in, line);) result.push_back(nlohmann::json::parse(line));
+        return result;
+    }
+};
+
+TEST(Progress, JsonLinesHoldTheDocumentedFields) {
+    Recorder out;
+    Progress progress(ProgressStyle::kJsonLines, out.bar, out.lines, 0);
+    progress.start(30, 10);
+    progress.update(11, 0.5, 100);
+    progress.update(20, std::numeric_limits<double>::quiet_NaN(), 200);
+    progress.finish();
+    const auto lines = out.parsed();
+    ASSERT_EQ(lines.size(), 2u);
+    EXPECT_EQ(lines[0].size(), 7u);
+    EXPECT_EQ(lines[0]["event"], "progress");
+    EXPECT_EQ(lines[0]["iteration"], 11);
+    EXPECT_EQ(lines[0]["iterations"], 30);
+    EXPECT_EQ(lines[0]["loss"], 0.5);
+    EXPECT_EQ(lines[0]["num_gaussians"], 100);
+    EXPECT_GT(lines[0]["iterations_per_second"], 0);
+    EXPECT_GE(lines[0]["eta_seconds"], 0);
+    EXPECT_TRUE(lines[1]["loss"].is_null());
+    EXPECT_EQ(out.bar.str(), "");
+}
+
+TEST(Progress, OnlyTheLastLineComesInsideTheInterval) {
+    Recorder out;
+    Progress progress(ProgressStyle::kJsonLines, out.bar, out.lines, 1000);
+    progress.start(3, 0);
+    EXPECT_FALSE(progress.due(1));
+    EXPECT_TRUE(progress.due(3));
+    for (int i = 1; i <= 3; ++i) progress.update(i, 1, 1);
+    progress.update(3, 1, 1);
+    ASSERT_EQ(out.parsed().size(), 1u);
+    EXPECT_EQ(out.parsed()[0]["iteration"], 3);
+}
+
+TEST(Progress, BarIsOneLineThatFinishEnds) {
+    Recorder out;
+    Progress progress(ProgressStyle::kBar, out.bar, out.lines, 0);
+    progress.start(10, 0);
+    progress.update(1, 0.25, 7);
+    progress.update(5, 0.125, 9);
+    EXPECT_EQ(out.bar.str().find('\n'), std::string::npos);
+    EXPECT_NE(out.bar.str().find("5/10  50%  loss 0.1250  9 Gaussians"), std::string::npos) << out.bar.str();
+    progress.finish();
+    EXPECT_EQ(out.bar.str().back(), '\n');
+    progress.event({{"event", "x"}});
+    EXPECT_EQ(out.lines.str(), "");
+}
+
+TEST(Progress, SilentShowsNothing) {
+    Recorder out;
+    Progress progress(ProgressStyle::kSilent, out.bar, out.lines, 0);
+    progress.start(1, 0);
+    EXPECT_FALSE(progress.due(1));
+    progress.update(1, 1, 1);
+    progress.event({{"event", "x"}});
+    progress.finish();
+    EXPECT_EQ(out.bar.str() + out.lines.str(), "");
+}
+
+TEST(Progress, EventsAreSingleLines) {
+    Recorder out;
+    Progress progress(ProgressStyle::kJsonLines, out.bar, out.lines, 0);
+    progress.event({{"event", "evaluation"}, {"note", "two\nlines"}});
+    ASSERT_EQ(out.parsed().size(), 1u);
+    EXPECT_EQ(out.parsed()[0]["note"], "two\nlines");
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// A backend that renders one given colour per camera, so that evaluation can be tested without a model.
+#pragma once
+
+#include "kernels/backend.h"
+
+namespace gs::test {
+
+/// Paints every pixel with the red value `camera.translation.x`, green = background, blue = 0.
+class FakeBackend : public Backend {
+  public:
+    std::string describe() const override { return "fake"; }
+    void upload(const Gaussians&) override {}
+    Gaussians download(bool) const override { return {}; }
+    std::int64_t count() const override { return 7; }
+    void set_active_degree(int) override {}
+    void render(const RenderRequest& request, RenderedImage& out) override {
+        out.width = request.camera.width, out.height = request.camera.height;
+        const std::size_t pixels = std::size_t(out.width) * out.height;
+        out.rgb.assign(3 * pixels, 0);
+        out.alpha.assign(pixels, 1);
+        for (std::size_t i = 0; i < pixels; ++i) out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y;
+    }
+    void step(const StepRequest&) override {}
+    StepStats take_stats() override { return {}; }
+    std::vector<StageCost> take_stage_costs() override { return {}; }
+    DensifyStats densify_mcmc(const McmcParams&, std::int64_t, std::uint64_t) override { return {}; }
+    DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override { return {}; }
+    void reset_opacity() override {}
+    void morton_sort() override {}
+    std::int64_t prune_nonfinite(std::int64_t[kNumGroups]) override { return 0; }
+    std::int64_t prune_invisible() override { return 0; }
+};
+
+}  // namespace gs::test

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decoding and encoding: bit depths, channel layouts, straight alpha, damaged files.
+#include "lib/io/image.h"
+
+#include <OpenImageIO/imageio.h>
+
+#include <cmath>
+#include <limits>
+
+#include "kernels/core/error.h"
+#include "tests/io/file_helpers.h"
+
+// OpenImageIO 2.4 itself loses the text of each decoding error; without the leak checker nobody calls this.
+extern "C" const char* __lsan_default_suppressions();
+extern "C" const char* __lsan_default_suppressions() { return "leak:ImageInput::geterror\n"; }
+
+namespace gs {
+namespace {
+
+using test::message_of;
+using test::TempFolder;
+
+Image make_image(int width, int height, int channels) {
+    Image image{width, height, channels, {}, {}};
+    image.u8.resize(std::size_t(width) * height * channels);
+    for (std::size_t i = 0; i < image.u8.size(); ++i) image.u8[i] = static_cast<std::uint8_t>(i * 37 + 11);
+    return image;
+}
+
+/// Writes raw samples through OpenImageIO, for layouts that write_image does not make.
+template <class T>
+void write_raw(const std::filesystem::path& path, int width, int height, int channels, OIIO::TypeDesc type, const std::vector<T>& samples) {
+    OIIO::ImageSpec spec(width, height, channels, type);
+    if (channels == 2) {
+        spec.channelnames = {"Y", "A"};
+        spec.alpha_channel = 1;
+    }
+    spec.attribute("oiio:UnassociatedAlpha", 1);
+    auto out = OIIO::ImageOutput::create(path.string());
+    ASSERT_TRUE(out && out->open(path.string(), spec) && out->write_image(type, samples.data()) && out->close());
+}
+
+TEST(Image, LosslessFormatsKeepEightBitPixelsAndStraightAlpha) {
+    TempFolder folder;
+    for (const char* name : {"a.png", "a.tif"})
+        for (const int channels : {3, 4}) {
+            const Image image = make_image(7, 5, channels);
+            write_image(folder / name, image);
+            EXPECT_EQ(read_image(folder / name).u8, image.u8) << name << " with " << channels << " channels";
+            const ImageInfo info = read_image_info(folder / name);
+            EXPECT_EQ(info.width, 7);
+            EXPECT_EQ(info.height, 5);
+            EXPECT_EQ(info.channels, channels);
+            EXPECT_FALSE(info.float_data);
+        }
+    EXPECT_EQ(folder.num_entries(), 2u) << "temporary files are left";
+}
+
+TEST(Image, WebpIsReadWithStraightAlpha) {
+    TempFolder folder;
+    // 16x16 lossless, made with libwebp: upper half (200,100,50,128), lower half (10,250,120,30).
+    const std::uint8_t bytes[] = {82, 73, 70, 70, 42,  0,   0,   0,   87,  69,  66, 80,  86,  80,  56, 76, 30,
+                                  0,  0,  0,  47, 15,  192, 3,   16,  15,  112, 53, 253, 43,  248, 30, 79, 247,
+                                  30, 98, 17, 14, 177, 96,  146, 191, 116, 231, 20, 34,  250, 159, 51, 2};
+    test::spit(folder / "a.webp", std::string(std::begin(bytes), std::end(bytes)));
+    const Image image = read_image(folder / "a.webp");
+    ASSERT_EQ(image.u8.size(), 16u * 16 * 4);
+    // The decoder premultiplies, so that colours come back to within half a step divided by alpha.
+    const int upper[4] = {200, 100, 50, 128}, lower[4] = {10, 250, 120, 30};
+    for (int c = 0; c < 4; ++c) {
+        EXPECT_NEAR(image.u8[c], upper[c], c == 3 ? 0 : 2);
+        EXPECT_NEAR(image.u8[1020 + c], lower[c], c == 3 ? 0 : 5);
+    }
+    EXPECT_CONTAINS(message_of<DataError>([&] { write_image(folder / "b.webp", image); }), "use PNG");
+    write_image(folder / "b.webp", Image{16, 16, 3, std::vector<std::uint8_t>(16 * 16 * 3, 100), {}});
+    for (const std::uint8_t v : read_image(folder / "b.webp").u8) EXPECT_NEAR(v, 100, 3);
+}
+
+TEST(Image, PngKeepsColourUnderZeroAlpha) {
+    TempFolder folder;
+    Image image = make_image(2, 1, 4);
+    image.u8 = {10, 20, 30, 0, 40, 50, 60, 255};
+    write_image(folder / "a.png", image);
+    EXPECT_EQ(read_image(folder / "a.png").u8, image.u8);
+}
+
+TEST(Image, JpegIsCloseAndHasNoAlpha) {
+    TempFolder folder;
+    Image image{16, 16, 3, std::vector<std::uint8_t>(16 * 16 * 3, 100), {}};
+    write_image(folder / "a.jpg", image);
+    const Image back = read_image(folder / "a.jpg");
+    EXPECT_EQ(back.channels, 3);
+    for (const std::uint8_t v : back.u8) EXPECT_NEAR(v, 100, 2);
+}
+
+TEST(Image, GreyIsReplicatedAndGreyAlphaBecomesRgba) {
+    TempFolder folder;
+    write_raw<std::uint8_t>(folder / "g.png", 2, 1, 1, OIIO::TypeDesc::UINT8, {9, 200});
+    EXPECT_EQ(read_image(folder / "g.png").u8, (std::vector<std::uint8_t>{9, 9, 9, 200, 200, 200}));
+    write_raw<std::uint8_t>(folder / "ga.png", 2, 1, 2, OIIO::TypeDesc::UINT8, {9, 128, 200, 255});
+    EXPECT_EQ(read_image(folder / "ga.png").u8, (std::vector<std::uint8_t>{9, 9, 9, 128, 200, 200, 200, 255}));
+    EXPECT_EQ(read_image_info(folder / "ga.png").channels, 4);
+}
+
+TEST(Image, SixteenBitBecomesFloatDividedBy65535) {
+    TempFolder folder;
+    write_raw<std::uint16_t>(folder / "a.png", 2, 1, 3, OIIO::TypeDesc::UINT16, {0, 1, 65535, 256, 32768, 1000});
+    const Image image = read_image(folder / "a.png");
+    ASSERT_TRUE(image.is_float());
+    EXPECT_TRUE(read_image_info(folder / "a.png").float_data);
+    const double expected[6] = {0, 1, 65535, 256, 32768, 1000};
+    for (int i = 0; i < 6; ++i) EXPECT_NEAR(image.f32[i], expected[i] / 65535, 1e-7);
+}
+
+TEST(Image, ExrKeepsFloatValuesAndStraightAlpha) {
+    TempFolder folder;
+    Image image{2, 1, 4, {}, {0.25f, 1.5f, 3.0f, 0.5f, 0.125f, 0.75f, 0.0f, 1.0f}};
+    write_image(folder / "a.exr", image);
+    const Image back = read_image(folder / "a.exr");
+    ASSERT_EQ(back.f32.size(), image.f32.size());
+    for (std::size_t i = 0; i < image.f32.size(); ++i) EXPECT_NEAR(back.f32[i], image.f32[i], 1e-6);
+}
+
+TEST(Image, FloatIsQuantisedByClampScaleHalfTruncate) {
+    TempFolder folder;
+    Image image{2, 1, 3, {}, {-1.0f, 0.0f, 2.0f, 0.5f, 1.0f / 255 * 0.499f, 1.0f / 255 * 0.501f}};
+    write_image(folder / "a.png", image);
+    EXPECT_EQ(read_image(folder / "a.png").u8, (std::vector<std::uint8_t>{0, 0, 255, 128, 0, 1}));
+}
+
+TEST(Image, MaskIsAlphaIfPresentElseLuma) {
+    TempFolder folder;
+    write_raw<std::uint8_t>(folder / "g.png", 2, 1, 1, OIIO::TypeDesc::UINT8, {0, 255});
+    EXPECT_EQ(read_mask(folder / "g.png").u8, (std::vector<std::uint8_t>{0, 255}));
+    write_raw<std::uint8_t>(folder / "a.png", 2, 1, 4, OIIO::TypeDesc::UINT8, {255, 255, 255, 7, 0, 0, 0, 99});
+    const Image mask = read_mask(folder / "a.png");
+    EXPECT_EQ(mask.channels, 1);
+    EXPECT_EQ(mask.u8, (std::vector<std::uint8_t>{7, 99}));
+}
+
+TEST(Image, ExtraChannelsAreDropped) {
+    TempFolder folder;
+    write_raw<float>(folder / "a.exr", 1, 1, 5, OIIO::TypeDesc::FLOAT, {0.1f, 0.2f, 0.3f, 1.0f, 9.0f});
+    const Image image = read_image(folder / "a.exr");
+    EXPECT_EQ(image.channels, 4);
+    EXPECT_NEAR(image.f32[2], 0.3f, 1e-6);
+}
+
+TEST(ImageErrors, NameTheFileAndTheReason) {
+    TempFolder folder;
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "none.png"); }), "none.png: no such file");
+    test::spit(folder / "empty.jpg", "");
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_image_info(folder / "empty.jpg"); }), "0 bytes");
+    test::spit(folder / "text.png", "this is not an image");
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "text.png"); }), "text.png: cannot be decoded");
+}
+
+TEST(ImageErrors, TruncatedFilesAreRefused) {
+    TempFolder folder;
+    write_image(folder / "a.png", make_image(64, 64, 3));
+    const std::string bytes = test::slurp(folder / "a.png");
+    for (const std::size_t size : {std::size_t(10), std::size_t(40), bytes.size() / 2}) {
+        test::spit(folder / "b.png", bytes.substr(0, size));
+        EXPECT_THROW(read_image(folder / "b.png"), DataError) << size << " of " << bytes.size() << " bytes";
+    }
+}
+
+TEST(ImageErrors, AbsurdSizeIsRefusedFromTheHeader) {
+    TempFolder folder;
+    // A binary PPM header that promises 60000 x 60000 pixels.
+    test::spit(folder / "a.ppm", "P6\n60000 60000\n255\nxxx");
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "a.ppm"); }), "60000x60000");
+}
+
+TEST(ImageErrors, NonFinitePixelsAreNamed) {
+    TempFolder folder;
+    write_raw<float>(folder / "a.exr", 2, 1, 3, OIIO::TypeDesc::FLOAT, {0, 0, 0, 0, std::numeric_limits<float>::quiet_NaN(), 0});
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "a.exr"); }), "pixel (1, 0)");
+}
+
+TEST(ImageErrors, FailedWritesLeaveNothing) {
+    TempFolder folder;
+    EXPECT_THROW(write_image(folder / "a.unknown", make_image(2, 2, 3)), DataError);
+    EXPECT_THROW(write_image(folder / "a.png", Image{}), DataError);
+    EXPECT_EQ(folder.num_entries(), 0u);
+    test::spit(folder / "file", "x");
+    EXPECT_CONTAINS(message_of<DataError>([&] { write_image(folder / "file/a.png", make_image(2, 2, 3)); }), "a.png");
+    EXPECT_EQ(folder.num_entries(), 1u);
+}
+
+TEST(Image, MissingFoldersAreMade) {
+    TempFolder folder;
+    write_image(folder / "some/new/a.png", make_image(2, 2, 3));
+    EXPECT_EQ(read_image(folder / "some/new/a.png").width, 2);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// Checkpoints come back bit for bit, and wrong ones are refused by name.
+#include "lib/model/checkpoint.h"
+
+#include <cmath>
+#include <cstring>
+
+#include "kernels/core/error.h"
+#include "tests/io/file_helpers.h"
+#include "tests/model/model_helpers.h"
+
+namespace gs::test {
+namespace {
+
+Checkpoint sample(bool with_moments) {
+    Checkpoint c;
+    c.state = random_gaussians(7, {"sh", 2, ColorActivation::kSoftplus}, with_moments);
+    c.state.active_degree = 1;
+    c.state.step = 1234;
+    c.iteration = 1300;
+    c.seed = 0xfedcba9876543210u;
+    c.options_yaml = "source: \"a b\"\niterations: 30000\n";
+    return c;
+}
+
+TEST(Checkpoint, RoundTripsBitForBit) {
+    const TempFolder folder;
+    for (const bool with_moments : {true, false}) {
+        const Checkpoint c = sample(with_moments);
+        write_checkpoint(folder / "c.safetensors", c);
+        const Checkpoint back = read_checkpoint(folder / "c.safetensors");
+        EXPECT_EQ(back.iteration, c.iteration);
+        EXPECT_EQ(back.seed, c.seed);
+        EXPECT_EQ(back.options_yaml, c.options_yaml);
+        EXPECT_EQ(back.state.count, c.state.count);
+        EXPECT_EQ(back.state.step, c.state.step);
+        EXPECT_EQ(back.state.active_degree, 1);
+        EXPECT_EQ(describe(back.state.appearance), "sh, max degree 2, softplus");
+        for (int i = 0; i < kNumGroups; ++i) {
+            EXPECT_EQ(back.state.groups[i].width, c.state.groups[i].width);
+            EXPECT_EQ(back.state.groups[i].param, c.state.groups[i].param);
+            EXPECT_EQ(back.state.groups[i].m, c.state.groups[i].m);
+            EXPECT_EQ(back.state.groups[i].v, c.state.groups[i].v);
+            EXPECT_EQ(back.state.groups[i].m.empty(), !with_moments);
+        }
+    }
+}
+
+TEST(Checkpoint, ModelWithoutResidualRoundTrips) {
+    const TempFolder folder;
+    Checkpoint c;
+    c.state = random_gaussians(3, {"none", 0, ColorActivation::kRelu}, true);
+    write_checkpoint(folder / "c.safetensors", c);
+    const Checkpoint back = read_checkpoint(folder / "c.safetensors");
+    EXPECT_EQ(back.state[Group::kResidual].width, 0);
+    EXPECT_EQ(back.state[Group::kBase].v, c.state[Group::kBase].v);
+}
+
+TEST(Checkpoint, NonFiniteValueIsNamedByTensorAndRow) {
+    const TempFolder folder;
+    Checkpoint c = sample(true);
+    c.state[Group::kResidual].param[24 * 4 + 3] = std::nanf("");
+    write_checkpoint(folder / "c.safetensors", c);
+    const std::string message = message_of<DataError>([&] { read_checkpoint(folder / "c.safetensors"); });
+    EXPECT_CONTAINS(message, "c.safetensors");
+    EXPECT_CONTAINS(message, "'residuals' holds nan in row 4");
+    c = sample(true);
+    c.state[Group::kScale].v[3 * 6 + 2] = INFINITY;
+    write_checkpoint(folder / "c.safetensors", c);
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "c.safetensors"); }), "'adam_v.raw_scales' holds inf in row 6");
+}
+
+TEST(Checkpoint, WrongContentIsNamed) {
+    const TempFolder folder;
+    write_checkpoint(folder / "c.safetensors", sample(true));
+    const std::string good = slurp(folder / "c.safetensors");
+    // Replacements keep the length, so that the header stays in step with its length field.
+    const auto error = [&](const std::string& from, const std::string& to) {
+        std::string bytes = good;
+        EXPECT_EQ(from.size(), to.size());
+        EXPECT_NE(bytes.find(from), std::string::npos) << from;
+        spit(folder / "bad.safetensors", bytes.replace(bytes.find(from), from.size(), to));
+        return message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); });
+    };
+    EXPECT_CONTAINS(error("gsapp-checkpoint-1", "gsapp-checkpoint-9"), "expected 'gsapp-checkpoint-1'");
+    EXPECT_CONTAINS(error("\"iteration\":\"1300\"", "\"iteration\":\"-300\""), "'iteration' is '-300'");
+    EXPECT_CONTAINS(error("\"adam_step\":\"1234\"", "\"adam_step\":\"12x4\""), "'adam_step' is '12x4'");
+    EXPECT_CONTAINS(error("\"active_degree\":\"1\"", "\"active_degree\":\"3\""), "active_degree 3");
+    EXPECT_CONTAINS(error("\"max_degree\":\"2\"", "\"max_degree\":\"7\""), "max_degree 7");
+    EXPECT_CONTAINS(error("\"max_degree\":\"2\"", "\"max_degree\":\"1\""), "'residuals'");
+    EXPECT_CONTAINS(error("\"appearance\":\"sh\"", "\"appearance\":\"qq\""), "'qq'");
+    EXPECT_CONTAINS(error("\"softplus\"", "\"softplum\""), "softplum");
+    EXPECT_CONTAINS(error("\"seed\"", "\"sead\""), "'seed' is missing");
+    EXPECT_CONTAINS(error("\"rotations\"", "\"rotatxons\""), "'rotations' is missing");
+    EXPECT_CONTAINS(error("\"adam_v.means\"", "\"adam_w.means\""), "'adam_v.means' is missing");
+    EXPECT_CONTAINS(error("[7,4]", "[4,7]"), "'rotations' does not have the shape (7, 4)");
+    spit(folder / "bad.safetensors", good.substr(0, good.size() - 4));
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }), "truncated");
+}
+
+TEST(Checkpoint, AnotherAppearanceIsAUsageError) {
+    const AppearanceSpec sh3{"sh", 3, ColorActivation::kRelu};
+    EXPECT_NO_THROW(require_same_appearance(sh3, sh3, "f"));
+    for (const AppearanceSpec& other : {AppearanceSpec{"none", 3, ColorActivation::kRelu}, AppearanceSpec{"sh", 2, ColorActivation::kRelu},
+                                        AppearanceSpec{"sh", 3, ColorActivation::kSigmoid}}) {
+        const std::string message = message_of<UsageError>([&] { require_same_appearance(sh3, other, "c.safetensors"); });
+        EXPECT_CONTAINS(message, "c.safetensors");
+        EXPECT_CONTAINS(message, "(sh, max degree 3, relu)");
+        EXPECT_CONTAINS(message, "(" + describe(other) + ")");
+    }
+}
+
+}  // namespace
+}  // namespace gs::test

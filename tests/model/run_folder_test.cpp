@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// The run folder: what protects earlier results, and the small files 3DGS tools read.
+#include "lib/model/run_folder.h"
+
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "kernels/core/error.h"
+#include "lib/io/ply_file.h"
+#include "lib/model/cameras_json.h"
+#include "tests/io/file_helpers.h"
+
+namespace gs::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Files below `root`, relative, sorted, blank-separated.
+std::string listing(const fs::path& root) {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::recursive_directory_iterator(root)) names.push_back(fs::relative(entry.path(), root).string());
+    std::sort(names.begin(), names.end());
+    std::string text;
+    for (const auto& name : names) text += (text.empty() ? "" : " ") + name;
+    return text;
+}
+
+void write_run(const RunFolder& run, std::int64_t iteration) {
+    for (const fs::path& path : {run.config(), run.cfg_args(), run.cameras(), run.input_points(), run.results(), run.per_view(),
+                                 run.train_log(), run.point_cloud(iteration), run.checkpoint(iteration), run.preview(iteration),
+                                 run.render("test", iteration, 3), run.ground_truth("test", iteration, 3)}) {
+        spit(path, "x");
+    }
+}
+
+TEST(RunFolder, PathsAreThoseOf3dgs) {
+    const RunFolder run{"out"};
+    EXPECT_EQ(run.point_cloud(30000), "out/point_cloud/iteration_30000/point_cloud.ply");
+    EXPECT_EQ(run.checkpoint(7), "out/checkpoints/iteration_7.safetensors");
+    EXPECT_EQ(run.render("test", 7000, 12), "out/test/ours_7000/renders/00012.png");
+    EXPECT_EQ(run.ground_truth("train", 7000, 12), "out/train/ours_7000/gt/00012.png");
+    EXPECT_EQ(run.preview(500), "out/preview/000500.png");
+}
+
+TEST(RunFolder, NewAndEmptyFoldersAreAccepted) {
+    const TempFolder folder;
+    const RunFolder run{folder / "a/b"};
+    prepare_run_folder(run, false);
+    prepare_run_folder(run, false);
+    EXPECT_EQ(listing(run.root), "");
+    spit(run.root / "notes.txt", "mine");
+    prepare_run_folder(run, false);
+}
+
+TEST(RunFolder, FolderWithARunIsRefused) {
+    const TempFolder folder;
+    for (const char* file : {"config.yaml", "point_cloud/iteration_30/point_cloud.ply", "checkpoints/iteration_30.safetensors"}) {
+        const RunFolder run{folder / std::to_string(std::hash<std::string>()(file))};
+        spit(run.root / file, "x");
+        const std::string before = listing(run.root);
+        const std::string message = message_of<UsageError>([&] { prepare_run_folder(run, false); });
+        EXPECT_CONTAINS(message, run.root.string());
+        EXPECT_CONTAINS(message, "--overwrite");
+        EXPECT_EQ(listing(run.root), before);
+    }
+}
+
+TEST(RunFolder, OverwriteRemovesTheRunAndKeepsUserFiles) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    write_run(run, 30);
+    spit(run.root / "notes.txt", "mine");
+    spit(run.root / "point_cloud/iteration_30/edited.ply", "mine");
+    spit(run.root / "test/ours_30/renders/best.png", "mine");
+    spit(run.root / "checkpoints/iteration_.safetensors", "mine");
+    spit(run.root / "checkpoints/iteration_3a.safetensors", "mine");
+    prepare_run_folder(run, true);
+    EXPECT_EQ(listing(run.root),
+              "checkpoints checkpoints/iteration_.safetensors checkpoints/iteration_3a.safetensors notes.txt point_cloud "
+              "point_cloud/iteration_30 "
+              "point_cloud/iteration_30/edited.ply test test/ours_30 test/ours_30/renders test/ours_30/renders/best.png");
+}
+
+TEST(RunFolder, OverwriteLeavesNothingOfARunAlone) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    write_run(run, 30);
+    prepare_run_folder(run, true);
+    EXPECT_EQ(listing(run.root), "");
+}
+
+TEST(RunFolder, ResumingKeepsEarlierAndProtectsLaterResults) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    write_run(run, 30);
+    write_run(run, 60);
+    const std::string before = listing(run.root);
+    prepare_run_folder(run, false, 60);
+    EXPECT_EQ(listing(run.root), before);
+    const std::string message = message_of<UsageError>([&] { prepare_run_folder(run, false, 30); });
+    EXPECT_CONTAINS(message, "iteration 60");
+    EXPECT_CONTAINS(message, "iteration 30");
+    EXPECT_EQ(listing(run.root), before);
+    prepare_run_folder(run, true, 30);
+    EXPECT_FALSE(fs::exists(run.point_cloud(60)));
+    EXPECT_FALSE(fs::exists(run.checkpoint(60)));
+    EXPECT_TRUE(fs::exists(run.point_cloud(30)));
+    EXPECT_TRUE(fs::exists(run.checkpoint(30)));
+    EXPECT_TRUE(fs::exists(run.config()));
+}
+
+TEST(RunFolder, FolderThatCannotBeMadeIsADataError) {
+    const TempFolder folder;
+    spit(folder / "plain", "x");
+    EXPECT_CONTAINS(message_of<DataError>([&] { prepare_run_folder({folder / "plain"}, false); }), "plain");
+    EXPECT_CONTAINS(message_of<DataError>([&] { prepare_run_folder({folder / "plain/run"}, false); }), "Not a directory");
+}
+
+TEST(RunFolder, LatestIsTheHighestNumber) {
+    const TempFolder folder;
+    EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(folder.path()); }), folder.path().string());
+    EXPECT_THROW(latest_point_cloud(folder.path()), DataError);
+    const RunFolder run{folder.path()};
+    for (const int i : {900, 1000, 70}) spit(run.checkpoint(i), "x"), spit(run.point_cloud(i + 1), "x");
+    spit(folder / "checkpoints/iteration_5000.safetensors.tmp", "x");
+    EXPECT_EQ(latest_checkpoint(folder.path()), run.checkpoint(1000));
+    EXPECT_EQ(latest_point_cloud(folder.path()), 1001);
+}
+
+TEST(RunFolder, CfgArgsIsThePythonNamespace) {
+    const TempFolder folder;
+    const RunFolder run{folder.path()};
+    TrainOptions options;
+    options.source = "/data/it's";
+    options.images = "images_4";
+    options.resolution = 4;
+    options.eval = true;
+    options.sh_degree = 2;
+    options.background = "white";
+    write_cfg_args(run, options);
+    EXPECT_EQ(slurp(run.cfg_args()), "Namespace(data_device='cuda', eval=True, images='images_4', model_path='" + folder.path().string() +
+                                         "', resolution=4, sh_degree=2, source_path='/data/it\\'s', white_background=True)");
+    options.appearance = "none";
+    options.source = "builtin:glossy";
+    write_cfg_args(run, options);
+    EXPECT_CONTAINS(slurp(run.cfg_args()), "sh_degree=0, source_path='builtin:glossy'");
+}
+
+TEST(RunFolder, InputPointsHaveTheLayoutOf3dgs) {
+    const TempFolder folder;
+    const RunFolder run{folder.path()};
+    write_input_points(run, {{{1, 2, 3}, {4, 5, 6}}, {{0, 0.5f, 1}, {1, 2, -1}}});
+    const std::string bytes = slurp(run.input_points());
+    const std::size_t data = bytes.find("end_header\n") + 11;
+    EXPECT_EQ(bytes.size(), data + 2 * 27);
+    EXPECT_EQ(bytes.substr(data + 24, 3), std::string("\x00\x80\xff", 3));
+    EXPECT_EQ(bytes.substr(data + 27 + 24, 3), std::string("\xff\xff\x00", 3));
+    PlyReader file(run.input_points());
+    ASSERT_EQ(file.next_chunk(), 2);
+    EXPECT_EQ(file.value(1, file.require("y")), 5);
+    EXPECT_EQ(file.value(1, file.require("nz")), 0);
+}
+
+TEST(CamerasJson, TestViewsFirstWithWorldFromCamera) {
+    const TempFolder folder;
+    Scene scene;
+    View view;
+    view.camera.width = 640, view.camera.height = 480;
+    view.camera.fx = 500, view.camera.fy = 510;
+    view.camera.rotation << 0, 1, 0, 0, 0, 1, 1, 0, 0;
+    view.camera.translation = {1, 2, 3};
+    view.name = "left/b.jpg";
+    scene.train = {view};
+    view.name = "a.jpg";
+    scene.test = {view};
+    write_cameras_json(folder / "cameras.json", scene);
+    const auto json = nlohmann::json::parse(slurp(folder / "cameras.json"));
+    ASSERT_EQ(json.size(), 2u);
+    EXPECT_EQ(json[0]["img_name"], "a.jpg");
+    EXPECT_EQ(json[1]["img_name"], "left/b.jpg");
+    EXPECT_EQ(json[1]["id"], 1);
+    EXPECT_EQ(json[0]["width"], 640);
+    EXPECT_EQ(json[0]["height"], 480);
+    EXPECT_EQ(json[0]["fx"], 500);
+    EXPECT_EQ(json[0]["fy"], 510);
+    // centre = -R^T t, rows of R^T
+    EXPECT_EQ(json[0]["position"], (std::vector<double>{-3, -1, -2}));
+    EXPECT_EQ(json[0]["rotation"], nlohmann::json::parse("[[0,0,1],[1,0,0],[0,1,0]]"));
+    EXPECT_EQ(json[0].size(), 8u);
+}
+
+}  // namespace
+}  // namespace gs::test

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole scenes: image folders, sizes, splits, masks, pre-flight notes, extent.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "kernels/core/error.h"
+#include "lib/scene/scene.h"
+#include "tests/scene/scene_fixture.h"
+
+namespace gs {
+namespace {
+
+using namespace test;
+
+SceneOptions at(const std::filesystem::path& source, bool eval = false) {
+    SceneOptions options;
+    options.source = source.string();
+    options.eval = eval;
+    return options;
+}
+
+std::string error_of(const SceneOptions& options) {
+    return message_of<DataError>([&] { load_scene(options); });
+}
+
+std::vector<std::string> names_of(const std::vector<View>& views) {
+    std::vector<std::string> names;
+    for (const View& view : views) names.push_back(view.name);
+    return names;
+}
+
+std::vector<std::string> numbered(int count) {
+    std::vector<std::string> names;
+    for (int i = 0; i < count; ++i) names.push_back(std::string(1, char('a' + i)) + ".png");
+    return names;
+}
+
+TEST(LoadScene, ColmapSceneIsSortedByNameAndLoads) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"sub/b c.png", "a.png", "Z.png"});
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_EQ(scene.kind, "colmap");
+    EXPECT_EQ(scene.image_folder, "images");
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"Z.png", "a.png", "sub/b c.png"}));
+    EXPECT_TRUE(scene.test.empty());
+    EXPECT_EQ(scene.points.positions.size(), 3u);
+    EXPECT_TRUE(scene.notes.empty()) << scene.notes[0];
+    EXPECT_FALSE(scene.has_alpha);
+    EXPECT_EQ(scene.random_init_half_extent, 0);
+    const ViewImage image = scene.train[0].load();
+    EXPECT_EQ(image.color.u8, gradient_image(16, 12).u8);
+    EXPECT_FALSE(image.mask);
+    EXPECT_EQ(scene.train[0].image_bytes, 16u * 12 * 3);
+    EXPECT_EQ(scene.train[1].camera.fx, 20);
+    EXPECT_NEAR(scene.train[1].camera.center().x(), -0.1, 1e-12);
+}
+
+TEST(LoadScene, EveryNthOfTheSortedListIsTest) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), numbered(10));
+    const Scene scene = load_scene(at(folder.path(), true));
+    EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"a.png", "i.png"}));
+    EXPECT_EQ(scene.train.size(), 8u);
+    EXPECT_NE(scene.split_rule.find("index % 8 == 0"), std::string::npos);
+    SceneOptions options = at(folder.path(), true);
+    options.test_every = 3;
+    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"a.png", "d.png", "g.png", "j.png"}));
+    options.test_every = 0;
+    EXPECT_TRUE(load_scene(options).test.empty());
+}
+
+TEST(LoadScene, TestListOverridesTheRule) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), numbered(4));
+    spit(folder / "list.txt", "# held out\nb.png\r\n\nd\n");
+    SceneOptions options = at(folder.path(), true);
+    options.test_list = (folder / "list.txt").string();
+    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"b.png", "d.png"}));
+    options.eval = false;
+    EXPECT_TRUE(mentions(load_scene(options).notes, "test list without --eval"));
+    options.eval = true;
+    spit(folder / "list.txt", "b.png\nx.png\n");
+    EXPECT_CONTAINS(error_of(options), "list.txt: line 2: no image is named 'x.png'");
+    options.test_list = "no/such/file";
+    EXPECT_CONTAINS(error_of(options), "cannot be opened");
+}
+
+TEST(LoadScene, OneImageIsNeverHeldOut) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    const Scene scene = load_scene(at(folder.path(), true));
+    EXPECT_EQ(scene.train.size(), 1u);
+    EXPECT_TRUE(scene.test.empty());
+    EXPECT_GT(scene.extent, 0) << "one camera has no spread, but its scene has a size";
+}
+
+TEST(LoadScene, IntrinsicsFollowTheActualSizePerAxis) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    write_png(folder / "images/a.png", 8, 3);
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_EQ(scene.train[0].camera.width, 8);
+    EXPECT_EQ(scene.train[0].camera.fx, 10);
+    EXPECT_EQ(scene.train[0].camera.fy, 5);
+    EXPECT_EQ(scene.train[0].camera.cx, 4);
+    EXPECT_EQ(scene.train[0].camera.cy, 1.5);
+    EXPECT_EQ(scene.train[1].camera.fx, 20);
+    EXPECT_TRUE(mentions(scene.notes, "1 images differ in size from their camera"));
+    EXPECT_TRUE(mentions(scene.notes, "a.png is 8x3, its camera 16x12"));
+}
+
+TEST(LoadScene, PreScaledFolderIsPreferredToResizing) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    SceneOptions options = at(folder.path());
+    options.resolution = 2;
+    const Scene resized = load_scene(options);
+    EXPECT_EQ(resized.image_folder, "images");
+    EXPECT_EQ(resized.train[0].camera.width, 8);
+    EXPECT_EQ(resized.train[0].camera.height, 6);
+    EXPECT_EQ(resized.train[0].camera.fx, 10);
+    EXPECT_EQ(resized.train[0].load().color.u8, resize_image(gradient_image(16, 12), 8, 6).u8);
+    EXPECT_TRUE(mentions(resized.notes, "box filter"));
+
+    // Sizes as published rarely divide evenly, extensions may differ.
+    write_png(folder / "images_2/a.tif", 7, 6);
+    write_png(folder / "images_2/b.png", 7, 6);
+    const Scene scaled = load_scene(options);
+    EXPECT_EQ(scaled.image_folder, "images_2");
+    EXPECT_EQ(scaled.train[0].name, "a.png");
+    EXPECT_EQ(scaled.train[0].camera.width, 7);
+    EXPECT_DOUBLE_EQ(scaled.train[0].camera.fx, 20 * 7 / 16.0);
+    EXPECT_EQ(scaled.train[0].load().color.u8, gradient_image(7, 6).u8);
+    EXPECT_TRUE(mentions(scaled.notes, "images_2"));
+}
+
+TEST(LoadScene, RenumberedPreScaledFilesArePairedByOrder) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"IMG_7.png", "IMG_9.png"});
+    write_png(folder / "images_4/frame_0.png", 4, 3);
+    write_png(folder / "images_4/frame_1.png", 4, 3);
+    SceneOptions options = at(folder.path());
+    options.resolution = 4;
+    EXPECT_EQ(names_of(load_scene(options).train), (std::vector<std::string>{"IMG_7.png", "IMG_9.png"}));
+    write_png(folder / "images_4/frame_2.png", 4, 3);
+    EXPECT_CONTAINS(error_of(options), "2 images missing");
+}
+
+TEST(LoadScene, WidthRuleAndCap) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    write_png(folder / "images/a.png", 3200, 20);
+    SceneOptions options = at(folder.path());
+    Scene scene = load_scene(options);
+    EXPECT_EQ(scene.train[0].camera.width, 1600);
+    EXPECT_EQ(scene.train[0].camera.height, 10);
+    EXPECT_EQ(scene.train[0].load().color.width, 1600);
+    EXPECT_TRUE(mentions(scene.notes, "wider than 1600 px"));
+    options.resolution = 1;
+    EXPECT_EQ(load_scene(options).train[0].camera.width, 3200);
+    options.resolution = 100;
+    EXPECT_EQ(load_scene(options).train[0].camera.width, 100);
+    options.resolution = 4000;
+    scene = load_scene(options);
+    EXPECT_EQ(scene.train[0].camera.width, 3200);
+    EXPECT_TRUE(mentions(scene.notes, "not enlarged"));
+    for (const int bad : {0, -2, 3, 15}) {
+        options.resolution = bad;
+        EXPECT_THROW(load_scene(options), UsageError) << bad;
+    }
+}
+
+TEST(LoadScene, DistortedCamerasAreUndistortedOnce) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    spit(folder / "sparse/0/cameras.bin", cameras_bin({{1, 4, 16, 12, {20, 20, 8, 6, -0.1, 0, 0, 0}}}));
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_TRUE(mentions(scene.notes, "2 images with lens distortion (OPENCV)"));
+    const ViewImage image = scene.train[0].load();
+    EXPECT_EQ(image.color.width, scene.train[0].camera.width);
+    EXPECT_EQ(image.color.height, scene.train[0].camera.height);
+    EXPECT_NEAR(image.color.width, 16, 1);
+}
+
+TEST(LoadScene, MissingUnreadableAndDoubleImagesAreNoted) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png", "c.png", "d.png"});
+    auto images = row_of_images({"a.png", "b.png", "c.png", "d.png"});
+    images.push_back({9, {1, 0, 0, 0, 0, 0, 4}, 1, "d.png"});
+    spit(folder / "sparse/0/images.bin", images_bin(images));
+    std::filesystem::remove(folder / "images/a.png");
+    spit(folder / "images/b.png", "");
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"c.png", "d.png"}));
+    EXPECT_TRUE(mentions(scene.notes, "1 images missing: skipped (a.png)"));
+    EXPECT_TRUE(mentions(scene.notes, "1 images unreadable: skipped"));
+    EXPECT_TRUE(mentions(scene.notes, "1 image names appear more than once"));
+    std::filesystem::remove(folder / "images/c.png");
+    std::filesystem::remove(folder / "images/d.png");
+    EXPECT_CONTAINS(error_of(at(folder.path())), "no usable image");
+    std::filesystem::remove_all(folder / "images");
+    EXPECT_CONTAINS(error_of(at(folder.path())), "image folder 'images' does not exist");
+}
+
+TEST(LoadScene, PointsThatNobodySeesAndNoPointsAreNoted) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    spit(folder / "sparse/0/points3D.bin", points_bin({{1, 0, 0, 0}, {2, 0, 0, -9}, {3, 50, 0, 0}}));
+    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "2 of 3 points project into no image"));
+    spit(folder / "sparse/0/points3D.bin", points_bin({{2, 0, 0, -9}}));
+    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "none of the 1 points"));
+    spit(folder / "sparse/0/points3D.bin", points_bin({}));
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_TRUE(scene.points.positions.empty());
+    EXPECT_TRUE(mentions(scene.notes, "no points: random initialisation"));
+}
+
+TEST(LoadScene, PlyPointsReplaceAMissingPointFile) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    std::filesystem::remove(folder / "sparse/0/points3D.bin");
+    Bytes rows;
+    for (const float v : {0.5f, 0.25f, 0.0f}) rows.put(v);
+    for (const int v : {255, 0, 51}) rows.put(std::uint8_t(v));
+    spit(folder / "sparse/0/points3D.ply",
+         "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+         "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n" +
+             rows.data());
+    const Scene scene = load_scene(at(folder.path()));
+    ASSERT_EQ(scene.points.positions.size(), 1u);
+    EXPECT_EQ(scene.points.positions[0], Eigen::Vector3f(0.5f, 0.25f, 0));
+    EXPECT_FLOAT_EQ(scene.points.colors[0][2], 0.2f);
+}
+
+TEST(LoadScene, MasksBecomeWeightsOrAlpha) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    std::filesystem::create_directories(folder / "masks");
+    write_image(folder / "masks/a.png.png", Image{16, 12, 3, std::vector<std::uint8_t>(16 * 12 * 3, 255), {}});
+    SceneOptions options = at(folder.path());
+    Scene scene = load_scene(options);
+    EXPECT_TRUE(mentions(scene.notes, "1 of 2 images have no mask"));
+    ASSERT_TRUE(scene.train[0].load().mask);
+    EXPECT_EQ(scene.train[0].load().mask->u8[5], 255);
+    EXPECT_EQ(scene.train[0].image_bytes, 16u * 12 * 4);
+    EXPECT_FALSE(scene.train[1].load().mask);
+    options.invert_masks = true;
+    EXPECT_EQ(load_scene(options).train[0].load().mask->u8[5], 0);
+    options.mask_mode = "transparent";
+    scene = load_scene(options);
+    EXPECT_TRUE(scene.has_alpha);
+    EXPECT_EQ(scene.train[0].load().color.channels, 4);
+    EXPECT_EQ(scene.train[0].load().color.u8[3], 0);
+    options.mask_mode = "other";
+    EXPECT_THROW(load_scene(options), UsageError);
+}
+
+TEST(LoadScene, RgbaPhotographsFollowTheAlphaMode) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    write_png(folder / "images/a.png", 16, 12, 4);
+    SceneOptions options = at(folder.path());
+    EXPECT_TRUE(load_scene(options).has_alpha);
+    EXPECT_EQ(load_scene(options).train[0].load().color.channels, 4);
+    options.alpha_mode = "mask";
+    const Scene scene = load_scene(options);
+    EXPECT_FALSE(scene.has_alpha);
+    EXPECT_TRUE(scene.train[0].load().mask);
+    EXPECT_EQ(scene.train[0].load().color.bytes() + 16 * 12, scene.train[0].image_bytes);
+}
+
+std::string frame(const std::string& path, double x = 0) {
+    return "{\"file_path\": \"" + path + "\", \"transform_matrix\": [[1,0,0," + std::to_string(x) + "],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}";
+}
+
+void write_nerf_synthetic(const TempFolder& folder) {
+    spit(folder / "transforms_train.json",
+         "{\"camera_angle_x\": 0.8, \"frames\": [" + frame("./train/r_1") + "," + frame("./train/r_0", 1) + "]}");
+    spit(folder / "transforms_test.json", "{\"camera_angle_x\": 0.8, \"frames\": [" + frame("./test/r_0", 2) + "]}");
+    for (const char* name : {"train/r_0.png", "train/r_1.png", "test/r_0.png"}) write_png(folder / name, 16, 12, 4);
+}
+
+TEST(LoadScene, NerfSyntheticKeepsItsSplitAndOrder) {
+    TempFolder folder;
+    write_nerf_synthetic(folder);
+    const Scene scene = load_scene(at(folder.path(), true));
+    EXPECT_EQ(scene.kind, "nerf-synthetic");
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"train/r_1.png", "train/r_0.png"}));
+    EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"test/r_0.png"}));
+    EXPECT_TRUE(scene.has_alpha);
+    EXPECT_EQ(scene.random_init_half_extent, 1.5);
+    EXPECT_TRUE(scene.points.positions.empty());
+    EXPECT_NEAR(scene.train[0].camera.fx, 8 / std::tan(0.4), 1e-9);
+    EXPECT_NEAR(scene.extent, 1.1 * 0.5, 1e-9);
+    const Scene merged = load_scene(at(folder.path(), false));
+    EXPECT_EQ(merged.train.size(), 3u);
+    EXPECT_TRUE(merged.test.empty());
+    EXPECT_NE(merged.split_rule.find("train as well"), std::string::npos);
+}
+
+TEST(LoadScene, TransformsFileIsSortedSplitAndScaled) {
+    TempFolder folder;
+    spit(folder / "transforms.json", "{\"fl_x\": 40, \"w\": 32, \"h\": 24, \"frames\": [" + frame("images/c.png") + "," +
+                                         frame("images/a") + "," + frame("images/b.png", 3) + "]}");
+    for (const char* name : {"a.jpg", "b.png", "c.png"}) write_png(folder / "images" / name);
+    const Scene scene = load_scene(at(folder.path(), true));
+    EXPECT_EQ(scene.kind, "transforms");
+    EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images/a.jpg"}));
+    EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images/b.png", "images/c.png"}));
+    EXPECT_EQ(scene.train[0].camera.fx, 20) << "half the size that the file states";
+    EXPECT_EQ(scene.train[0].camera.cx, 8);
+    const Scene by_file = load_scene(at(folder / "transforms.json", true));
+    EXPECT_EQ(names_of(by_file.train), names_of(scene.train));
+}
+
+TEST(LoadScene, TransformsWithExplicitSplit) {
+    TempFolder folder;
+    spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_filenames\": [\"images/b.png\"], \"frames\": [" + frame("images/a.png") + "," +
+                                         frame("images/b.png") + "]}");
+    for (const char* name : {"a.png", "b.png"}) write_png(folder / "images" / name);
+    const Scene scene = load_scene(at(folder.path(), true));
+    EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images/b.png"}));
+    EXPECT_NE(scene.split_rule.find("test_filenames"), std::string::npos);
+}
+
+TEST(LoadScene, UnknownSourcesAreErrorsWithAHint) {
+    TempFolder folder;
+    EXPECT_CONTAINS(error_of(at(folder / "nowhere")), "no such folder or file");
+    EXPECT_CONTAINS(error_of(at(folder.path())), "not a scene");
+}
+
+TEST(LoadScene, ImageThatChangesAfterwardsIsAnError) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    const Scene scene = load_scene(at(folder.path()));
+    write_png(folder / "images/a.png", 20, 12);
+    EXPECT_CONTAINS(message_of<DataError>([&] { scene.train[0].load(); }), "is 20x12 now");
+}
+
+TEST(CameraExtent, IsElevenTenthsOfTheLargestDistance) {
+    std::vector<View> views(2);
+    views[1].camera.translation = {0, 0, -4};
+    EXPECT_NEAR(camera_extent(views, {}), 2.2, 1e-12);
+    PointCloud points;
+    points.positions = {{30, 40, 0}};
+    EXPECT_NEAR(camera_extent({views[0]}, points), 0.5, 1e-6) << "one camera: a hundredth of the scene box";
+    EXPECT_EQ(camera_extent({views[0]}, {}), 1e-6);
+    EXPECT_GT(camera_extent({}, {}), 0);
+}
+
+}  // namespace
+}  // namespace gs
