@@ -6,9 +6,9 @@ add_library(gsapp_flags INTERFACE)
 target_include_directories(gsapp_flags INTERFACE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
 # The same -march everywhere: headers with inline mathematics are shared, and the linker keeps one copy of each.
 # -Wno-restrict: GCC 12 sees overlaps in string concatenation that are not there (GCC bug 105651).
-target_compile_options(gsapp_flags INTERFACE -Wall -Wextra -Wno-psabi -Wno-restrict -march=${GSAPP_CPU_ARCH} -fno-math-errno -fno-trapping-math)
+target_compile_options(gsapp_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wno-psabi;-Wno-restrict;-march=${GSAPP_CPU_ARCH};-fno-math-errno;-fopenmp-simd;-fno-trapping-math>")
 if(GSAPP_CPU_ARCH STREQUAL "native" OR GSAPP_CPU_ARCH STREQUAL "x86-64-v4")
-  target_compile_options(gsapp_flags INTERFACE -mprefer-vector-width=512)
+  target_compile_options(gsapp_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:-mprefer-vector-width=512>")
 endif()
 if(GSAPP_SANITIZE)
   target_compile_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE} -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g)
@@ -36,7 +36,5 @@ function(gs_add_tests label)
   add_executable(${name} ${sources} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest GTest::gtest_main)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES
-    LABELS ${label}
-    # Tests share the cores: threads that spin while they wait would take them from the others.
-    ENVIRONMENT OMP_WAIT_POLICY=passive)
+    LABELS ${label})
 endfunction()

@@ -10,6 +10,7 @@
 #include "kernels/core/parallel.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/target_image.h"
 #include "lib/train/trainer.h"
@@ -63,7 +64,7 @@ BenchResult run_bench(const TrainOptions& options, const Scene& scene, const Ben
     init.seed = options.seed;
     Gaussians state = initialize_gaussians(scene, appearance, init);
     state.active_degree = appearance.max_degree;
-    const auto backend = make_cpu_backend(appearance);
+    const auto backend = choose_backend(options.device, appearance);
     backend->upload(state);
     const LearningRates rates(options, appearance, scene);
 

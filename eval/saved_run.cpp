@@ -9,6 +9,7 @@
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -40,7 +41,7 @@ SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<s
     run.options = load_run_options(run_folder);
     const Gaussians model = read_model(RunFolder{run_folder}, iteration);
     run.iteration = *iteration;
-    run.backend = make_cpu_backend(model.appearance);
+    run.backend = choose_backend(run.options.device, model.appearance);
     run.backend->upload(model);
     run.scene = load_scene(scene_options(run.options));
     const Background background = parse_background(run.options.background);
@@ -50,7 +51,7 @@ SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<s
 
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians) {
     RunFacts facts;
-    facts.scene = options.source;
+    facts.scene = scene_name(options.source);
     facts.model = options.appearance;
     if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
     facts.strategy = options.strategy;

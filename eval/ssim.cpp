@@ -10,6 +10,7 @@
 
 #include "eval/psnr.h"
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 
 namespace gs {
 namespace {
@@ -61,8 +62,7 @@ double ssim_sum(const Plane& a, const Plane& b) {
     const int width = a.width - 2 * kRadius, height = a.height - 2 * kRadius;
     // Moments a, b, aa, bb, ab filtered along x: (a.height, width, 5).
     std::vector<double> rows(std::size_t(a.height) * width * 5);
-#pragma omp parallel for
-    for (int y = 0; y < a.height; ++y) {
+    parallel_for(a.height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
             double* m = &rows[(std::size_t(y) * width + x) * 5];
             for (int k = 0; k < kTaps; ++k) {
@@ -71,10 +71,9 @@ double ssim_sum(const Plane& a, const Plane& b) {
                 m[2] += taps[k] * va * va, m[3] += taps[k] * vb * vb, m[4] += taps[k] * va * vb;
             }
         }
-    }
+    });
     std::vector<double> row_sums(height);  // summed in order afterwards: the same result for any number of threads
-#pragma omp parallel for
-    for (int y = 0; y < height; ++y) {
+    parallel_for(height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
             double m[5] = {};
             for (int k = 0; k < kTaps; ++k) {
@@ -82,7 +81,7 @@ double ssim_sum(const Plane& a, const Plane& b) {
             }
             row_sums[y] += ssim_of_moments(m);
         }
-    }
+    });
     double sum = 0;
     for (const double row : row_sums) sum += row;
     return sum;

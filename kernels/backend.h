@@ -121,4 +121,7 @@ class Backend {
 /// Backend on the CPU for one appearance model. Throws UsageError for an unknown model.
 std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance);
 
+/// Backend on the current CUDA device. Throws UsageError for an unknown model, DeviceError without CUDA (cuda_device.h).
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance);
+
 }  // namespace gs

@@ -12,7 +12,7 @@ namespace gs {
 
 template <class Model> class CpuBackend final : public Backend {
   public:
-    std::string describe() const override { return "CPU, " + std::to_string(max_workers()) + " threads"; }
+    std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
 
     void upload(const Gaussians& state) override {
         state_ = state;

@@ -10,6 +10,7 @@
 
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
+#include "kernels/cuda_device.h"
 #include "lib/core/log.h"
 #include "lib/core/nearest.h"
 #include "lib/core/version.h"
@@ -43,7 +44,7 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
 
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
-    app.set_version_flag("--version", version_text() + "\nbackends: cpu");
+    app.set_version_flag("--version", version_text() + "\nbackends: cpu" + (cuda_available() ? ", cuda" : " (cuda: " + cuda_unavailable_reason() + ")"));
     app.require_subcommand(1);
     Command selected;
     add_train_command(app, selected);

@@ -12,6 +12,7 @@
 #include "eval/saved_run.h"
 #include "eval/table.h"
 #include "kernels/core/error.h"
+#include "kernels/cuda_device.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options_cli.h"
@@ -29,14 +30,8 @@ constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough fo
 
 /// output/<scene>-<appearance>-<n>: the first n that is free.
 std::string default_run_folder(const TrainOptions& options) {
-    std::string scene = options.source.substr(options.source.find(':') + 1);
-    if (options.source.rfind("builtin:", 0) != 0) {
-        fs::path path = fs::weakly_canonical(options.source);
-        if (fs::is_regular_file(path)) path = path.parent_path();
-        scene = path.filename().string();
-    }
     for (int n = 1;; ++n) {
-        const fs::path folder = fs::path("output") / (scene + "-" + options.appearance + "-" + std::to_string(n));
+        const fs::path folder = fs::path("output") / (scene_name(options.source) + "-" + options.appearance + "-" + std::to_string(n));
         if (!fs::exists(folder)) return folder.string();
     }
 }
@@ -102,7 +97,7 @@ class Evaluation {
 
 void run_training(TrainOptions options) {
     setup_log(log_level(options));
-    if (options.device == "cuda") throw DeviceError("option device: this gsapp has no CUDA backend; use --device cpu");
+    if (options.device == "cuda" && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = default_run_folder(options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     const Scene scene = load_scene(scene_options(options));

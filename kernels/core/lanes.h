@@ -17,6 +17,21 @@
 
 namespace gs {
 
+// --- scalar forms -------------------------------------------------------------------------------------------------
+GS_HD bool at_least(float a, float b) { return a >= b; }
+GS_HD bool at_least(double a, double b) { return a >= b; }
+template <class T> GS_HD T select(bool m, T a, T b) { return m ? a : b; }
+GS_HD float exp2_nonpositive(float x) { return ::exp2f(x < 0 ? x : 0.0f); }
+GS_HD double exp2_nonpositive(double x) { return ::exp2(x < 0 ? x : 0.0); }
+GS_HD float lane_max(float a, float b) { return a > b ? a : b; }
+GS_HD double lane_max(double a, double b) { return a > b ? a : b; }
+GS_HD float lane_min(float a, float b) { return a < b ? a : b; }
+GS_HD double lane_min(double a, double b) { return a < b ? a : b; }
+GS_HD float reciprocal(float x) { return 1.0f / x; }
+GS_HD double reciprocal(double x) { return 1.0 / x; }
+
+#ifndef __CUDACC__ // device code has no compiler vectors and needs none
+
 inline constexpr int kLanes = 16;
 
 template <class T> struct LaneTypes;
@@ -56,19 +71,6 @@ template <class T> struct Lanes {
     GS_HD Lanes operator*(Lanes o) const { return v * o.v; }
     GS_HD Lanes operator-() const { return -v; }
 };
-
-// --- scalar forms -------------------------------------------------------------------------------------------------
-GS_HD bool at_least(float a, float b) { return a >= b; }
-GS_HD bool at_least(double a, double b) { return a >= b; }
-template <class T> GS_HD T select(bool m, T a, T b) { return m ? a : b; }
-GS_HD float exp2_nonpositive(float x) { return ::exp2f(x < 0 ? x : 0.0f); }
-GS_HD double exp2_nonpositive(double x) { return ::exp2(x < 0 ? x : 0.0); }
-GS_HD float lane_max(float a, float b) { return a > b ? a : b; }
-GS_HD double lane_max(double a, double b) { return a > b ? a : b; }
-GS_HD float lane_min(float a, float b) { return a < b ? a : b; }
-GS_HD double lane_min(double a, double b) { return a < b ? a : b; }
-GS_HD float reciprocal(float x) { return 1.0f / x; }
-GS_HD double reciprocal(double x) { return 1.0 / x; }
 
 // --- sixteen lanes ------------------------------------------------------------------------------------------------
 #ifdef GS_AVX512
@@ -184,5 +186,7 @@ inline double sum_lanes(Lanes<double> x) {
     for (int i = 0; i < kLanes; ++i) s += x.v[i];
     return s;
 }
+
+#endif  // __CUDACC__
 
 }  // namespace gs

@@ -40,9 +40,6 @@ template <class Real, class Model> struct GaussianGradient {
     Vec2<Real> mean2d; ///< pixels; for the densification statistic
 };
 
-/// Widening of the touch tests: above the rounding of the power in float, below what costs time.
-template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
-
 template <class Model, class Real>
 GS_HD Vec3<Real> appearance_residual(const ParameterView<Real>& params, std::int64_t i, const ViewDirection<Real>& direction, int degree) {
     if constexpr (Model::kDirectional) {

@@ -25,6 +25,9 @@ template <class T> struct Splat {
     T threshold;    ///< ln(255 opacity) >= 0: the power at which alpha falls to 1/255
 };
 
+/// Widening of the touch tests: above the rounding of the power in float, below what costs time.
+template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
+
 /// Half-open pixel rectangle.
 struct PixelBounds {
     int x_min, x_max, y_min, y_max;

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <parallel/algorithm>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
@@ -37,7 +36,7 @@ void TileBinning::build(const BinningInput& in, std::uint32_t num_tiles, std::in
         std::copy(part.depth_keys.begin(), part.depth_keys.end(), keys_.begin() + at);
         at += static_cast<std::int64_t>(part.depth_keys.size());
     }
-    __gnu_parallel::sort(keys_.begin(), keys_.end());
+    parallel_sort(keys_.data(), keys_.data() + keys_.size());
 
     // Counting sort by tile over fixed slices of the depth order: stable, whatever thread takes which slice.
     constexpr std::int64_t kSlices = 16;

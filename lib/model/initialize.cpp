@@ -13,6 +13,7 @@
 #include "appearance/model_info.h"
 #include "kernels/camera.h"
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "kernels/core/rng.h"
 #include "lib/model/appearance_spec.h"
 
@@ -52,14 +53,13 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
     }
     std::vector<Eigen::Vector3f> drawn(std::size_t(options.random_points));
     std::vector<char> seen(drawn.size());
-#pragma omp parallel for schedule(static)
-    for (std::int64_t i = 0; i < options.random_points; ++i) {
+    parallel_for_rows(options.random_points, [&](std::int64_t i) {
         const Philox4 r = philox(options.seed, RngStream::kInitPoints, std::uint64_t(i), 0);
         Eigen::Vector3d p;
         for (int k = 0; k < 3; ++k) p[k] = center[k] + half * (2 * uniform_from_bits<double>(r.v[k]) - 1);
         drawn[std::size_t(i)] = p.cast<float>();
         seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return sees(v.camera, p); });
-    }
+    });
     PointCloud cloud;
     for (std::size_t i = 0; i < drawn.size(); ++i) {
         if (seen[i]) cloud.positions.push_back(drawn[i]);
@@ -82,14 +82,13 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     const KdTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
     // One more than 3: the nearest point is the point itself, or another at the same place, which is the same distance.
     const std::size_t wanted = std::min<std::size_t>(4, points.size());
-#pragma omp parallel for schedule(dynamic, 1024)
-    for (std::int64_t i = 0; i < std::int64_t(points.size()); ++i) {
+    parallel_for_rows(std::int64_t(points.size()), [&](std::int64_t i) {
         const Eigen::Vector3d query = points[std::size_t(i)].cast<double>();
         std::array<std::uint32_t, 4> index;
         std::array<double, 4> squared{};
         tree.knnSearch(query.data(), wanted, index.data(), squared.data());
         means[std::size_t(i)] = (squared[1] + squared[2] + squared[3]) / double(wanted - 1);
-    }
+    });
     return means;
 }
 

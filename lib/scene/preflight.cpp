@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {
@@ -74,22 +76,21 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
 }
 
 std::optional<std::string> check_points(const std::vector<View>& views, const PointCloud& points) {
-    std::int64_t unseen = 0;
+    std::atomic<std::int64_t> unseen = 0;
     const std::int64_t count = std::int64_t(points.positions.size());
-#pragma omp parallel for schedule(static) reduction(+ : unseen)
-    for (std::int64_t block = 0; block < (count + 1023) / 1024; ++block) {
+    parallel_for(num_parts(count), [&](std::int64_t part) {
         std::size_t last = 0;  // neighbours in the file are mostly seen by the same camera
-        for (std::int64_t i = block * 1024; i < std::min(count, block * 1024 + 1024); ++i) {
+        for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
             const Eigen::Vector3d point = points.positions[i].cast<double>();
             std::size_t tried = 0;
             for (; tried < views.size() && !sees(views[last].camera, point); ++tried) last = (last + 1) % views.size();
             unseen += tried == views.size();
         }
-    }
+    });
     if (unseen == 0) return {};
     if (unseen == count)
         return fmt::format("none of the {} points projects into an image: kept, but poses and points do not fit together", count);
-    return fmt::format("{} of {} points project into no image: kept, no image moves them", unseen, count);
+    return fmt::format("{} of {} points project into no image: kept, no image moves them", unseen.load(), count);
 }
 
 }  // namespace gs

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/core/parallel.h"
+
 namespace gs::procedural {
 namespace {
 
@@ -143,12 +145,11 @@ Radiance shade(const World& world, const Hit& hit, const Vector3d& direction) {
 Image render(const World& world, const Camera& camera, int grid) {
     Image image{camera.width, camera.height, 3, {}, {}};
     image.f32.resize(std::size_t(camera.width) * camera.height * 3);
-#pragma omp parallel for schedule(dynamic, 4)
-    for (int y = 0; y < camera.height; ++y) {
+    parallel_for(camera.height, [&](std::int64_t y) {
         for (int x = 0; x < camera.width; ++x) {
             Vector3d sum = Vector3d::Zero();
             for (int i = 0; i < grid * grid; ++i) {
-                const Ray ray = camera_ray(camera, x + (i % grid + 0.5) / grid, y + (i / grid + 0.5) / grid);
+                const Ray ray = camera_ray(camera, x + (i % grid + 0.5) / grid, double(y) + (i / grid + 0.5) / grid);
                 if (const auto hit = intersect(world, ray)) {
                     const Radiance light = shade(world, *hit, ray.direction);
                     sum += light.diffuse + light.specular;
@@ -158,7 +159,7 @@ Image render(const World& world, const Camera& camera, int grid) {
             }
             for (int c = 0; c < 3; ++c) image.f32[(std::size_t(y) * camera.width + x) * 3 + c] = float(sum[c] / (grid * grid));
         }
-    }
+    });
     return image;
 }
 

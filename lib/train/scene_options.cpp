@@ -2,6 +2,9 @@
 // Field by field; designated so that a new field of SceneOptions is easy to spot here.
 #include "lib/train/scene_options.h"
 
+#include <filesystem>
+#include <string_view>
+
 namespace gs {
 
 SceneOptions scene_options(const TrainOptions& options) {
@@ -15,6 +18,14 @@ SceneOptions scene_options(const TrainOptions& options) {
             .invert_masks = options.invert_masks,
             .alpha_mode = options.alpha_mode,
             .seed = options.seed};
+}
+
+std::string scene_name(const std::string& source) {
+    constexpr std::string_view kBuiltin = "builtin:";
+    if (source.starts_with(kBuiltin)) return source.substr(kBuiltin.size());
+    std::filesystem::path path = std::filesystem::weakly_canonical(source);
+    if (std::filesystem::is_regular_file(path)) path = path.parent_path();
+    return path.filename().string();
 }
 
 }  // namespace gs

@@ -20,6 +20,7 @@
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/image_cache.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/memory_plan.h"
@@ -99,7 +100,7 @@ class Run {
         state.active_degree = schedule_.active_degree(0);
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
-        backend_ = make_cpu_backend(appearance_);
+        backend_ = choose_backend(options_.device, appearance_);
         backend_->upload(state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
         write_cfg_args(folder_, options_);
@@ -112,7 +113,7 @@ class Run {
         if (checkpoint.seed != options_.seed)
             spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
-        backend_ = make_cpu_backend(appearance_);
+        backend_ = choose_backend(options_.device, appearance_);
         backend_->upload(checkpoint.state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
         spdlog::info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());

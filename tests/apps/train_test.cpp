@@ -20,7 +20,7 @@ std::vector<nlohmann::json> json_lines(const std::string& text) {
     return lines;
 }
 
-constexpr const char* kShort = "train -s builtin:diffuse --eval -r 4 --iterations 20 --cap-max 6000 ";
+constexpr const char* kShort = "train -s builtin:diffuse --device cpu --eval -r 4 --iterations 20 --cap-max 6000 ";
 
 TEST(Train, LeavesTheDocumentedRunFolder) {
     const Program program;

@@ -3,13 +3,13 @@
 #include "lib/scene/procedural.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "lib/scene/procedural_description.h"
 
 namespace gs {
@@ -211,12 +211,11 @@ TEST(RayCaster, CheckerAlternates) {
 
 TEST(RayCaster, SameImageForAnyNumberOfThreads) {
     const Description d = small("glossy");
-    const int threads = omp_get_max_threads();
-    omp_set_num_threads(1);
+    set_num_threads(1);
     const Image one = render(d.world, rig_camera(d.cameras, false, 3), 2);
-    omp_set_num_threads(3);
+    set_num_threads(3);
     const Image three = render(d.world, rig_camera(d.cameras, false, 3), 2);
-    omp_set_num_threads(threads);
+    set_num_threads(0);
     EXPECT_EQ(one.f32, three.f32);
 }
 

@@ -58,6 +58,7 @@ TrainOptions small_options(const fs::path& folder, const std::string& strategy) 
     o.source = "builtin:diffuse";
     o.model = folder.string();
     o.iterations = 60;
+    o.device = "cpu"; // whose results are the same to the bit
     o.strategy = strategy;
     o.cap_max = 260;
     o.densify_from_iter = 10, o.densify_until_iter = 55, o.densification_interval = 10;

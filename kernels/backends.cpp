@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Picks the backend of a model from the generated lists.
+#include <utility>
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "kernels/core/error.h"
+#include "kernels/cuda_device.h"
+
+#include "backends.inc"
+
+namespace gs {
+
+namespace {
+
+template <class List> std::unique_ptr<Backend> make(const List& backends, const AppearanceSpec& appearance) {
+    const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
+    for (const auto& [name, maker] : backends)
+        if (info.name == name) return maker();
+    throw UsageError("appearance model '" + appearance.model + "' has no backend of this kind");
+}
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance) { return make(kCpuBackends, appearance); }
+
+#ifdef GSAPP_WITH_CUDA
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance) {
+    if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
+    return make(kCudaBackends, appearance);
+}
+#else
+bool cuda_available() { return false; }
+std::string cuda_unavailable_reason() { return "this gsapp was built without CUDA"; }
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
+#endif
+
+}  // namespace gs
