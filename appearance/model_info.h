@@ -16,8 +16,7 @@ class Backend;
 
 /// Facts about the scene that some learning rates depend on.
 struct RateContext {
-    double camera_spacing = 1;   ///< mean distance of a training camera to its 3 nearest, world units
-    std::int64_t iterations = 30000;
+    double camera_spacing = 1; ///< mean distance of a training camera to its 3 nearest, world units
 };
 
 struct AppearanceRates {

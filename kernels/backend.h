@@ -56,7 +56,7 @@ struct StepRequest {
 struct StepStats {
     std::int64_t steps = 0;
     double loss = 0, l1 = 0, ssim = 0;   ///< of the last step
-    std::int64_t num_visible = 0, num_instances = 0;
+    std::int64_t num_instances = 0;      ///< Gaussian-tile pairs of the last step
     std::int64_t num_nonfinite_gradients = 0; ///< Gaussians that sat a step out, summed
     std::int64_t consecutive_skips = 0;       ///< steps in a row skipped because the loss was not finite
 };

@@ -50,7 +50,6 @@ template <class Model> class CpuBackend final : public Backend {
         raster_.forward(params, r.camera, r.background, state_.active_degree, RenderMode::kFull, image_.data(), transmittance_.data());
         const LossValues loss = timed_loss(r);
         stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
-        stats_.num_visible = raster_.num_visible();
         stats_.num_instances = raster_.num_instances();
         ++stats_.steps;
         if (!std::isfinite(loss.loss)) {

@@ -11,7 +11,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
       opacities_(Schedule::constant(options.opacity_lr)),
-      appearance_(appearance_model(appearance.model).rates(appearance.max_degree, {camera_spacing(scene.train), options.iterations})),
+      appearance_(appearance_model(appearance.model).rates(appearance.max_degree, {camera_spacing(scene.train)})),
       noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {}
 
 void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {

@@ -68,7 +68,7 @@ class Run {
 
     TrainSummary run() {
         progress_.start(options_.iterations, iteration_);
-        for (std::size_t k = 0; k < kPrefetch; ++k) images_.prefetch(order_.at(iteration_ + std::int64_t(k)));
+        for (std::int64_t k = iteration_; k < std::min(options_.iterations, iteration_ + kPrefetch); ++k) images_.prefetch(order_.at(k));
         double interval_start = now();
         while (iteration_ < options_.iterations) {
             const double start = now();
@@ -180,7 +180,6 @@ class Run {
                      {"l1", last_.l1},
                      {"ssim", last_.ssim},
                      {"num_gaussians", backend_->count()},
-                     {"num_visible", last_.num_visible},
                      {"num_instances", last_.num_instances},
                      {"active_degree", schedule_.active_degree(iteration_ - 1)},
                      {"milliseconds", 1e3 * interval_seconds},
