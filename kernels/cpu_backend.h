@@ -139,7 +139,7 @@ template <class Model> class CpuBackend final : public Backend {
             GaussianGradient<float, Model> gradient;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
                 raster_.gaussian_gradient(params, i, gradient);
-                if (!update_gaussian(arrays, args, i, gradient)) ++nonfinite_[part];
+                if (!update_gaussian<true>(arrays, args, i, gradient)) ++nonfinite_[part];
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;

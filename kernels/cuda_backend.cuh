@@ -51,11 +51,30 @@ __global__ void __launch_bounds__(kGaussianBlock) preprocess_backward(Preprocess
                                                                       const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
                                                                       unsigned long long* __restrict__ num_nonfinite) {
     const std::int64_t i = std::int64_t(blockIdx.x) * kGaussianBlock + threadIdx.x;
-    if (i >= a.params.count) return;
+    const bool valid = i < a.params.count;
     GaussianGradient<float, Model> gradient{};
-    const SplatBounds b = bounds[i];
-    if (b.x_max > b.x_min) gaussian_backward<Model>(a.params, i, a.camera, a.degree, splats[i], unpack(sums[i]), gradient);
-    if (!update_gaussian(arrays, update, i, gradient)) atomicAdd(num_nonfinite, 1ull);
+    if (valid) {
+        const SplatBounds b = bounds[i];
+        if (b.x_max > b.x_min) gaussian_backward<Model>(a.params, i, a.camera, a.degree, splats[i], unpack(sums[i]), gradient);
+        if (!update_gaussian<false>(arrays, update, i, gradient)) atomicAdd(num_nonfinite, 1ull);
+    }
+    if constexpr (Model::kMaxResidual > 0) {
+        // Residual rows are long: a thread that walked its own row would touch 32 cache lines a warp at every column. The
+        // warp's 32 rows are one contiguous piece, which it updates together, with the gradients passed through shared memory.
+        constexpr int kStride = Model::kMaxResidual | 1; // odd: no bank conflicts
+        __shared__ float residual[kGaussianBlock / 32][32 * kStride];
+        const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = arrays.width[int(Group::kResidual)];
+        for (int c = 0; c < width; ++c) residual[warp][lane * kStride + c] = gradient.residual[c];
+        __syncwarp();
+        const std::int64_t first = i - lane, rows = gs_min<std::int64_t>(32, a.params.count - first);
+        const std::size_t base = std::size_t(first) * width;
+        float *p = arrays.param[int(Group::kResidual)] + base, *m = arrays.m[int(Group::kResidual)] + base, *v = arrays.v[int(Group::kResidual)] + base;
+        for (int k = lane; k < int(rows) * width; k += 32) {
+            const int row = k / width, column = k - row * width;
+            adam_update(p[k], m[k], v[k], residual[warp][row * kStride + column],
+                        update.residual_steps ? update.residual_steps[column] : update.steps[int(Group::kResidual)]);
+        }
+    }
 }
 
 static __global__ void flag_nonfinite(std::int64_t n, const float* values, unsigned* flag) {

@@ -37,8 +37,10 @@ template <class Model> GS_HD bool is_finite(const GaussianGradient<float, Model>
 }
 
 /// One step of Gaussian i, whose data gradient is `g` (zero where invisible; overwritten). Returns false if the data
-/// gradient was not finite and was left out: one bad value would stay in the moments for ever.
-template <class Model> GS_HD bool update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float, Model>& g) {
+/// gradient was not finite and was left out: one bad value would stay in the moments for ever. Without kWithResidual
+/// the residual's step is left to the caller, who may have better access to those rows.
+template <bool kWithResidual, class Model>
+GS_HD bool update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float, Model>& g) {
     bool finite = true;
     if (g.visible) {
         finite = is_finite(g, a.width[int(Group::kResidual)]);
@@ -76,7 +78,7 @@ template <class Model> GS_HD bool update_gaussian(const ModelArrays& a, const Up
     step(Group::kRotation, 0, q.rotation.x, tr), step(Group::kRotation, 1, q.rotation.y, tr);
     step(Group::kRotation, 2, q.rotation.z, tr), step(Group::kRotation, 3, q.rotation.w, tr);
     step(Group::kOpacity, 0, q.raw_opacity, u.steps[int(Group::kOpacity)]);
-    if constexpr (Model::kMaxResidual > 0) {
+    if constexpr (kWithResidual && Model::kMaxResidual > 0) {
         const int k = int(Group::kResidual), width = a.width[k];
         float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
         if (u.residual_steps) {
