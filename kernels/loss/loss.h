@@ -23,6 +23,7 @@ template <class Real> class ImageLoss {
 
   private:
     std::vector<Real> target_, weight_, masked_, maps_;
+    std::vector<double> l1_sums_, ssim_sums_; ///< by task, added in order
 };
 
 extern template class ImageLoss<float>;

@@ -13,12 +13,19 @@ namespace {
 
 constexpr int kRows = 8; ///< rows per task
 
-/// Rows of scratch, with room for the horizontal filter on both sides.
+/// Rows of scratch, zero in the room for the horizontal filter on both sides. The memory is the thread's and stays: no
+/// allocation inside an iteration. One per thread may be in use at a time.
 template <class Real> struct RowScratch {
-    std::vector<Real> data;
+    std::vector<Real>& data;
     int stride;
-    RowScratch(int rows, int width) : data(std::size_t(rows) * (width + 2 * kSsimRadius)), stride(width + 2 * kSsimRadius) {}
+    RowScratch(int rows, int width) : data(memory()), stride(width + 2 * kSsimRadius) { data.assign(std::size_t(rows) * stride, Real(0)); }
     Real* row(int k) { return data.data() + std::size_t(k) * stride + kSsimRadius; }
+
+  private:
+    static std::vector<Real>& memory() {
+        static thread_local std::vector<Real> rows;
+        return rows;
+    }
 };
 
 template <class Real> void filter_row(const Real* in, const SsimTaps<Real>& taps, int width, Real* out) {
@@ -113,17 +120,18 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     maps_.resize(3 * 3 * pixels);
 
     const std::int64_t strips = (h + kRows - 1) / kRows, tasks = 3 * strips;
-    std::vector<double> l1_sums(tasks, 0.0), ssim_sums(tasks, 0.0);
+    l1_sums_.assign(tasks, 0.0);
+    ssim_sums_.assign(tasks, 0.0);
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(5, w), f(5, w);
+        RowScratch<Real> v(10, w); // 5 rows filtered vertically, then the same filtered in both directions
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
         double ssim_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             vertical_moments(a, b, y, taps, vertical);
-            for (int k = 0; k < 5; ++k) filter_row(v.row(k), taps, w, f.row(k));
-            const Real *f0 = f.row(0), *f1 = f.row(1), *f2 = f.row(2), *f3 = f.row(3), *f4 = f.row(4);
+            for (int k = 0; k < 5; ++k) filter_row(v.row(k), taps, w, v.row(5 + k));
+            const Real *f0 = v.row(5), *f1 = v.row(6), *f2 = v.row(7), *f3 = v.row(8), *f4 = v.row(9);
             Real* p = &maps_[(3 * c) * pixels + std::size_t(y) * w];
             Real *q = p + pixels, *r = q + pixels;
             const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
@@ -139,12 +147,12 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
             }
             ssim_sum += row_sum;
         }
-        ssim_sums[task] = ssim_sum;
+        ssim_sums_[task] = ssim_sum;
     });
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(3, w), f(3, w);
+        RowScratch<Real> v(6, w);
         double l1_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             for (int k = 0; k < 3; ++k) {
@@ -157,9 +165,9 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
 #pragma omp simd
                     for (int x = 0; x < w; ++x) o[x] += g * in[x];
                 }
-                filter_row(o, taps, w, f.row(k));
+                filter_row(o, taps, w, v.row(3 + k));
             }
-            const Real *fp = f.row(0), *fq = f.row(1), *fr = f.row(2), *px = a.row(y), *ty = b.row(y);
+            const Real *fp = v.row(3), *fq = v.row(4), *fr = v.row(5), *px = a.row(y), *ty = b.row(y);
             const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
             Real* out = dL_dimage + c * pixels + std::size_t(y) * w;
             Real row_sum = 0;
@@ -173,10 +181,10 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
             }
             l1_sum += row_sum;
         }
-        l1_sums[task] = l1_sum;
+        l1_sums_[task] = l1_sum;
     });
     LossValues out;
-    for (std::int64_t k = 0; k < tasks; ++k) out.l1 += l1_sums[k], out.ssim += ssim_sums[k];
+    for (std::int64_t k = 0; k < tasks; ++k) out.l1 += l1_sums_[k], out.ssim += ssim_sums_[k];
     out.l1 *= norm;
     out.ssim *= norm;
     out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
