@@ -35,7 +35,7 @@ Threads& threads() {
 void set_num_threads(int count) { threads().set(count); }
 int num_threads() { return threads().arena.max_concurrency(); }
 
-void parallel_for(std::int64_t n, const std::function<void(std::int64_t)>& fn) {
+void parallel_for_function(std::int64_t n, const std::function<void(std::int64_t)>& fn) {
     if (n == 1) return fn(0);
     threads().arena.execute([&] {
         tbb::parallel_for(

@@ -14,7 +14,10 @@ int num_threads();
 /// Calls fn(i) for i in [0, n), in any order and on any thread; waits for all. Results must not depend on the order;
 /// callers that reduce do so over fixed-size parts, in order. The first exception is rethrown. Idle threads sleep, so
 /// that a busy machine does not slow it beyond its share. Cost: some microseconds, and an indirect call for each i.
-void parallel_for(std::int64_t n, const std::function<void(std::int64_t)>& fn);
+void parallel_for_function(std::int64_t n, const std::function<void(std::int64_t)>& fn);
+
+/// The same for any callable, passed by reference: std::function would copy a large closure to the heap.
+template <class Fn> void parallel_for(std::int64_t n, Fn&& fn) { parallel_for_function(n, std::ref(fn)); }
 
 /// Ascending; the same for any number of threads, as keys are plain numbers.
 void parallel_sort(std::uint64_t* begin, std::uint64_t* end);
