@@ -19,6 +19,7 @@ struct TargetImage {
     const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
     const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
     const std::uint8_t* mask = nullptr;  ///< (H,W) loss weight/255, or null for weight 1
+    std::int64_t id = -1;                ///< equal ids mean equal pixels, so that a device may keep its copy; -1 = unknown
 };
 
 /// Which colour is composited (appearance spec section 1.4).
@@ -52,13 +53,30 @@ struct StepRequest {
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
 };
 
-/// What happened since the last call of `take_stats`; fetched only where a user sees it.
+/// What happened since the last call of `take_stats`.
 struct StepStats {
     std::int64_t steps = 0;
     double loss = 0, l1 = 0, ssim = 0;   ///< of the last step
     std::int64_t num_instances = 0;      ///< Gaussian-tile pairs of the last step
     std::int64_t num_nonfinite_gradients = 0; ///< Gaussians that sat a step out, summed
     std::int64_t consecutive_skips = 0;       ///< steps in a row skipped because the loss was not finite
+};
+
+/// What a backend holds in its device's memory.
+struct MemoryUse {
+    struct Row {
+        std::string what;
+        std::int64_t bytes = 0;
+        std::string item;  ///< what the bytes grow with: "Gaussian", "instance", "pixel", "image"
+        double items = 0;
+    };
+    std::vector<Row> rows;
+    std::int64_t bytes = 0, peak = 0;
+};
+
+struct BackendOptions {
+    bool deterministic = false;                      ///< fixed order of all sums: bitwise repeatable on one device, slower
+    std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
 };
 
 struct McmcParams {
@@ -102,9 +120,18 @@ class Backend {
     virtual void set_active_degree(int degree) = 0;
 
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
+    /// May return before the step is done. What `request` points to is not needed any more on return.
     virtual void step(const StepRequest& request) = 0;
+    /// Of the steps known to be done: up to two steps late on a device, unless `synchronize` was called.
     virtual StepStats take_stats() = 0;
+    virtual void synchronize() = 0;
+
+    /// Mean seconds of a frame over `repeats` rounds through all views, after one round to warm up. Images stay on the device.
+    virtual double time_frames(const std::vector<RenderRequest>& views, int repeats) = 0;
+    /// Stages are timed only while this is on (the marks between stages cost a few microseconds each).
+    virtual void measure_stages(bool on) = 0;
     virtual std::vector<StageCost> take_stage_costs() = 0;
+    virtual MemoryUse memory() const = 0;
 
     virtual DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
     virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
@@ -119,9 +146,9 @@ class Backend {
 };
 
 /// Backend on the CPU for one appearance model. Throws UsageError for an unknown model.
-std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance);
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options = {});
 
 /// Backend on the current CUDA device. Throws UsageError for an unknown model, DeviceError without CUDA (cuda_device.h).
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance);
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options = {});
 
 }  // namespace gs

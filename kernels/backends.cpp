@@ -13,26 +13,26 @@ namespace gs {
 
 namespace {
 
-template <class List> std::unique_ptr<Backend> make(const List& backends, const AppearanceSpec& appearance) {
+template <class List> std::unique_ptr<Backend> make(const List& backends, const AppearanceSpec& appearance, const BackendOptions& options) {
     const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
     for (const auto& [name, maker] : backends)
-        if (info.name == name) return maker();
+        if (info.name == name) return maker(options);
     throw UsageError("appearance model '" + appearance.model + "' has no backend of this kind");
 }
 
 }  // namespace
 
-std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance) { return make(kCpuBackends, appearance); }
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) { return make(kCpuBackends, appearance, options); }
 
 #ifdef GSAPP_WITH_CUDA
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance) {
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
     if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
-    return make(kCudaBackends, appearance);
+    return make(kCudaBackends, appearance, options);
 }
 #else
 bool cuda_available() { return false; }
 std::string cuda_unavailable_reason() { return "this gsapp was built without CUDA"; }
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
 #endif
 
 }  // namespace gs

@@ -12,6 +12,8 @@ namespace gs {
 
 template <class Model> class CpuBackend final : public Backend {
   public:
+    explicit CpuBackend(const BackendOptions&) {} // every sum has a fixed order here; images stay where they are
+
     std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
 
     void upload(const Gaussians& state) override {
@@ -70,6 +72,21 @@ template <class Model> class CpuBackend final : public Backend {
         return out;
     }
 
+    void synchronize() override {}
+
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+        RenderedImage image;
+        double seconds = 0;
+        for (int round = 0; round <= repeats; ++round) {
+            if (round == 1) seconds = 0;
+            const StageTimer timer(seconds);
+            for (const RenderRequest& view : views) render(view, image);
+        }
+        return seconds / (double(repeats) * double(views.size()));
+    }
+
+    void measure_stages(bool) override {} // reading the clock costs nothing here
+
     std::vector<StageCost> take_stage_costs() override {
         auto& s = raster_.seconds;
         const double gaussians = work_.gaussians, pairs = work_.pairs;
@@ -90,6 +107,8 @@ template <class Model> class CpuBackend final : public Backend {
         work_ = {};
         return costs;
     }
+
+    MemoryUse memory() const override { return {}; } // the process's memory is the operating system's to tell
 
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
         return mcmc_densify(state_, params, iteration, seed);

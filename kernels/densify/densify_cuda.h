@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// Applies a densification plan to rows on the device.
+// Growing, relocating, pruning and ordering rows on the device; the same decisions as densify.h.
 #pragma once
 
-#include "kernels/core/cuda.h"
-#include "kernels/densify/mcmc_plan.h"
-#include "kernels/optimizer/update_device.h"
+#include "kernels/backend.h"
+#include "kernels/model_cuda.h"
 
 namespace gs {
 
-/// usable[i] = 0 where the rotation of row i is degenerate.
-void find_usable(std::int64_t n, const float* rotations, char* usable, cudaStream_t stream);
-
-/// Buffers are reused from call to call.
-class CudaMcmc {
+/// Every call works on `stream` and has ended when it returns; it may use all of `scratch`.
+class CudaDensify {
   public:
-    /// Rows named by the round must exist in `arrays`.
-    void apply(const McmcRound& round, const ModelArrays& arrays, cudaStream_t stream);
+    CudaDensify(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), scratch_(scratch), stream_(stream) {}
+
+    DensifyStats mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
+    DensifyStats adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
+    void reset_opacity();
+    void morton_sort();
+    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]);
+    std::int64_t prune_invisible();
 
   private:
-    DeviceBuffer<std::uint32_t> sources_, to_, from_;
-    DeviceBuffer<float> raw_opacity_, shift_;
+    CudaModel& model_;
+    Scratch& scratch_;
+    cudaStream_t stream_;
 };
 
 }  // namespace gs

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "kernels/backend.h"
-#include "kernels/core/cuda.h"
+#include "kernels/core/device_memory.h"
 
 namespace gs {
 

@@ -2,7 +2,7 @@
 // Depth sort of Gaussians, then stable tile sort of their instances, on the device (rasterizer spec section 6).
 #pragma once
 
-#include "kernels/core/cuda.h"
+#include "kernels/core/device_memory.h"
 #include "kernels/preprocess/preprocess_device.h"
 
 namespace gs {

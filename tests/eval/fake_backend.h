@@ -23,7 +23,11 @@ class FakeBackend : public Backend {
     }
     void step(const StepRequest&) override {}
     StepStats take_stats() override { return {}; }
+    void synchronize() override {}
+    double time_frames(const std::vector<RenderRequest>&, int) override { return 0; }
+    void measure_stages(bool) override {}
     std::vector<StageCost> take_stage_costs() override { return {}; }
+    MemoryUse memory() const override { return {}; }
     DensifyStats densify_mcmc(const McmcParams&, std::int64_t, std::uint64_t) override { return {}; }
     DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override { return {}; }
     void reset_opacity() override {}

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The model on the device: the rows of all groups with their moments.
+#pragma once
+
+#include "kernels/core/device_memory.h"
+#include "kernels/optimizer/update_device.h"
+
+namespace gs {
+
+struct CudaModel {
+    std::int64_t count = 0;
+    int width[kNumGroups] = {};
+    DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups]; ///< (count, width)
+    bool has_statistic = false;                                          ///< the two below hold `count` values
+    DeviceBuffer<float> gradient_sum, gradient_count;
+
+    std::size_t floats(int group) const { return std::size_t(count) * width[group]; }
+    ModelArrays arrays() const {
+        ModelArrays a{};
+        for (int g = 0; g < kNumGroups; ++g) a.param[g] = param[g].get(), a.m[g] = m[g].get(), a.v[g] = v[g].get(), a.width[g] = width[g];
+        return a;
+    }
+    /// Room for n rows in every group, keeping the present ones.
+    void reserve_rows(std::int64_t n) {
+        for (int g = 0; g < kNumGroups; ++g)
+            for (auto* buffer : {&param[g], &m[g], &v[g]}) buffer->grow(std::size_t(n) * width[g], floats(g));
+    }
+    std::int64_t bytes() const {
+        std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes();
+        for (int g = 0; g < kNumGroups; ++g) sum += param[g].bytes() + m[g].bytes() + v[g].bytes();
+        return sum;
+    }
+};
+
+}  // namespace gs
