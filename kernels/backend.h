@@ -115,7 +115,7 @@ class Backend {
 
     /// Replaces the whole model. Moments are zeroed where `state` has none.
     virtual void upload(const Gaussians& state) = 0;
-    virtual Gaussians download(bool with_moments) const = 0;
+    virtual Gaussians download(bool with_moments) = 0;
     virtual std::int64_t count() const = 0;
     virtual void set_active_degree(int degree) = 0;
 

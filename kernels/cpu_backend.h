@@ -23,7 +23,7 @@ template <class Model> class CpuBackend final : public Backend {
             group.v.resize(group.param.size(), 0.0f);
         }
     }
-    Gaussians download(bool with_moments) const override {
+    Gaussians download(bool with_moments) override {
         if (with_moments) return state_;
         Gaussians out;
         out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree, out.step = state_.step;
@@ -54,13 +54,13 @@ template <class Model> class CpuBackend final : public Backend {
         stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
         stats_.num_instances = raster_.num_instances();
         ++stats_.steps;
+        ++state_.step; // counts steps that are then skipped, too: a device learns about those too late to count otherwise
         if (!std::isfinite(loss.loss)) {
             ++stats_.consecutive_skips;
             return;
         }
         stats_.consecutive_skips = 0;
         raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
-        ++state_.step;
         update(r, params);
         count_work(pixels);
     }
@@ -138,10 +138,8 @@ template <class Model> class CpuBackend final : public Backend {
 
     void update(const StepRequest& r, const ParameterView<float>& params) {
         const StageTimer timer(update_seconds_);
-        UpdateArgs args = update_args(r, state_.step, state_.count);
-        std::vector<AdamStep<float>> columns;
-        for (double rate : r.residual_rates) columns.push_back(AdamStep<float>::at(rate, state_.step));
-        args.residual_steps = columns.empty() ? nullptr : columns.data();
+        const UpdateArgs args = update_args(r, state_.step, state_.count);
+        const int width = state_[Group::kResidual].width;
         if (r.gather_gradient_stats) {
             state_.gradient_sum.resize(state_.count, 0.0f);
             state_.gradient_count.resize(state_.count, 0.0f);
@@ -155,10 +153,12 @@ template <class Model> class CpuBackend final : public Backend {
         const std::int64_t parts = num_parts(state_.count);
         nonfinite_.assign(parts, 0);
         parallel_for(parts, [&](std::int64_t part) {
-            GaussianGradient<float, Model> gradient;
+            typename CpuRasterizer<float, Model>::FullGradient gradient;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
                 raster_.gaussian_gradient(params, i, gradient);
-                if (!update_gaussian<true>(arrays, args, i, gradient)) ++nonfinite_[part];
+                if (!drop_nonfinite(gradient, gradient.residual, width)) ++nonfinite_[part];
+                update_gaussian(arrays, args, i, gradient);
+                update_residual(arrays, args, i, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;

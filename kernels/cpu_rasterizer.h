@@ -68,8 +68,12 @@ template <class Real, class Model> class CpuRasterizer {
         });
     }
 
+    struct FullGradient : GaussianGradient<Real> {
+        Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
+    };
+
     /// Gradients of Gaussian i. `params` are those of forward(). Thread-safe.
-    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, GaussianGradient<Real, Model>& out) const {
+    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out) const {
         out = {};
         if (bins_.count[i] == 0) return;
         SplatSums<Real> sum{};
@@ -78,7 +82,8 @@ template <class Real, class Model> class CpuRasterizer {
             sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy, sum.hyy += s[k].hyy;
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
-        gaussian_backward<Model>(params, i, camera_, degree_, splats_[i], sum, out);
+        gaussian_backward<Model>(params.geometry(i), params.base(i), params.residual(i), params.activation, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out),
+                                 out.residual);
     }
 
     std::int64_t num_visible() const { return binning_.num_visible(); }
@@ -133,7 +138,7 @@ template <class Real, class Model> class CpuRasterizer {
                 if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
             }
         if (bin.tiles.size() == before) return;
-        s.color = gaussian_color<Model>(params, i, g.mean, camera_.position, degree_, mode);
+        s.color = gaussian_color<Model>(params.activation, params.base(i), params.residual(i), g.mean, camera_.position, degree_, mode);
         const float depth = float(z);
         std::uint32_t bits;
         std::memcpy(&bits, &depth, sizeof bits); // positive floats order like their bits

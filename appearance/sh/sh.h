@@ -66,20 +66,27 @@ struct Sh {
     }
 
     template <class T> static GS_HD Vec3<T> residual(const T* params, const Vec3<T>& direction, int degree) {
-        T y[15];
+        T y[15] = {};
         basis(direction, degree, y);
         Vec3<T> sum{T(0), T(0), T(0)};
-        for (int i = 0, n = num_bases(degree); i < n; ++i) sum += Vec3<T>{params[3 * i], params[3 * i + 1], params[3 * i + 2]} * y[i];
+        const int n = num_bases(degree);
+        GS_UNROLL
+        for (int i = 0; i < 15; ++i) {
+            if (i >= n) break;
+            sum += Vec3<T>{params[3 * i], params[3 * i + 1], params[3 * i + 2]} * y[i];
+        }
         return sum;
     }
 
     template <class T>
     static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
                                         Vec3<T>& dL_ddirection) {
-        T y[15], a[15];
+        T y[15] = {}, a[15] = {};
         basis(direction, degree, y);
         const int n = num_bases(degree);
-        for (int i = 0; i < n; ++i) {
+        GS_UNROLL
+        for (int i = 0; i < 15; ++i) {
+            if (i >= n) break;
             const T* k = params + 3 * i;
             a[i] = k[0] * dL_dresidual.x + k[1] * dL_dresidual.y + k[2] * dL_dresidual.z;
             dL_dparams[3 * i] = y[i] * dL_dresidual.x;

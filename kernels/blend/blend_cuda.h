@@ -1,33 +1,60 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blending on the device: forward per pixel, backward per Gaussian (rasterizer spec sections 7 and 8).
+// Blending on the device: forward per pixel, backward per chunk of a tile's list (rasterizer spec sections 7 and 8).
+//
+// A warp owns a sub-tile of 8x4 pixels. A splat is tested exactly against the six sub-tiles of its tile; forward and backward
+// visit only those it reaches. The backward pass of a long list is cut into chunks that start from the state which the
+// forward pass saved there.
 #pragma once
 
-#include "kernels/blend/blend_device.h"
 #include "kernels/sort/binning_cuda.h"
 
 namespace gs {
+
+/// Instances of a tile between two saved states: one a thread, as a block loads them.
+inline constexpr int kChunk = kCudaTilePixels;
+inline constexpr int kSubX = 8, kSubY = 4, kSubTiles = kCudaTilePixels / 32;
 
 /// Sums of one Gaussian over all pixels, as three 16-byte groups so that the device adds them with three atomics.
 struct alignas(16) PackedSums {
     float4 a; ///< h, hx, hy, hxx
     float4 b; ///< hxy, hyy, r, g
     float4 c; ///< b, unused
+
+    __device__ SplatSums<float> sums() const { return {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x}; }
 };
 
-/// Buffers are reused from call to call.
+/// Part of a tile's list for one block of the backward pass.
+struct BlendChunk {
+    std::uint32_t tile, first;  ///< instances first .. first+kChunk of the tile
+    std::uint32_t checkpoint;   ///< state before `first`; unused for the first chunk
+};
+
+struct BlendImage {
+    int width, height;
+    Vec3<float> background;
+    float *rgb, *transmittance; ///< (3,H,W), (H,W)
+};
+
 class CudaBlend {
   public:
-    /// image (3,H,W), transmittance (H,W). With `for_backward` it keeps checkpoints for backward().
-    void forward(const CudaBins& bins, const Splat<float>* splats, const SplatBounds* bounds, int width, int height, Vec3<float> background, float* image,
-                 float* transmittance, bool for_backward, cudaStream_t stream);
-    /// Adds to sums (n), which the caller zeroed. Float atomics: the order of additions varies from run to run.
-    void backward(const CudaBins& bins, const Splat<float>* splats, const SplatBounds* bounds, int width, int height, Vec3<float> background,
-                  const float* image, const float* transmittance, const float* dL_dimage, PackedSums* sums, cudaStream_t stream);
+    /// Takes what lives from the forward to the backward pass.
+    void take(Carver& c, std::int64_t capacity, int num_tiles);
+    /// Takes what only the backward pass with a fixed order of sums uses.
+    void take_partial_sums(Carver& c, std::int64_t capacity);
+
+    /// With `for_backward` it keeps what backward() needs.
+    void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream);
+    /// Adds to sums (n), which the caller zeroed. Float atomics: the order of additions varies from run to run, unless
+    /// `slots` is given: then sums are written, each in the order of its instances.
+    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, StepControl* control, PackedSums* sums,
+                  std::int64_t n, const SlotMap* slots, cudaStream_t stream);
 
   private:
-    DeviceBuffer<float4> checkpoints_;            ///< (buckets, 192): colour so far and transmittance
-    DeviceBuffer<std::uint32_t> bucket_tiles_;    ///< (buckets)
-    DeviceBuffer<std::uint32_t> last_, max_last_; ///< (tiles*192), (tiles): instances of the tile up to the last contributor
+    std::int64_t capacity_ = 0;
+    float4* checkpoints_ = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
+    BlendChunk* chunks_ = nullptr;
+    std::uint8_t* sub_tiles_ = nullptr;  ///< by instance: which of the six sub-tiles it reaches
+    PackedSums* partial_ = nullptr;      ///< (slots, 6)
 };
 
 }  // namespace gs

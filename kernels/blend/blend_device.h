@@ -60,30 +60,39 @@ template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 };
 
-template <class P, class T>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb, SplatSums<P>& sum) {
+/// What one fragment passes on: w = T alpha, for the colour; h = -alpha dL/dalpha, for the shape.
+template <class P> struct FragmentGradient {
+    P w, h;
+};
+
+template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb) {
     const P zero(T(0)), one(T(1));
-    const auto active = at_least(f.alpha, P(T(kMinAlpha))) & at_least(s.t, P(T(kMinTransmittance)));
-    const P w = select(active, s.t * f.alpha, zero);
+    const auto active = at_least(alpha, P(T(kMinAlpha))) & at_least(s.t, P(T(kMinTransmittance)));
+    const P w = select(active, s.t * alpha, zero);
     const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
     const P t_after = s.t - w;
     // Behind the fragment that finishes a pixel there is exactly nothing. Setting so removes the one badly
     // conditioned case: 1/(1-alpha) up to 1e6 times rounding noise.
     s.behind = select(at_least(t_after, P(T(kMinTransmittance))), s.behind - w * color_gradient, zero);
-    const P inverse = reciprocal(lane_max(one - f.alpha, P(T(kMinOneMinusAlpha))));
+    const P inverse = reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))));
     const P dL_dalpha = s.t * color_gradient - (s.behind + s.background) * inverse;
-    const P h = select(active, -(f.alpha * dL_dalpha), zero);
-    const P hx = h * f.dx, hy = h * f.dy;
-    sum.h = sum.h + h;
+    s.t = t_after;
+    return {w, select(active, -(alpha * dL_dalpha), zero)};
+}
+
+template <class P, class T>
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb, SplatSums<P>& sum) {
+    const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, cr, cg, cb);
+    const P hx = d.h * f.dx, hy = d.h * f.dy;
+    sum.h = sum.h + d.h;
     sum.hx = sum.hx + hx;
     sum.hy = sum.hy + hy;
     sum.hxx = gs_fma(hx, f.dx, sum.hxx);
     sum.hxy = gs_fma(hx, f.dy, sum.hxy);
     sum.hyy = gs_fma(hy, f.dy, sum.hyy);
-    sum.r = gs_fma(w, s.gr, sum.r);
-    sum.g = gs_fma(w, s.gg, sum.g);
-    sum.b = gs_fma(w, s.gb, sum.b);
-    s.t = t_after;
+    sum.r = gs_fma(d.w, s.gr, sum.r);
+    sum.g = gs_fma(d.w, s.gg, sum.g);
+    sum.b = gs_fma(d.w, s.gb, sum.b);
 }
 
 /// From the sums over pixels to gradients of the splat.

@@ -38,7 +38,7 @@ template <class Real> struct GaussianState {
     std::int64_t count = 0;
     AppearanceSpec appearance;
     int active_degree = 0;
-    std::int64_t step = 0; ///< optimizer steps taken; Adam's t
+    std::int64_t step = 0; ///< optimizer steps, skipped ones included; Adam's t
     std::array<GroupArrays<Real>, kNumGroups> groups;
     /// ADC statistic since the last densification, one per Gaussian: summed norm of the screen-space mean gradient, and
     /// in how many views it was seen. Both empty where nothing gathers them.

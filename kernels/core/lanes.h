@@ -21,13 +21,30 @@ namespace gs {
 GS_HD bool at_least(float a, float b) { return a >= b; }
 GS_HD bool at_least(double a, double b) { return a >= b; }
 template <class T> GS_HD T select(bool m, T a, T b) { return m ? a : b; }
-GS_HD float exp2_nonpositive(float x) { return ::exp2f(x < 0 ? x : 0.0f); }
+GS_HD float exp2_nonpositive(float x) {
+    x = x < 0 ? x : 0.0f;
+#ifdef __CUDA_ARCH__ // one instruction, 2 ulp; results below 2^-126 are 0 and would be skipped anyway
+    float y;
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
+    return y;
+#else
+    return ::exp2f(x);
+#endif
+}
 GS_HD double exp2_nonpositive(double x) { return ::exp2(x < 0 ? x : 0.0); }
 GS_HD float lane_max(float a, float b) { return a > b ? a : b; }
 GS_HD double lane_max(double a, double b) { return a > b ? a : b; }
 GS_HD float lane_min(float a, float b) { return a < b ? a : b; }
 GS_HD double lane_min(double a, double b) { return a < b ? a : b; }
-GS_HD float reciprocal(float x) { return 1.0f / x; }
+GS_HD float reciprocal(float x) {
+#ifdef __CUDA_ARCH__ // one instruction, 1 ulp
+    float y;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
+    return y;
+#else
+    return 1.0f / x;
+#endif
+}
 GS_HD double reciprocal(double x) { return 1.0 / x; }
 
 #ifndef __CUDACC__ // device code has no compiler vectors and needs none

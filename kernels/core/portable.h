@@ -7,8 +7,11 @@
 
 #if defined(__CUDACC__)
 #define GS_HD __host__ __device__ __forceinline__
+/// Before a loop with a constant bound whose array elements should be registers.
+#define GS_UNROLL _Pragma("unroll")
 #else
 #define GS_HD inline __attribute__((always_inline))
+#define GS_UNROLL
 #endif
 
 namespace gs {

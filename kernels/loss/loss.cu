@@ -1,157 +1,221 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two kernels: SSIM's derivative maps, then the gradient. Each block filters a 16x16 tile with its 5-pixel border
-// through shared memory, rows first.
+// Two kernels: SSIM's derivative maps, then the gradient. A block filters a 32x32 tile of one channel with its 5-pixel
+// border: rows from shared memory, eight outputs a thread, then columns, four outputs a thread, so that a value read once
+// serves several taps.
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/loss/loss_device.h"
 
 namespace gs {
 namespace {
 
-constexpr int kTile = 16, kHalo = kTile + 2 * kSsimRadius;
+constexpr int kTile = 32, kHalo = kTile + 2 * kSsimRadius, kThreads = 256;
+constexpr int kAcross = 8, kDown = kTile * kTile / kThreads; ///< outputs of a thread in a row, in a column
+constexpr int kTapCount = 2 * kSsimRadius + 1;
 
-__constant__ float kTaps[kSsimRadius + 1];
+__constant__ float kTaps[kTapCount];
 
 struct LossArgs {
     CudaLossInput in;
     float l1_step, ssim_step;
+
+    __device__ bool inside(int x, int y) const { return x >= 0 && y >= 0 && x < in.target.width && y < in.target.height; }
+    __device__ std::size_t pixel(int x, int y) const { return std::size_t(y) * in.target.width + x; }
+    __device__ std::size_t plane() const { return std::size_t(in.target.width) * in.target.height; }
+    __device__ float weight(int x, int y) const { return in.target.mask ? in.target.mask[pixel(x, y)] * (1.0f / 255.0f) : 1.0f; }
+    __device__ float target(int c, int x, int y) const {
+        const TargetImage& t = in.target;
+        const std::size_t i = pixel(x, y) * t.channels;
+        const float value = t.u8 ? t.u8[i + c] * (1.0f / 255.0f) : t.f32[i + c];
+        if (t.channels == 3) return value;
+        const float alpha = t.u8 ? t.u8[i + 3] * (1.0f / 255.0f) : t.f32[i + 3];
+        const float bg = c == 0 ? in.background.x : c == 1 ? in.background.y : in.background.z;
+        return fminf(fmaxf(alpha * value + (1.0f - alpha) * bg, 0.0f), 1.0f);
+    }
 };
 
-__device__ float weight_at(const LossArgs& a, int x, int y) {
-    return a.in.target.mask ? a.in.target.mask[std::size_t(y) * a.in.target.width + x] * (1.0f / 255.0f) : 1.0f;
-}
-
-__device__ float target_at(const LossArgs& a, int c, int x, int y) {
-    const TargetImage& t = a.in.target;
-    const std::size_t i = (std::size_t(y) * t.width + x) * t.channels;
-    const float value = t.u8 ? t.u8[i + c] / 255.0f : t.f32[i + c];
-    if (t.channels == 3) return value;
-    const float alpha = t.u8 ? t.u8[i + 3] / 255.0f : t.f32[i + 3];
-    const float bg = c == 0 ? a.in.background.x : c == 1 ? a.in.background.y : a.in.background.z;
-    return fminf(fmaxf(alpha * value + (1.0f - alpha) * bg, 0.0f), 1.0f);
-}
-
-__device__ float filter_at(const float* row, int stride) {
-    float s = kTaps[0] * row[0];
+/// sums[o] = filtered value at output o, from inputs(t), t = 0 .. Outputs + 10.
+template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutputs], Input input) {
 #pragma unroll
-    for (int k = 1; k <= kSsimRadius; ++k) s += kTaps[k] * (row[k * stride] + row[-k * stride]);
-    return s;
+    for (int o = 0; o < kOutputs; ++o) sums[o] = 0;
+#pragma unroll
+    for (int t = 0; t < kOutputs + kTapCount - 1; ++t) {
+        const float x = input(t);
+#pragma unroll
+        for (int o = 0; o < kOutputs; ++o)
+            if (t - o >= 0 && t - o < kTapCount) sums[o] = fmaf(kTaps[t - o], x, sums[o]);
+    }
 }
 
-/// Sum over the block, added once to a double.
-__device__ void add_block_sum(float value, double* total) {
+/// Sum over the block; valid in thread 0.
+__device__ float block_sum(float value) {
+    __shared__ float parts[kThreads / 32];
     for (int k = 16; k; k /= 2) value += __shfl_xor_sync(~0u, value, k);
-    __shared__ float parts[kTile * kTile / 32];
-    const int thread = threadIdx.y * kTile + threadIdx.x;
-    if (thread % 32 == 0) parts[thread / 32] = value;
     __syncthreads();
-    if (thread == 0) {
-        double sum = 0;
-        for (float p : parts) sum += p;
-        atomicAdd(total, sum);
-    }
+    if (threadIdx.x % 32 == 0) parts[threadIdx.x / 32] = value;
+    __syncthreads();
+    float sum = 0;
+    for (float p : parts) sum += p;
+    return sum;
 }
 
-__global__ void __launch_bounds__(kTile* kTile) ssim_maps(LossArgs a, float* __restrict__ maps, double* __restrict__ ssim_total) {
-    __shared__ float sx[kHalo][kHalo + 1], sy[kHalo][kHalo + 1];
+__device__ unsigned block_number() { return blockIdx.x + gridDim.x * (blockIdx.y + gridDim.y * blockIdx.z); }
+
+__global__ void __launch_bounds__(kThreads, 4) ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
+    __shared__ float2 tile[kHalo][kHalo + 1]; // render, target; odd stride: lanes on different rows meet different banks
     __shared__ float rows[5][kHalo][kTile + 1];
-    const int width = a.in.target.width, height = a.in.target.height, c = blockIdx.z;
-    const int x0 = blockIdx.x * kTile - kSsimRadius, y0 = blockIdx.y * kTile - kSsimRadius;
-    const std::size_t plane = std::size_t(width) * height;
-    const int thread = threadIdx.y * kTile + threadIdx.x;
-    for (int k = thread; k < kHalo * kHalo; k += kTile * kTile) {
-        const int i = k % kHalo, j = k / kHalo, x = x0 + i, y = y0 + j;
-        const bool inside = x >= 0 && y >= 0 && x < width && y < height;
-        const float w = inside ? weight_at(a, x, y) : 0.0f;
-        sx[j][i] = inside ? w * a.in.image[c * plane + std::size_t(y) * width + x] : 0.0f;
-        sy[j][i] = inside ? w * target_at(a, c, x, y) : 0.0f;
+    const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
+    for (int k = threadIdx.x; k < kHalo * kHalo; k += kThreads) {
+        const int i = k % kHalo, j = k / kHalo, x = x0 + i - kSsimRadius, y = y0 + j - kSsimRadius;
+        float2 v = make_float2(0, 0);
+        if (a.inside(x, y)) {
+            const float w = a.weight(x, y);
+            v = make_float2(w * a.in.image[c * a.plane() + a.pixel(x, y)], w * a.target(c, x, y));
+        }
+        tile[j][i] = v;
     }
     __syncthreads();
-    for (int k = thread; k < kHalo * kTile; k += kTile * kTile) {
-        const int i = k % kTile, j = k / kTile;
-        float s[5] = {};
+    if (threadIdx.x < kHalo * (kTile / kAcross)) {
+        const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
+        float s[5][kAcross] = {};
 #pragma unroll
-        for (int t = -kSsimRadius; t <= kSsimRadius; ++t) {
-            const float g = kTaps[t < 0 ? -t : t], p = sx[j][i + kSsimRadius + t], q = sy[j][i + kSsimRadius + t];
-            s[0] += g * p, s[1] += g * q, s[2] += g * p * p, s[3] += g * q * q, s[4] += g * p * q;
+        for (int t = 0; t < kAcross + kTapCount - 1; ++t) {
+            const float2 v = tile[j][i + t];
+            const float xx = v.x * v.x, yy = v.y * v.y, xy = v.x * v.y;
+#pragma unroll
+            for (int o = 0; o < kAcross; ++o) {
+                if (t - o < 0 || t - o >= kTapCount) continue;
+                const float g = kTaps[t - o];
+                s[0][o] = fmaf(g, v.x, s[0][o]), s[1][o] = fmaf(g, v.y, s[1][o]);
+                s[2][o] = fmaf(g, xx, s[2][o]), s[3][o] = fmaf(g, yy, s[3][o]), s[4][o] = fmaf(g, xy, s[4][o]);
+            }
         }
 #pragma unroll
-        for (int m = 0; m < 5; ++m) rows[m][j][i] = s[m];
+        for (int m = 0; m < 5; ++m)
+#pragma unroll
+            for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[m][o];
     }
     __syncthreads();
-    const int x = blockIdx.x * kTile + threadIdx.x, y = blockIdx.y * kTile + threadIdx.y;
-    float weighted = 0;
-    if (x < width && y < height) {
-        float m[5];
+    const int i = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
+    float s[5][kDown];
 #pragma unroll
-        for (int k = 0; k < 5; ++k) m[k] = filter_at(&rows[k][threadIdx.y + kSsimRadius][threadIdx.x], kTile + 1);
-        const SsimPixel<float> s = ssim_pixel(m[0], m[1], m[2], m[3], m[4]);
-        const float w = weight_at(a, x, y), u = a.ssim_step * w;
-        const std::size_t i = c * plane + std::size_t(y) * width + x;
-        maps[i] = u * s.p;
-        maps[i + 3 * plane] = u * s.q;
-        maps[i + 6 * plane] = u * s.r;
-        weighted = w * s.ssim;
+    for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
+    float sum = 0;
+    const std::size_t plane = a.plane();
+#pragma unroll
+    for (int o = 0; o < kDown; ++o) {
+        const int x = x0 + i, y = y0 + first + o;
+        if (!a.inside(x, y)) continue;
+        const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
+        const float w = a.weight(x, y), u = a.ssim_step * w;
+        const std::size_t at = c * plane + a.pixel(x, y);
+        maps[at] = u * p.p;
+        maps[at + 3 * plane] = u * p.q;
+        maps[at + 6 * plane] = u * p.r;
+        sum += w * p.ssim;
     }
-    add_block_sum(weighted, ssim_total);
+    sum = block_sum(sum);
+    if (threadIdx.x == 0) partials[block_number()].y = sum;
 }
 
-__global__ void __launch_bounds__(kTile* kTile) loss_gradient(LossArgs a, const float* __restrict__ maps, float* __restrict__ dL_dimage, double* __restrict__ l1_total) {
-    __shared__ float s[3][kHalo][kHalo + 1];
-    __shared__ float rows[3][kHalo][kTile + 1];
-    const int width = a.in.target.width, height = a.in.target.height, c = blockIdx.z;
-    const int x0 = blockIdx.x * kTile - kSsimRadius, y0 = blockIdx.y * kTile - kSsimRadius;
-    const std::size_t plane = std::size_t(width) * height;
-    const int thread = threadIdx.y * kTile + threadIdx.x;
-    for (int k = thread; k < kHalo * kHalo; k += kTile * kTile) {
-        const int i = k % kHalo, j = k / kHalo, x = x0 + i, y = y0 + j;
-        const bool inside = x >= 0 && y >= 0 && x < width && y < height;
-        const std::size_t at = c * plane + std::size_t(y) * width + x;
-#pragma unroll
-        for (int m = 0; m < 3; ++m) s[m][j][i] = inside ? maps[at + 3 * m * plane] : 0.0f;
+/// The block that ends last adds up all partial sums, each thread its share in order.
+__device__ void finish_sums(const float2* partials, StepControl* control) {
+    __shared__ bool last;
+    __shared__ double parts[2][kThreads];
+    const unsigned blocks = gridDim.x * gridDim.y * gridDim.z;
+    if (threadIdx.x == 0) {
+        __threadfence();
+        last = atomicAdd(&control->loss_blocks, 1) == blocks - 1;
     }
     __syncthreads();
-    for (int k = thread; k < kHalo * kTile; k += kTile * kTile) {
-        const int i = k % kTile, j = k / kTile;
-#pragma unroll
-        for (int m = 0; m < 3; ++m) rows[m][j][i] = filter_at(&s[m][j][i + kSsimRadius], 1);
+    if (!last) return;
+    __threadfence();
+    double l1 = 0, ssim = 0;
+    for (unsigned k = threadIdx.x; k < blocks; k += kThreads) {
+        const float2 p = __ldcg(partials + k);
+        l1 += p.x, ssim += p.y;
     }
-    __syncthreads();
-    const int x = blockIdx.x * kTile + threadIdx.x, y = blockIdx.y * kTile + threadIdx.y;
-    float difference = 0;
-    if (x < width && y < height) {
-        float f[3];
-#pragma unroll
-        for (int m = 0; m < 3; ++m) f[m] = filter_at(&rows[m][threadIdx.y + kSsimRadius][threadIdx.x], kTile + 1);
-        const std::size_t i = c * plane + std::size_t(y) * width + x;
-        const float w = weight_at(a, x, y), p = w * a.in.image[i], t = w * target_at(a, c, x, y), d = p - t;
-        const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
-        difference = d * sign;
-        dL_dimage[i] = w * (a.l1_step * sign + f[0] + 2.0f * p * f[1] + t * f[2]);
+    parts[0][threadIdx.x] = l1, parts[1][threadIdx.x] = ssim;
+    for (int half = kThreads / 2; half; half /= 2) {
+        __syncthreads();
+        if (int(threadIdx.x) < half)
+            for (auto& p : parts) p[threadIdx.x] += p[threadIdx.x + half];
     }
-    add_block_sum(difference, l1_total);
+    if (threadIdx.x == 0) control->l1 = parts[0][0], control->ssim = parts[1][0];
 }
+
+__global__ void __launch_bounds__(kThreads, 4)
+    loss_gradient(LossArgs a, const float* __restrict__ maps, float* __restrict__ dL_dimage, float2* __restrict__ partials, StepControl* control) {
+    __shared__ float tile[3][kHalo][kHalo + 1]; // odd stride, as above
+    __shared__ float rows[3][kHalo][kTile + 1];
+    const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
+    const std::size_t plane = a.plane();
+    for (int k = threadIdx.x; k < kHalo * kHalo; k += kThreads) {
+        const int i = k % kHalo, j = k / kHalo, x = x0 + i - kSsimRadius, y = y0 + j - kSsimRadius;
+        const bool inside = a.inside(x, y);
+        const std::size_t at = inside ? c * plane + a.pixel(x, y) : 0;
+#pragma unroll
+        for (int m = 0; m < 3; ++m) tile[m][j][i] = inside ? maps[at + 3 * m * plane] : 0.0f;
+    }
+    __syncthreads();
+    if (threadIdx.x < kHalo * (kTile / kAcross)) {
+        const int j = threadIdx.x % kHalo, i = threadIdx.x / kHalo * kAcross;
+#pragma unroll
+        for (int m = 0; m < 3; ++m) {
+            float s[kAcross];
+            filter<kAcross>(s, [&](int t) { return tile[m][j][i + t]; });
+#pragma unroll
+            for (int o = 0; o < kAcross; ++o) rows[m][j][i + o] = s[o];
+        }
+    }
+    __syncthreads();
+    const int i = threadIdx.x % kTile, first = threadIdx.x / kTile * kDown;
+    float f[3][kDown];
+#pragma unroll
+    for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][i]; });
+    float sum = 0;
+#pragma unroll
+    for (int o = 0; o < kDown; ++o) {
+        const int x = x0 + i, y = y0 + first + o;
+        if (!a.inside(x, y)) continue;
+        const std::size_t at = c * plane + a.pixel(x, y);
+        const float w = a.weight(x, y), p = w * a.in.image[at], t = w * a.target(c, x, y), d = p - t;
+        const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
+        sum += d * sign;
+        dL_dimage[at] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
+    }
+    sum = block_sum(sum);
+    if (threadIdx.x == 0) partials[block_number()].x = sum;
+    finish_sums(partials, control);
+}
+
+dim3 grid_of(int width, int height) { return {num_blocks(width, kTile), num_blocks(height, kTile), 3}; }
 
 }  // namespace
 
-void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, double* totals, cudaStream_t stream) {
+void CudaLoss::take(Carver& c, int width, int height) {
+    const dim3 grid = grid_of(width, height);
+    maps_ = c.take<float>(9 * std::size_t(width) * height);
+    partials_ = c.take<float2>(std::size_t(grid.x) * grid.y * grid.z);
+}
+
+void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream) {
     static const bool taps_uploaded = [] {
         const SsimTaps<float> taps;
-        GS_CUDA(cudaMemcpyToSymbol(kTaps, taps.g, sizeof taps.g));
+        float all[kTapCount];
+        for (int k = 0; k < kTapCount; ++k) all[k] = taps.g[std::abs(k - kSsimRadius)];
+        GS_CUDA(cudaMemcpyToSymbol(kTaps, all, sizeof all));
         return true;
     }();
     (void)taps_uploaded;
-    const int w = in.target.width, h = in.target.height;
-    const std::size_t pixels = std::size_t(w) * h;
     if (!(in.weight_sum > 0)) { // nothing is looked at
-        GS_CUDA(cudaMemsetAsync(dL_dimage, 0, 3 * pixels * sizeof(float), stream));
+        GS_CUDA(cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
         return;
     }
-    float* maps = maps_.reserve(9 * pixels);
     const LossArgs args{in, float((1 - in.lambda_dssim) / (3 * in.weight_sum)), float(-in.lambda_dssim / (3 * in.weight_sum))};
-    const dim3 grid(num_blocks(w, kTile), num_blocks(h, kTile), 3), block(kTile, kTile);
-    ssim_maps<<<grid, block, 0, stream>>>(args, maps, totals + 1);
+    const dim3 grid = grid_of(in.target.width, in.target.height);
+    ssim_maps<<<grid, kThreads, 0, stream>>>(args, maps_, partials_);
     GS_CUDA_LAUNCHED("ssim_maps");
-    loss_gradient<<<grid, block, 0, stream>>>(args, maps, dL_dimage, totals);
+    loss_gradient<<<grid, kThreads, 0, stream>>>(args, maps_, dL_dimage, partials_, control);
     GS_CUDA_LAUNCHED("loss_gradient");
 }
 

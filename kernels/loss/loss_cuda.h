@@ -4,10 +4,11 @@
 
 #include "kernels/backend.h"
 #include "kernels/core/device_memory.h"
+#include "kernels/preprocess/splat_cuda.h"
 
 namespace gs {
 
-/// A target image on the device: as TargetImage, with device pointers.
+/// A rendered image and its target, both on the device: `target` as TargetImage, with device pointers.
 struct CudaLossInput {
     const float* image;  ///< (3,H,W)
     TargetImage target;
@@ -16,15 +17,16 @@ struct CudaLossInput {
     double weight_sum;   ///< sum of the mask's weights, or the number of pixels
 };
 
-/// Buffers are reused from call to call.
 class CudaLoss {
   public:
-    /// Writes dL_dimage (3,H,W) and adds to totals: [0] sum of weighted |difference|, [1] sum of weighted SSIM, both not
-    /// yet divided by 3 weight_sum. totals must be zeroed. Float atomics once a block.
-    void compute(const CudaLossInput& in, float* dL_dimage, double* totals, cudaStream_t stream);
+    void take(Carver& c, int width, int height);
+    /// Writes dL_dimage (3,H,W), and to control->l1 and ->ssim the sums of weighted |difference| and weighted SSIM, not yet
+    /// divided by 3 weight_sum. All sums have a fixed order.
+    void compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream);
 
   private:
-    DeviceBuffer<float> maps_; ///< (3 maps, 3, H, W)
+    float* maps_ = nullptr;     ///< (3 maps, 3, H, W)
+    float2* partials_ = nullptr; ///< by block: sums of |difference| and of SSIM
 };
 
 }  // namespace gs

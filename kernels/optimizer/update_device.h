@@ -8,10 +8,14 @@
 
 namespace gs {
 
+/// Columns that may have rates of their own. Bounded so that a kernel takes them as a parameter.
+inline constexpr int kMaxResidualColumns = 96;
+
 /// What all Gaussians share in one step. Plain data, passed to kernels by value.
 struct UpdateArgs {
     AdamStep<float> steps[kNumGroups];
-    const AdamStep<float>* residual_steps; ///< one per residual column, or null: steps[kResidual] for all
+    bool per_column;                       ///< residual_steps holds one per residual column; else steps[kResidual] is for all
+    AdamStep<float> residual_steps[kMaxResidualColumns];
     float opacity_gradient;                ///< lambda_o / N
     float scale_gradient;                  ///< lambda_s / 3N
     float noise;                           ///< SGLD factor, 0 = none
@@ -26,30 +30,30 @@ struct ModelArrays {
     float *gradient_sum, *gradient_count; ///< ADC statistic, or null
 };
 
-template <class Model> GS_HD bool is_finite(const GaussianGradient<float, Model>& g, int residual_width) {
+GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual, int residual_width) {
     // x - x is 0 for finite x and NaN otherwise; NaN survives the sum.
     const auto& q = g.geometry;
     const auto zero = [](float x) { return x - x; };
     float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) + zero(q.log_scale.z) + zero(q.raw_opacity) +
               zero(q.rotation.x) + zero(q.rotation.y) + zero(q.rotation.z) + zero(q.rotation.w) + zero(g.base.x) + zero(g.base.y) + zero(g.base.z);
-    for (int k = 0; k < residual_width; ++k) s += zero(g.residual[k]);
+    for (int k = 0; k < residual_width; ++k) s += zero(dL_dresidual[k]);
     return s == 0;
 }
 
-/// One step of Gaussian i, whose data gradient is `g` (zero where invisible; overwritten). Returns false if the data
-/// gradient was not finite and was left out: one bad value would stay in the moments for ever. Without kWithResidual
-/// the residual's step is left to the caller, who may have better access to those rows.
-template <bool kWithResidual, class Model>
-GS_HD bool update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float, Model>& g) {
-    bool finite = true;
-    if (g.visible) {
-        finite = is_finite(g, a.width[int(Group::kResidual)]);
-        if (!finite) g = GaussianGradient<float, Model>{};
-        if (finite && a.gradient_sum) {
-            const float x = 0.5f * u.width * g.mean2d.x, y = 0.5f * u.height * g.mean2d.y;
-            a.gradient_sum[i] += gs_sqrt(x * x + y * y);
-            a.gradient_count[i] += 1.0f;
-        }
+/// Zeroes a gradient that is not finite, and then returns false: one bad value would stay in the moments for ever.
+GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int residual_width) {
+    if (!g.visible || is_finite(g, dL_dresidual, residual_width)) return true;
+    g = GaussianGradient<float>{};
+    for (int k = 0; k < residual_width; ++k) dL_dresidual[k] = 0;
+    return false;
+}
+
+/// One step of everything but the residual of Gaussian i, whose data gradient is `g` (finite; zero where invisible).
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
+    if (g.visible && a.gradient_sum) {
+        const float x = 0.5f * u.width * g.mean2d.x, y = 0.5f * u.height * g.mean2d.y;
+        a.gradient_sum[i] += gs_sqrt(x * x + y * y);
+        a.gradient_count[i] += 1.0f;
     }
     // Regularisers: means over all Gaussians, visible or not.
     const float* s = a.param[int(Group::kScale)] + 3 * i;
@@ -78,20 +82,6 @@ GS_HD bool update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     step(Group::kRotation, 0, q.rotation.x, tr), step(Group::kRotation, 1, q.rotation.y, tr);
     step(Group::kRotation, 2, q.rotation.z, tr), step(Group::kRotation, 3, q.rotation.w, tr);
     step(Group::kOpacity, 0, q.raw_opacity, u.steps[int(Group::kOpacity)]);
-    if constexpr (kWithResidual && Model::kMaxResidual > 0) {
-        const int k = int(Group::kResidual), width = a.width[k];
-        float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
-        if (u.residual_steps) {
-            for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], g.residual[c], u.residual_steps[c]);
-        } else {
-            const AdamStep<float> t = u.steps[k];
-            const float* d = g.residual;
-#if !defined(__CUDACC__)
-#pragma omp simd
-#endif
-            for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], d[c], t);
-        }
-    }
     if (u.noise > 0) {
         float* mean = a.param[int(Group::kMean)] + 3 * i;
         const float* r = a.param[int(Group::kRotation)] + 4 * i;
@@ -99,7 +89,21 @@ GS_HD bool update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
         const Vec3<float> d = sgld_noise(now, u.noise, u.seed, u.iteration, std::uint32_t(i));
         mean[0] += d.x, mean[1] += d.y, mean[2] += d.z;
     }
-    return finite;
+}
+
+/// One step of the residual of Gaussian i.
+GS_HD void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, const float* dL_dresidual) {
+    const int k = int(Group::kResidual), width = a.width[k];
+    float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
+    if (u.per_column) {
+        for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c]);
+        return;
+    }
+    const AdamStep<float> t = u.steps[k];
+#if !defined(__CUDACC__)
+#pragma omp simd
+#endif
+    for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], t);
 }
 
 /// The factors of Adam's step `t` for a request.
@@ -110,6 +114,8 @@ inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t
     u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
+    u.per_column = !r.residual_rates.empty();
+    for (std::size_t c = 0; c < r.residual_rates.size(); ++c) u.residual_steps[c] = AdamStep<float>::at(r.residual_rates[c], t);
     return u;
 }
 

@@ -31,19 +31,18 @@ template <class Real> struct ParameterView {
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
 };
 
-/// Everything the backward pass knows about one Gaussian. For an invisible one `visible` is false and all is zero.
-template <class Real, class Model> struct GaussianGradient {
+/// What the backward pass knows about one Gaussian, but for its residual. For an invisible one `visible` is false and all
+/// is zero.
+template <class Real> struct GaussianGradient {
     bool visible;
     GeometryGradient<Real> geometry;
     Vec3<Real> base;
-    Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
     Vec2<Real> mean2d; ///< pixels; for the densification statistic
 };
 
-template <class Model, class Real>
-GS_HD Vec3<Real> appearance_residual(const ParameterView<Real>& params, std::int64_t i, const ViewDirection<Real>& direction, int degree) {
+template <class Model, class Real> GS_HD Vec3<Real> appearance_residual(const Real* residual, const ViewDirection<Real>& direction, int degree) {
     if constexpr (Model::kDirectional) {
-        if (degree > 0) return Model::residual(params.residual(i), direction.unit, degree);
+        if (degree > 0) return Model::residual(residual, direction.unit, degree);
     }
     return {Real(0), Real(0), Real(0)};
 }
@@ -52,16 +51,24 @@ template <class Real> GS_HD Vec3<Real> activate(ColorActivation activation, cons
     return {color_activation(activation, y.x), color_activation(activation, y.y), color_activation(activation, y.z)};
 }
 
+/// Colour of a Gaussian at `mean`; `residual` is its row, read only where the model has a residual and `degree` > 0.
 template <class Model, class Real>
-GS_HD Vec3<Real> gaussian_color(const ParameterView<Real>& params, std::int64_t i, const Vec3<Real>& mean, const Vec3<Real>& camera_position, int degree,
-                                RenderMode mode) {
-    const Vec3<Real> base = params.base(i);
-    if (mode == RenderMode::kBaseOnly) return activate(params.activation, base);
-    const Vec3<Real> full =
-        activate(params.activation, base + appearance_residual<Model>(params, i, view_direction(mean, camera_position), degree));
+GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Real* residual, const Vec3<Real>& mean, const Vec3<Real>& camera_position,
+                                int degree, RenderMode mode) {
+    if (mode == RenderMode::kBaseOnly) return activate(activation, base);
+    const Vec3<Real> full = activate(activation, base + appearance_residual<Model>(residual, view_direction(mean, camera_position), degree));
     if (mode == RenderMode::kFull) return full;
-    const Vec3<Real> d = full - activate(params.activation, base);
+    const Vec3<Real> d = full - activate(activation, base);
     return {gs_abs(d.x), gs_abs(d.y), gs_abs(d.z)};
+}
+
+/// Conic and opacity of a splat from its projection.
+template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real>& p, Real raw_opacity) {
+    const Real inv = Real(1) / p.det;
+    s.a = p.cov2d.yy * inv;
+    s.b = -p.cov2d.xy * inv;
+    s.c = p.cov2d.xx * inv;
+    s.opacity = sigmoid(raw_opacity);
 }
 
 /// Geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. False: culled. The colour is
@@ -69,41 +76,39 @@ GS_HD Vec3<Real> gaussian_color(const ParameterView<Real>& params, std::int64_t 
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded, int height_padded, Splat<Real>& s,
                       PixelBounds& bounds, Real& depth) {
-    const Real opacity = sigmoid(g.raw_opacity);
-    if (!(opacity >= Real(kMinAlpha))) return false;
+    if (!(sigmoid(g.raw_opacity) >= Real(kMinAlpha))) return false;
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
-    const Real inv = Real(1) / p.det;
-    s.a = p.cov2d.yy * inv;
-    s.b = -p.cov2d.xy * inv;
-    s.c = p.cov2d.xx * inv;
+    set_shape(s, p, g.raw_opacity);
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
-    s.opacity = opacity;
-    s.threshold = gs_max(gs_log(Real(255) * opacity), Real(0));
+    s.threshold = gs_max(gs_log(Real(255) * s.opacity), Real(0));
     bounds = pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
     depth = p.cam.z;
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 
-/// All gradients of Gaussian i. `out` must be zeroed; it stays so for a Gaussian that projects to nothing.
+/// All gradients of one Gaussian from its sums over pixels. `out` must be zeroed; it stays so for a Gaussian that projects
+/// to nothing. `residual` and `dL_dresidual` (zeroed by the caller) are rows of the model's width; they may be null
+/// without a residual.
 template <class Model, class Real>
-GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera, int degree, const Splat<Real>& splat,
-                             const SplatSums<Real>& sums, GaussianGradient<Real, Model>& out) {
+GS_HD void gaussian_backward(const GaussianGeometry<Real>& g, const Vec3<Real>& base, const Real* residual, ColorActivation activation,
+                             const CameraParams<Real>& camera, int degree, const SplatSums<Real>& sums, GaussianGradient<Real>& out, Real* dL_dresidual) {
     Projection<Real> p;
-    const GaussianGeometry<Real> g = params.geometry(i);
     if (!project_geometry(g, camera, p)) return;
     out.visible = true;
+    Splat<Real> splat;
+    set_shape(splat, p, g.raw_opacity);
     const SplatGradient<Real> d = splat_gradient(splat, sums);
     out.mean2d = d.mean;
     out.geometry = project_backward(g, camera, p, splat.opacity, d);
     const ViewDirection<Real> direction = view_direction(g.mean, camera.position);
-    const Vec3<Real> y = params.base(i) + appearance_residual<Model>(params, i, direction, degree);
-    out.base = {color_activation_derivative(params.activation, y.x) * d.color.x, color_activation_derivative(params.activation, y.y) * d.color.y,
-                color_activation_derivative(params.activation, y.z) * d.color.z};
+    const Vec3<Real> y = base + appearance_residual<Model>(residual, direction, degree);
+    out.base = {color_activation_derivative(activation, y.x) * d.color.x, color_activation_derivative(activation, y.y) * d.color.y,
+                color_activation_derivative(activation, y.z) * d.color.z};
     if constexpr (Model::kDirectional) {
         if (degree > 0) {
             Vec3<Real> dL_ddirection;
-            Model::residual_backward(params.residual(i), direction.unit, degree, out.base, out.residual, dL_ddirection);
+            Model::residual_backward(residual, direction.unit, degree, out.base, dL_dresidual, dL_ddirection);
             out.geometry.mean += direction_pullback(direction, dL_ddirection);
         }
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
+#include <thrust/iterator/transform_iterator.h>
 
 #include "kernels/sort/binning_cuda.h"
 
@@ -9,164 +10,152 @@ namespace {
 
 constexpr int kBlock = 256;
 
-/// Counting and writing must agree bit for bit about every tile, or slots stay unwritten: one copy of the code.
-__device__ __noinline__ bool touches(const Splat<float>& s, int tx, int ty) {
-    const float power = min_power_in_rectangle(s, float(tx * kCudaTileX), float(ty * kCudaTileY), float(kCudaTileX - 1), float(kCudaTileY - 1));
-    return power <= touch_threshold(s);
-}
-
-struct TileRectangle {
-    int x0, x1, y0, y1;
-    __device__ explicit TileRectangle(const SplatBounds& b)
-        : x0(b.x_min / kCudaTileX), x1((b.x_max + kCudaTileX - 1) / kCudaTileX), y0(b.y_min / kCudaTileY), y1((b.y_max + kCudaTileY - 1) / kCudaTileY) {}
-    __device__ int width() const { return x1 - x0; }
-    __device__ int size() const { return (x1 - x0) * (y1 - y0); }
+struct CountInOrder {
+    const std::uint32_t* counts;
+    __device__ std::uint32_t operator()(std::uint32_t gaussian) const { return counts[gaussian]; }
 };
+using CountIterator = thrust::transform_iterator<CountInOrder, const std::uint32_t*>;
 
-/// Tiles of a Gaussian that its own lane tests; the rest is shared by the warp.
-constexpr int kSequential = 4;
-
-/// The Gaussians of a warp, one per lane: each lane tests up to 4 tiles of its own, what is left of the large ones the
-/// whole warp does together. emit(lane, tile, k): the k-th touched tile of that lane's Gaussian.
-template <class Emit>
-__device__ int for_touched_tiles(const Splat<float>* splats, const SplatBounds* bounds, std::uint32_t gaussian, bool valid, int tiles_x, Emit emit) {
-    const unsigned lane = threadIdx.x & 31;
-    const SplatBounds b = valid ? bounds[gaussian] : SplatBounds{0, 0, 0, 0};
-    const TileRectangle r(b);
-    const int candidates = valid && b.x_max > b.x_min && b.y_max > b.y_min ? r.size() : 0;
-    int count = 0;
-    if (candidates > 0) {
-        const Splat<float> s = splats[gaussian];
-        for (int k = 0; k < min(candidates, kSequential); ++k) {
-            const int tx = r.x0 + k % r.width(), ty = r.y0 + k / r.width();
-            if (touches(s, tx, ty)) emit(int(lane), ty * tiles_x + tx, count++);
-        }
-    }
-    unsigned large = __ballot_sync(~0u, candidates > kSequential);
-    while (large) {
-        const int owner = __ffs(large) - 1;
-        large &= large - 1;
-        const std::uint32_t g = __shfl_sync(~0u, gaussian, owner);
-        const int n = __shfl_sync(~0u, candidates, owner);
-        int done = __shfl_sync(~0u, count, owner);
-        const Splat<float> s = splats[g];
-        const TileRectangle q(bounds[g]);
-        for (int base = kSequential; base < n; base += 32) {
-            const int k = base + int(lane);
-            const int tx = q.x0 + k % q.width(), ty = q.y0 + k / q.width();
-            const bool hit = k < n && touches(s, tx, ty);
-            const unsigned hits = __ballot_sync(~0u, hit);
-            if (hit) emit(owner, ty * tiles_x + tx, done + __popc(hits & ((1u << lane) - 1)));
-            done += __popc(hits);
-        }
-        if (int(lane) == owner) count = done;
-    }
-    return count;
-}
-
-__global__ void fill_indices(std::uint32_t n, std::uint32_t* indices) {
+__global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
     const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
     if (i < n) indices[i] = i;
 }
 
-/// Also empties the bounds of a Gaussian that touches no tile: it counts as culled from here on.
-__global__ void count_tiles(std::uint32_t n, const std::uint32_t* order, const Splat<float>* splats, SplatBounds* bounds, int tiles_x,
-                            std::uint32_t* counts) {
-    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
-    const bool valid = k < n;
-    const int count = for_touched_tiles(splats, bounds, valid ? order[k] : 0, valid, tiles_x, [](int, int, int) {});
-    if (!valid) return;
-    counts[k] = count;
-    if (count == 0) bounds[order[k]] = {0, 0, 0, 0};
+/// One thread per Gaussian in depth order; Gaussians with more than 32 candidate tiles are shared by the warp.
+template <class Key>
+__global__ void __launch_bounds__(kBlock)
+    write_instances(std::uint32_t n, std::uint32_t capacity, const std::uint32_t* __restrict__ order, const std::uint32_t* __restrict__ offsets,
+                    const TileSpan* __restrict__ spans, const PackedSplat* __restrict__ splats, int tiles_x, StepControl* control, Key* __restrict__ tile_keys,
+                    std::uint32_t* __restrict__ instances) {
+    if (control->num_instances > capacity) {
+        if (blockIdx.x == 0 && threadIdx.x == 0) control->stopped = 1;
+        return;
+    }
+    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x, lane = threadIdx.x & 31;
+    if (k - lane >= control->num_visible) return;
+    const std::uint32_t begin = k < n && k > 0 ? offsets[k - 1] : 0, end = k < n ? offsets[k] : 0;
+    const std::uint32_t gaussian = begin < end ? order[k] : 0;
+    TileSpan span{0, 0};
+    if (begin < end) span = spans[gaussian];
+    const bool large = begin < end && span.width() == 0;
+    if (begin < end && !large) {
+        std::uint32_t at = begin;
+        const int x0 = span.x0(), y0 = span.y0(), width = span.width();
+        for (unsigned bits = span.mask; bits; bits &= bits - 1, ++at) {
+            const int candidate = __ffs(bits) - 1, row = candidate / width;
+            tile_keys[at] = Key((y0 + row) * tiles_x + x0 + candidate - row * width);
+            instances[at] = gaussian;
+        }
+    }
+    for (unsigned owners = __ballot_sync(~0u, large); owners; owners &= owners - 1) {
+        const int owner = __ffs(owners) - 1;
+        const std::uint32_t g = __shfl_sync(~0u, gaussian, owner);
+        std::uint32_t at = __shfl_sync(~0u, begin, owner);
+        const PackedSplat s = splats[g];
+        const TileRectangle r(s.bounds());
+        for (int base = 0, candidates = r.size(); base < candidates; base += 32) {
+            const int c = base + int(lane), tx = r.x0 + c % r.width, ty = r.y0 + c / r.width;
+            const bool hit = c < candidates && touches_tile(s.a.x, s.a.y, s.a.z, s.a.w, s.b.x, s.b.z, tx, ty);
+            const unsigned hits = __ballot_sync(~0u, hit);
+            if (hit) {
+                const std::uint32_t mine = at + __popc(hits & ((1u << lane) - 1));
+                tile_keys[mine] = Key(ty * tiles_x + tx);
+                instances[mine] = g;
+            }
+            at += __popc(hits);
+        }
+    }
 }
 
-__global__ void write_instances(std::uint32_t n, const std::uint32_t* order, const Splat<float>* splats, const SplatBounds* bounds, int tiles_x,
-                                const std::uint64_t* offsets, std::uint32_t* tile_keys, std::uint32_t* instances) {
-    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
-    const bool valid = k < n;
-    const std::uint32_t gaussian = valid ? order[k] : 0;
-    const std::uint64_t offset = valid && k > 0 ? offsets[k - 1] : 0; // inclusive scan
-    for_touched_tiles(splats, bounds, gaussian, valid, tiles_x, [&](int owner, int tile, int rank) {
-        // In the shared phase the emitting lane is not the owner; both values come from the owner's slot range.
-        const std::uint32_t owner_k = k - (threadIdx.x & 31) + owner;
-        const std::uint64_t at = (owner_k == k ? offset : (owner_k > 0 ? offsets[owner_k - 1] : 0)) + rank;
-        tile_keys[at] = tile;
-        instances[at] = order[owner_k];
-    });
-}
-
-__global__ void find_tile_offsets(std::uint32_t num_instances, const std::uint32_t* tiles, std::uint32_t num_tiles, std::uint32_t* offsets) {
-    // offsets[t] = first instance with tile >= t: the thread at a change of tile fills all tiles in between.
+/// offsets[t] = first instance of a tile >= t: the thread at a change of tile fills all tiles in between. Keys beyond the
+/// last instance are larger than any tile.
+template <class Key> __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles, std::uint32_t* __restrict__ offsets) {
     const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
-    if (i > num_instances) return;
-    const std::uint32_t from = i == 0 ? 0 : tiles[i - 1] + 1, to = i == num_instances ? num_tiles : tiles[i];
+    if (i > capacity) return;
+    const std::uint32_t from = i == 0 ? 0 : min(std::uint32_t(tiles[i - 1]), num_tiles) + 1, to = i == capacity ? num_tiles : min(std::uint32_t(tiles[i]), num_tiles);
     for (std::uint32_t t = from; t <= to; ++t) offsets[t] = i;
 }
 
-__global__ void count_buckets(std::uint32_t num_tiles, const std::uint32_t* offsets, std::uint32_t* counts) {
-    const std::uint32_t t = blockIdx.x * kBlock + threadIdx.x;
-    if (t <= num_tiles) counts[t] = t < num_tiles ? (offsets[t + 1] - offsets[t] + kBucket - 1) / kBucket : 0;
+template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
+    std::size_t bytes = 0;
+    GS_CUDA(cub::DeviceRadixSort::SortPairs(nullptr, bytes, static_cast<const Key*>(nullptr), static_cast<Key*>(nullptr), static_cast<const std::uint32_t*>(nullptr),
+                                            static_cast<std::uint32_t*>(nullptr), int(items), 0, bits));
+    return bytes;
 }
 
 }  // namespace
 
-CudaBinning::~CudaBinning() { cudaFreeHost(total_); }
+int CudaBinning::tile_bits() const {
+    int bits = 1; // one value more than there are tiles, for keys beyond the last instance
+    while ((std::int64_t(1) << bits) <= bins_.num_tiles()) ++bits;
+    return bits;
+}
 
-CudaBins CudaBinning::build(std::int64_t n, const Splat<float>* splats, SplatBounds* bounds, const std::uint32_t* depth_keys, int width, int height,
-                            cudaStream_t stream) {
-    CudaBins bins;
-    bins.tiles_x = (width + kCudaTileX - 1) / kCudaTileX;
-    bins.tiles_y = (height + kCudaTileY - 1) / kCudaTileY;
-    const std::uint32_t num_tiles = std::uint32_t(bins.tiles_x) * bins.tiles_y, count = std::uint32_t(n);
-    if (!total_) GS_CUDA(cudaMallocHost(&total_, sizeof *total_));
-    *total_ = 0;
-    const auto with_workspace = [&](auto&& call) {
-        std::size_t bytes = 0;
-        GS_CUDA(call(nullptr, bytes));
-        void* memory = workspace_.reserve(bytes);
-        GS_CUDA(call(memory, bytes));
-    };
-    if (n > 0) {
-        std::uint32_t *indices = indices_.reserve(n), *keys = sorted_keys_.reserve(n), *order = sorted_indices_.reserve(n), *counts = counts_.reserve(n);
-        std::uint64_t* offsets = offsets_.reserve(n);
-        fill_indices<<<num_blocks(n, kBlock), kBlock, 0, stream>>>(count, indices);
-        GS_CUDA_LAUNCHED("fill_indices");
-        with_workspace([&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, depth_keys, keys, indices, order, int(n), 0, 32, stream); });
-        count_tiles<<<num_blocks(n, kBlock), kBlock, 0, stream>>>(count, order, splats, bounds, bins.tiles_x, counts);
-        GS_CUDA_LAUNCHED("count_tiles");
-        with_workspace([&](void* m, std::size_t& b) {
-            return cub::DeviceScan::InclusiveScan(m, b, counts, offsets, cuda::std::plus<std::uint64_t>{}, int(n), stream);
-        });
-        GS_CUDA(cudaMemcpyAsync(total_, offsets + n - 1, sizeof *total_, cudaMemcpyDeviceToHost, stream));
-        GS_CUDA(cudaStreamSynchronize(stream));
-    }
-    if (*total_ > 0x7fffffffull)
-        throw DeviceError("more than 2147483647 Gaussian-tile instances in one view (" + std::to_string(*total_) +
-                          "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower --resolution");
-    bins.num_instances = std::int64_t(*total_);
-    std::uint32_t *tile_offsets = tile_offsets_.reserve(num_tiles + 1), *bucket_counts = bucket_counts_.reserve(num_tiles + 1),
-                  *bucket_offsets = bucket_offsets_.reserve(num_tiles + 1);
-    const std::uint32_t total = std::uint32_t(*total_);
-    std::uint32_t *tiles = tile_keys_.reserve(total + 1), *sorted_tiles = sorted_tiles_.reserve(total + 1), *instances = instances_.reserve(total + 1),
-                  *sorted = sorted_instances_.reserve(total + 1);
-    if (total > 0) {
-        write_instances<<<num_blocks(n, kBlock), kBlock, 0, stream>>>(count, sorted_indices_.get(), splats, bounds, bins.tiles_x, offsets_.get(), tiles, instances);
+void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots) {
+    n_ = n, capacity_ = capacity, keep_slots_ = keep_slots;
+    bins_.tiles_x = (width + kCudaTileX - 1) / kCudaTileX;
+    bins_.tiles_y = (height + kCudaTileY - 1) / kCudaTileY;
+    input_.counts = c.take<std::uint32_t>(n);
+    sorted_ = c.take<std::uint32_t>(capacity);
+    tile_offsets_ = c.take<std::uint32_t>(bins_.num_tiles() + 1);
+    if (!keep_slots) return;
+    order_ = c.take<std::uint32_t>(n);
+    offsets_ = c.take<std::uint32_t>(n);
+    gaussians_ = c.take<std::uint32_t>(capacity);
+}
+
+void CudaBinning::take_temporaries(Carver& c) {
+    input_.depth_keys = c.take<std::uint32_t>(n_);
+    input_.spans = c.take<TileSpan>(n_);
+    sorted_keys_ = c.take<std::uint32_t>(n_);
+    if (!keep_slots_) order_ = c.take<std::uint32_t>(n_), offsets_ = c.take<std::uint32_t>(n_);
+    const bool small = tile_bits() <= 16;
+    const std::size_t key_words = small ? (capacity_ + 1) / 2 : capacity_;
+    tile_keys_ = c.take<std::uint32_t>(key_words);
+    sorted_tile_keys_ = c.take<std::uint32_t>(key_words);
+    unsorted_ = keep_slots_ ? gaussians_ : c.take<std::uint32_t>(capacity_);
+    std::size_t scan = 0;
+    GS_CUDA(cub::DeviceScan::InclusiveSum(nullptr, scan, CountIterator(nullptr, CountInOrder{nullptr}), static_cast<std::uint32_t*>(nullptr), int(n_)));
+    workspace_bytes_ = std::max({scan, sort_bytes<std::uint32_t>(n_, kDepthKeyBits),
+                                 small ? sort_bytes<std::uint16_t>(capacity_, tile_bits()) : sort_bytes<std::uint32_t>(capacity_, tile_bits())});
+    workspace_ = c.take<unsigned char>(workspace_bytes_);
+}
+
+template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
+    Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
+    GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
+    if (n_ > 0) {
+        write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(std::uint32_t(n_), std::uint32_t(capacity_), order_, offsets_, input_.spans, splats,
+                                                                            bins_.tiles_x, control, keys, unsorted_);
         GS_CUDA_LAUNCHED("write_instances");
-        int bits = 1;
-        while ((std::uint64_t(1) << bits) < num_tiles) ++bits;
-        with_workspace([&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, tiles, sorted_tiles, instances, sorted, int(total), 0, bits, stream); });
     }
-    find_tile_offsets<<<num_blocks(std::int64_t(total) + 1, kBlock), kBlock, 0, stream>>>(total, sorted_tiles, num_tiles, tile_offsets);
+    std::size_t bytes = workspace_bytes_;
+    GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys, keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0, tile_bits(), stream));
+    find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock), kBlock, 0, stream>>>(std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
-    count_buckets<<<num_blocks(std::int64_t(num_tiles) + 1, kBlock), kBlock, 0, stream>>>(num_tiles, tile_offsets, bucket_counts);
-    GS_CUDA_LAUNCHED("count_buckets");
-    with_workspace([&](void* m, std::size_t& b) { return cub::DeviceScan::ExclusiveSum(m, b, bucket_counts, bucket_offsets, int(num_tiles + 1), stream); });
-    bins.instances = sorted;
-    bins.tile_offsets = tile_offsets;
-    bins.bucket_offsets = bucket_offsets;
-    // Every tile wastes less than one bucket.
-    bins.max_buckets = bins.num_instances / kBucket + num_tiles;
-    return bins;
+}
+
+CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
+    const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
+    if (identities > identity_.capacity()) {
+        identity_.reserve(identities);
+        fill_identity<<<num_blocks(identity_.capacity(), kBlock), kBlock, 0, stream>>>(std::uint32_t(identity_.capacity()), identity_.get());
+        GS_CUDA_LAUNCHED("fill_identity");
+    }
+    if (n_ > 0) {
+        std::size_t bytes = workspace_bytes_;
+        GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, input_.depth_keys, sorted_keys_, identity_.get(), order_, int(n_), 0, kDepthKeyBits, stream));
+        bytes = workspace_bytes_;
+        GS_CUDA(cub::DeviceScan::InclusiveSum(workspace_, bytes, CountIterator(order_, CountInOrder{input_.counts}), offsets_, int(n_), stream));
+    }
+    if (tile_bits() <= 16)
+        sort_instances<std::uint16_t>(splats, control, stream);
+    else
+        sort_instances<std::uint32_t>(splats, control, stream);
+    bins_.instances = sorted_;
+    bins_.gaussians = keep_slots_ ? gaussians_ : nullptr;
+    bins_.tile_offsets = tile_offsets_;
+    return bins_;
 }
 
 }  // namespace gs

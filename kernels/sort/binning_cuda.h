@@ -3,44 +3,57 @@
 #pragma once
 
 #include "kernels/core/device_memory.h"
-#include "kernels/preprocess/preprocess_device.h"
+#include "kernels/preprocess/splat_cuda.h"
 
 namespace gs {
 
-/// Tiles of the CUDA blend: 16x12 pixels, six warps of 8x4 pixels each.
-inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
-/// Gaussians between two checkpoints of the blend state.
-inline constexpr int kBucket = 32;
-
-/// Pixel rectangle of a splat, half-open; empty for a culled Gaussian.
-struct SplatBounds {
-    std::uint16_t x_min, x_max, y_min, y_max;
-};
-
+/// What blending needs to know about the order of instances. All pointers are on the device.
 struct CudaBins {
-    std::int64_t num_instances = 0;
     int tiles_x = 0, tiles_y = 0;
-    const std::uint32_t* instances = nullptr;      ///< Gaussian index, by tile and depth
-    const std::uint32_t* tile_offsets = nullptr;   ///< (tiles+1)
-    const std::uint32_t* bucket_offsets = nullptr; ///< (tiles+1)
-    std::int64_t max_buckets = 0;                  ///< upper bound, known without asking the device
+    const std::uint32_t* instances = nullptr;    ///< by tile and depth: Gaussian, or slot where `gaussians` is set
+    const std::uint32_t* gaussians = nullptr;    ///< by slot; only where the order of sums is fixed
+    const std::uint32_t* tile_offsets = nullptr; ///< (tiles+1)
+
+    __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }
 };
 
-/// Buffers are reused from call to call.
+/// Where preprocessing leaves what binning sorts. (n) each.
+struct CudaBinningInput {
+    std::uint32_t* depth_keys; ///< kDepthKeyBits bits; culled Gaussians sort last
+    TileSpan* spans;
+    std::uint32_t* counts;     ///< tiles touched; 0 = culled
+};
+
+/// Slots of one Gaussian are consecutive: those of the k-th in depth order end at slot_ends[k].
+struct SlotMap {
+    const std::uint32_t *order, *slot_ends;
+};
+
 class CudaBinning {
   public:
-    ~CudaBinning();
-    /// splats, bounds: (n) of preprocessing; depth_keys (n): bits of the depth, 0xffffffff where culled. One 8-byte
-    /// read-back. Empties the bounds of Gaussians that touch no tile. Throws DeviceError beyond 2^31-1 instances.
-    CudaBins build(std::int64_t n, const Splat<float>* splats, SplatBounds* bounds, const std::uint32_t* depth_keys, int width, int height,
-                   cudaStream_t stream);
+    /// Takes what outlives binning.
+    void take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots);
+    /// Takes what only binning uses, and `input`.
+    void take_temporaries(Carver& c);
+
+    const CudaBinningInput& input() const { return input_; }
+    /// Sorts at most `capacity` instances. Beyond it nothing is written, and control->stopped is set.
+    CudaBins build(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
+    SlotMap slots() const { return {order_, offsets_}; }
 
   private:
-    DeviceBuffer<std::uint32_t> indices_, sorted_keys_, sorted_indices_, counts_, tile_keys_, sorted_tiles_, instances_, sorted_instances_, tile_offsets_,
-        bucket_counts_, bucket_offsets_;
-    DeviceBuffer<std::uint64_t> offsets_;
-    DeviceBuffer<unsigned char> workspace_;
-    std::uint64_t* total_ = nullptr; ///< pinned
+    template <class Key> void sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
+    int tile_bits() const;
+
+    std::int64_t n_ = 0, capacity_ = 0;
+    CudaBins bins_;
+    bool keep_slots_ = false;
+    CudaBinningInput input_{};
+    DeviceBuffer<std::uint32_t> identity_; ///< 0, 1, 2, ...: values to sort
+    std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr,
+                  *tile_offsets_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr; ///< tile keys hold 16-bit values where these suffice
+    unsigned char* workspace_ = nullptr;
+    std::size_t workspace_bytes_ = 0;
 };
 
 }  // namespace gs

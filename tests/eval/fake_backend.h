@@ -11,7 +11,7 @@ class FakeBackend : public Backend {
   public:
     std::string describe() const override { return "fake"; }
     void upload(const Gaussians&) override {}
-    Gaussians download(bool) const override { return {}; }
+    Gaussians download(bool) override { return {}; }
     std::int64_t count() const override { return 7; }
     void set_active_degree(int) override {}
     void render(const RenderRequest& request, RenderedImage& out) override {

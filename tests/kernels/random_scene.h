@@ -82,7 +82,7 @@ template <class Real, class Model> struct Pipeline {
         GaussianState<Real> out = s;
         const auto params = ParameterView<Real>::of(s);
         for (std::int64_t i = 0; i < s.count; ++i) {
-            GaussianGradient<Real, Model> g;
+            typename CpuRasterizer<Real, Model>::FullGradient g;
             raster.gaussian_gradient(params, i, g);
             const auto put = [&](Group group, std::initializer_list<Real> values) {
                 std::copy(values.begin(), values.end(), out[group].param.begin() + i * std::int64_t(values.size()));

@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "kernels/cuda_backend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace gs {
+namespace {
+
+/// The index of an instance is a signed 32-bit integer for the sort.
+constexpr unsigned long long kMaxInstances = 0x7fffffff;
+/// Largest side: pixel bounds are 16-bit, padded to whole tiles.
+constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
+
+__global__ void report_step(const StepControl* control, StepStatus* status) {
+    status->num_instances = control->num_instances;
+    status->num_pairs = control->num_pairs;
+    status->l1 = control->l1, status->ssim = control->ssim;
+    status->num_visible = control->num_visible;
+    status->num_nonfinite = control->num_nonfinite;
+    status->stopped = control->stopped;
+}
+
+int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
+
+}  // namespace
+
+CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& options)
+    : kernels_(kernels), options_(options), images_(options.image_budget, kInFlight) {
+    GS_CUDA(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking));
+    GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
+    for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
+    GS_CUDA(cudaMemset(control_.reserve(1), 0, sizeof(StepControl)));
+}
+
+CudaBackend::~CudaBackend() {
+    cudaStreamSynchronize(stream_);
+    for (cudaEvent_t e : done_) cudaEventDestroy(e);
+    cudaFreeHost(statuses_);
+    cudaStreamDestroy(stream_);
+}
+
+std::string CudaBackend::describe() const {
+    cudaDeviceProp p;
+    int device = 0;
+    GS_CUDA(cudaGetDevice(&device));
+    GS_CUDA(cudaGetDeviceProperties(&p, device));
+    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "");
+}
+
+// --- the model ------------------------------------------------------------------------------------------------------
+
+void CudaBackend::upload(const Gaussians& state) {
+    synchronize();
+    meta_ = Gaussians{};
+    meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
+    model_.count = state.count;
+    for (int g = 0; g < kNumGroups; ++g) {
+        const auto& group = state.groups[g];
+        meta_.groups[g].width = model_.width[g] = group.width;
+        model_.param[g].upload(group.param);
+        for (auto [buffer, values] : {std::pair{&model_.m[g], &group.m}, {&model_.v[g], &group.v}}) {
+            if (!values->empty())
+                buffer->upload(*values);
+            else if (!group.param.empty())
+                GS_CUDA(cudaMemset(buffer->reserve(group.param.size()), 0, group.param.size() * sizeof(float)));
+        }
+    }
+    model_.has_statistic = !state.gradient_sum.empty();
+    model_.gradient_sum.upload(state.gradient_sum);
+    model_.gradient_count.upload(state.gradient_count);
+    GS_CUDA(cudaDeviceSynchronize());
+}
+
+Gaussians CudaBackend::download(bool with_moments) {
+    synchronize();
+    Gaussians out = meta_;
+    out.count = model_.count;
+    for (int g = 0; g < kNumGroups; ++g) {
+        const std::size_t n = model_.floats(g);
+        out.groups[g].param = model_.param[g].download(n);
+        if (!with_moments) continue;
+        out.groups[g].m = model_.m[g].download(n);
+        out.groups[g].v = model_.v[g].download(n);
+    }
+    if (with_moments && model_.has_statistic) {
+        out.gradient_sum = model_.gradient_sum.download(model_.count);
+        out.gradient_count = model_.gradient_count.download(model_.count);
+    }
+    return out;
+}
+
+void CudaBackend::set_active_degree(int degree) {
+    if (degree == meta_.active_degree) return;
+    synchronize(); // a step that has to be repeated must see the degree it began with
+    meta_.active_degree = degree;
+}
+
+// --- one forward pass -----------------------------------------------------------------------------------------------
+
+void CudaBackend::lay_out(const Sizes& sizes) {
+    if (sizes == sizes_) return;
+    sizes_ = {}; // stays so if there is no memory
+    scratch_.carve([&](Carver& c) {
+        const std::size_t pixels = std::size_t(sizes.width) * sizes.height;
+        const int tiles = padded(sizes.width, kCudaTileX) / kCudaTileX * (padded(sizes.height, kCudaTileY) / kCudaTileY);
+        splats_ = c.take<PackedSplat>(sizes.n);
+        image_ = c.take<float>(3 * pixels);
+        transmittance_ = c.take<float>(pixels);
+        binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
+        if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
+        // What only binning uses, and what only comes after it, share their place.
+        const std::size_t at = c.at();
+        binning_.take_temporaries(c);
+        if (!sizes.for_step) return;
+        c.rewind(at);
+        sums_ = c.take<PackedSums>(sizes.n);
+        dL_dimage_ = c.take<float>(3 * pixels);
+        loss_.take(c, sizes.width, sizes.height);
+        if (options_.deterministic) blend_.take_partial_sums(c, sizes.capacity);
+    });
+    sizes_ = sizes;
+}
+
+PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode) const {
+    const auto p = [&](Group g) { return model_.param[int(g)].get(); };
+    const ParameterView<float> view{model_.count,       p(Group::kMean), p(Group::kScale),    p(Group::kRotation),
+                                    p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation};
+    return {view, camera, kernels_.directional ? meta_.active_degree : 0, padded(camera.width, kCudaTileX), padded(camera.height, kCudaTileY), mode,
+            DepthKey::of(camera.near_plane, camera.far_plane)};
+}
+
+BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
+    return {camera.width, camera.height, background, image_, transmittance_};
+}
+
+CudaBins CudaBackend::enqueue_forward(const CameraParams<float>& camera, Vec3<float> background, RenderMode mode, bool for_backward) {
+    if (std::max(camera.width, camera.height) > kMaxSide)
+        throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) + " pixels: the CUDA backend takes up to " +
+                          std::to_string(kMaxSide) + " a side");
+    if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * model_.count, 1 << 16);
+    lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    times_.begin(stream_);
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
+    if (model_.count > 0) kernels_.preprocess(preprocess_args(camera, mode), splats_, binning_.input(), control_.get(), stream_);
+    times_.end(CudaStage::kPreprocess, stream_);
+    const CudaBins bins = binning_.build(splats_, control_.get(), stream_);
+    times_.end(CudaStage::kSort, stream_);
+    blend_.forward(bins, splats_, blend_image(camera, background), control_.get(), for_backward, stream_);
+    times_.end(CudaStage::kBlend, stream_);
+    return bins;
+}
+
+void CudaBackend::make_room(unsigned long long num_instances) {
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
+    if (num_instances > kMaxInstances)
+        throw DeviceError("more than " + std::to_string(kMaxInstances) + " Gaussian-tile instances in one view (" + std::to_string(num_instances) +
+                          "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower --resolution");
+    capacity_ = std::int64_t(std::min(kMaxInstances, num_instances + num_instances / 4 + 1024));
+}
+
+void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
+    synchronize();
+    do {
+        if (statuses_->stopped) make_room(statuses_->num_instances);
+        enqueue_forward(r.camera, r.background, r.mode, false);
+        report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
+        GS_CUDA_LAUNCHED("report_step");
+        GS_CUDA(cudaStreamSynchronize(stream_));
+    } while (statuses_->stopped);
+    const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
+    out.width = r.camera.width, out.height = r.camera.height;
+    out.rgb.resize(3 * pixels), out.alpha.resize(pixels);
+    GS_CUDA(cudaMemcpy(out.rgb.data(), image_, 3 * pixels * sizeof(float), cudaMemcpyDeviceToHost));
+    GS_CUDA(cudaMemcpy(out.alpha.data(), transmittance_, pixels * sizeof(float), cudaMemcpyDeviceToHost));
+    for (float& t : out.alpha) t = 1 - t;
+}
+
+double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
+    RenderedImage image;
+    for (const RenderRequest& view : views) render(view, image); // warms up, and makes room for every view
+    cudaEvent_t begin, end;
+    GS_CUDA(cudaEventCreate(&begin));
+    GS_CUDA(cudaEventCreate(&end));
+    GS_CUDA(cudaEventRecord(begin, stream_));
+    for (int k = 0; k < repeats; ++k)
+        for (const RenderRequest& view : views) enqueue_forward(view.camera, view.background, view.mode, false);
+    GS_CUDA(cudaEventRecord(end, stream_));
+    GS_CUDA(cudaEventSynchronize(end));
+    float ms = 0;
+    GS_CUDA(cudaEventElapsedTime(&ms, begin, end));
+    cudaEventDestroy(begin);
+    cudaEventDestroy(end);
+    return 1e-3 * ms / (double(repeats) * double(views.size()));
+}
+
+// --- steps ----------------------------------------------------------------------------------------------------------
+
+void CudaBackend::step(const StepRequest& r) {
+    while (in_flight_.size() >= kInFlight) finish_oldest();
+    Step s;
+    s.request = r;
+    s.slot = next_slot_;
+    next_slot_ = (next_slot_ + 1) % kInFlight;
+    s.target = images_.get(r.target, s.slot, stream_);
+    s.request.target = {};
+    s.adam_step = ++meta_.step;
+    in_flight_.push_back(std::move(s));
+    try {
+        enqueue(in_flight_.back());
+    } catch (...) {
+        in_flight_.pop_back();
+        throw;
+    }
+    if (!times_.on) return;
+    synchronize();
+    times_.add();
+}
+
+void CudaBackend::enqueue(const Step& s) {
+    const StepRequest& r = s.request;
+    const std::int64_t n = model_.count;
+    StepControl* control = control_.get();
+    const CudaBins bins = enqueue_forward(r.camera, r.background, RenderMode::kFull, true);
+    loss_.compute({image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
+    times_.end(CudaStage::kLoss, stream_);
+    GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
+    const SlotMap slots = binning_.slots();
+    blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
+    times_.end(CudaStage::kBlendBackward, stream_);
+    if (n > 0) {
+        ModelArrays arrays = model_.arrays();
+        if (r.gather_gradient_stats) {
+            if (!model_.has_statistic) { // first step since the last densification
+                GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
+                GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
+                model_.has_statistic = true;
+            }
+            arrays.gradient_sum = model_.gradient_sum.get(), arrays.gradient_count = model_.gradient_count.get();
+        }
+        kernels_.update(preprocess_args(r.camera, RenderMode::kFull), binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
+    }
+    times_.end(CudaStage::kUpdate, stream_);
+    report_step<<<1, 1, 0, stream_>>>(control, statuses_ + s.slot);
+    GS_CUDA_LAUNCHED("report_step");
+    GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
+}
+
+void CudaBackend::finish_oldest() {
+    const Step& s = in_flight_.front();
+    GS_CUDA(cudaEventSynchronize(done_[s.slot]));
+    const StepStatus status = statuses_[s.slot];
+    if (status.stopped) {
+        // This step and all behind it changed nothing.
+        GS_CUDA(cudaStreamSynchronize(stream_));
+        try {
+            make_room(status.num_instances);
+            for (const Step& again : in_flight_) enqueue(again);
+        } catch (...) {
+            in_flight_.clear();
+            throw;
+        }
+        return;
+    }
+    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ += capacity_ / 4; // ahead of need
+    const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
+    stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
+    stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;
+    stats_.num_instances = std::int64_t(status.num_instances);
+    stats_.num_nonfinite_gradients += status.num_nonfinite;
+    stats_.consecutive_skips = std::isfinite(stats_.loss) ? 0 : stats_.consecutive_skips + 1;
+    ++stats_.steps;
+    if (times_.on)
+        times_.count(double(model_.count), status.num_visible, double(status.num_instances), 32.0 * double(status.num_pairs),
+                     double(s.request.camera.width) * s.request.camera.height);
+    in_flight_.pop_front();
+}
+
+void CudaBackend::synchronize() {
+    while (!in_flight_.empty()) finish_oldest();
+    statuses_->stopped = 0;
+}
+
+StepStats CudaBackend::take_stats() {
+    const StepStats out = stats_;
+    stats_.steps = 0;
+    stats_.num_nonfinite_gradients = 0;
+    return out;
+}
+
+void CudaBackend::measure_stages(bool on) {
+    synchronize();
+    times_.on = on;
+}
+
+std::vector<StageCost> CudaBackend::take_stage_costs() {
+    synchronize();
+    return times_.take(model_.width[int(Group::kResidual)]);
+}
+
+MemoryUse CudaBackend::memory() const {
+    MemoryUse use;
+    use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
+    use.rows = {{"parameters and Adam moments", model_.bytes(), "Gaussian", double(model_.count)},
+                {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
+                {"images in flight", images_.slot_bytes(), "image", double(kInFlight)},
+                {"splats, sort, blend, loss", scratch_.bytes(), "instance", double(sizes_.capacity)}};
+    return use;
+}
+
+// --- densification --------------------------------------------------------------------------------------------------
+
+CudaDensify CudaBackend::densify() {
+    synchronize();
+    sizes_ = {}; // it may use all of the scratch block
+    return {model_, scratch_, stream_};
+}
+
+DensifyStats CudaBackend::densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) { return densify().mcmc(params, iteration, seed); }
+DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) { return densify().adc(params, iteration, seed); }
+void CudaBackend::reset_opacity() { densify().reset_opacity(); }
+void CudaBackend::morton_sort() { densify().morton_sort(); }
+std::int64_t CudaBackend::prune_nonfinite(std::int64_t by_group[kNumGroups]) { return densify().prune_nonfinite(by_group); }
+std::int64_t CudaBackend::prune_invisible() { return densify().prune_invisible(); }
+
+std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) { return std::make_unique<CudaBackend>(kernels, options); }
+
+}  // namespace gs

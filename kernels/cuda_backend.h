@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CUDA backend: one stream of steps that the host runs ahead of. Included by .cu files only.
+//
+// The host never waits inside a step. Sizes it cannot know (how many instances a view has) are bounded by a capacity; a step
+// that does not fit changes nothing and neither do those after it, until the host, a step or two later, reads so in the
+// step's status, makes room and repeats them.
+#pragma once
+
+#include <deque>
+
+#include "kernels/densify/densify_cuda.h"
+#include "kernels/images_cuda.h"
+#include "kernels/loss/loss_cuda.h"
+#include "kernels/model_kernels_cuda.h"
+#include "kernels/stage_times_cuda.h"
+
+namespace gs {
+
+/// What a step reports, written by the device into the host's memory.
+struct StepStatus {
+    unsigned long long num_instances, num_pairs;
+    double l1, ssim;
+    unsigned num_visible, num_nonfinite, stopped;
+};
+
+class CudaBackend final : public Backend {
+  public:
+    CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
+    ~CudaBackend() override;
+
+    std::string describe() const override;
+    void upload(const Gaussians& state) override;
+    Gaussians download(bool with_moments) override;
+    std::int64_t count() const override { return model_.count; }
+    void set_active_degree(int degree) override;
+
+    void render(const RenderRequest& request, RenderedImage& out) override;
+    void step(const StepRequest& request) override;
+    StepStats take_stats() override;
+    void synchronize() override;
+
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
+    void measure_stages(bool on) override;
+    std::vector<StageCost> take_stage_costs() override;
+    MemoryUse memory() const override;
+
+    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
+    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override;
+    void reset_opacity() override;
+    void morton_sort() override;
+    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override;
+    std::int64_t prune_invisible() override;
+
+  private:
+    /// Steps whose status has not been read. Three: the device is never idle while the host prepares the next.
+    static constexpr int kInFlight = 3;
+
+    struct Step {
+        StepRequest request; ///< its target points to nothing; `target` does
+        DeviceTarget target;
+        std::int64_t adam_step = 0;
+        int slot = 0;
+    };
+    /// What the scratch block is laid out for.
+    struct Sizes {
+        std::int64_t n = 0, capacity = 0;
+        int width = 0, height = 0;
+        bool for_step = false;
+        bool operator==(const Sizes&) const = default;
+    };
+
+    void lay_out(const Sizes& sizes);
+    void enqueue(const Step& step);
+    CudaBins enqueue_forward(const CameraParams<float>& camera, Vec3<float> background, RenderMode mode, bool for_backward);
+    /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
+    void finish_oldest();
+    void make_room(unsigned long long num_instances);
+    PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode) const;
+    BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
+    CudaDensify densify();
+
+    const ModelKernels kernels_;
+    const BackendOptions options_;
+    cudaStream_t stream_ = nullptr;
+    CudaModel model_;
+    Gaussians meta_; ///< all but count and arrays
+
+    Scratch scratch_;
+    Sizes sizes_;
+    std::int64_t capacity_ = 0; ///< instances
+    PackedSplat* splats_ = nullptr;
+    PackedSums* sums_ = nullptr;
+    float *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
+    CudaBinning binning_;
+    CudaBlend blend_;
+    CudaLoss loss_;
+
+    DeviceBuffer<StepControl> control_;
+    StepStatus* statuses_ = nullptr; ///< kInFlight, in pinned memory
+    cudaEvent_t done_[kInFlight] = {};
+    std::deque<Step> in_flight_;
+    int next_slot_ = 0;
+    CudaImages images_;
+    StepStats stats_;
+    StageTimes times_;
+};
+
+}  // namespace gs

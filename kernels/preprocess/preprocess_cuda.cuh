@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two kernels that know the appearance model: projection with colour, and its way back fused with the optimizer.
+#pragma once
+
+#include "kernels/model_kernels_cuda.h"
+#include "kernels/preprocess/rows_cuda.cuh"
+
+namespace gs {
+
+inline constexpr int kForwardBlock = 128, kUpdateBlock = 64;
+
+/// Which candidate tiles a warp's Gaussians reach: a lane tests up to four of its own, the warp the others together.
+struct TileTest {
+    unsigned mask;  ///< of up to 32 candidates
+    unsigned count;
+};
+__device__ inline TileTest test_tiles(const Splat<float>& s, const TileRectangle& r, bool valid) {
+    constexpr int kSequential = 4;
+    const unsigned lane = threadIdx.x & 31;
+    const int candidates = valid ? r.size() : 0;
+    TileTest out{0, 0};
+    if (candidates <= kSequential) {
+        for (int k = 0; k < candidates; ++k) {
+            const int row = k / r.width;
+            out.mask |= unsigned(touches_tile(s.mean.x, s.mean.y, s.a, s.b, s.c, s.threshold, r.x0 + k - row * r.width, r.y0 + row)) << k;
+        }
+        out.count = __popc(out.mask);
+    }
+    __syncwarp();
+    for (unsigned owners = __ballot_sync(~0u, candidates > kSequential); owners; owners &= owners - 1) {
+        const int owner = __ffs(owners) - 1;
+        const auto of_owner = [&](auto x) { return __shfl_sync(~0u, x, owner); };
+        const float mx = of_owner(s.mean.x), my = of_owner(s.mean.y), a = of_owner(s.a), b = of_owner(s.b), c = of_owner(s.c), threshold = of_owner(s.threshold);
+        const int x0 = of_owner(r.x0), y0 = of_owner(r.y0), width = of_owner(r.width), n = of_owner(candidates);
+        unsigned count = 0, hits = 0;
+        for (int base = 0; base < n; base += 32) {
+            const int k = base + int(lane), row = k / width;
+            hits = __ballot_sync(~0u, k < n && touches_tile(mx, my, a, b, c, threshold, x0 + k - row * width, y0 + row));
+            count += __popc(hits);
+        }
+        if (int(lane) == owner) out = {hits, count};
+    }
+    return out;
+}
+
+template <class Model>
+__global__ void __launch_bounds__(kForwardBlock)
+    preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out, StepControl* __restrict__ control) {
+    constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
+    __shared__ float rows[kForwardBlock / 32][32 * kWidth];
+    __shared__ std::uint8_t lists[kForwardBlock / 32][32];
+    __shared__ unsigned long long block_instances;
+    __shared__ unsigned block_visible;
+    if (threadIdx.x == 0) block_instances = 0, block_visible = 0;
+    __syncthreads();
+    const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    GaussianGeometry<float> g{};
+    Splat<float> s{};
+    PixelBounds b{0, 0, 0, 0};
+    float depth = 0;
+    bool valid = i < a.params.count;
+    if (valid) {
+        g = a.params.geometry(i);
+        valid = make_splat(g, a.camera, a.width_padded, a.height_padded, s, b, depth);
+    }
+    const TileRectangle r(b);
+    const TileTest tiles = test_tiles(s, r, valid);
+    const bool visible = tiles.count > 0;
+    const unsigned warp_visible = __ballot_sync(~0u, visible);
+    const float* residual = nullptr;
+    if constexpr (Model::kMaxResidual > 0) {
+        if (warp_visible && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
+            const int width = a.params.residual_width;
+            load_rows(RowElements(warp_visible, width, lists[warp]), a.params.residual(i - lane), rows[warp]);
+            residual = rows[warp] + lane * width;
+        }
+    }
+    if (visible) {
+        s.color = gaussian_color<Model>(a.params.activation, a.params.base(i), residual, g.mean, a.camera.position, a.degree, a.mode);
+        splats[i] = PackedSplat::of(s, b);
+        out.spans[i] = TileSpan::of(r, tiles.mask);
+    }
+    if (i < a.params.count) {
+        out.counts[i] = tiles.count;
+        out.depth_keys[i] = visible ? a.depth_key(depth) : kCulledKey;
+    }
+    const unsigned instances = __reduce_add_sync(~0u, min(tiles.count, 1u << 26)); // 32 of these fit; more are beyond any capacity
+    if (lane == 0 && warp_visible) {
+        atomicAdd(&block_instances, (unsigned long long)instances);
+        atomicAdd(&block_visible, unsigned(__popc(warp_visible)));
+    }
+    __syncthreads();
+    if (threadIdx.x == 0 && block_visible) {
+        atomicAdd(&control->num_instances, block_instances);
+        atomicAdd(&control->num_visible, block_visible);
+    }
+}
+
+template <class Model>
+__global__ void __launch_bounds__(kUpdateBlock)
+    preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
+                        StepControl* __restrict__ control) {
+    constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
+    __shared__ float parameters[kUpdateBlock / 32][32 * kWidth], gradients[kUpdateBlock / 32][32 * kWidth];
+    __shared__ std::uint8_t lists[kUpdateBlock / 32][32];
+    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    const std::int64_t i = std::int64_t(blockIdx.x) * kUpdateBlock + threadIdx.x;
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // without a degree yet, gradients and moments are zero
+    const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
+    const unsigned rows = __ballot_sync(~0u, valid);
+    if (with_residual && rows) {
+        load_rows(RowElements(rows, width, lists[warp]), a.params.residual(i - lane), parameters[warp]);
+        for (int k = lane; k < 32 * width; k += 32) gradients[warp][k] = 0;
+        __syncwarp();
+    }
+    GaussianGradient<float> gradient{};
+    if (valid) {
+        float* dL_dresidual = gradients[warp] + lane * width;
+        if (visible) {
+            gaussian_backward<Model>(a.params.geometry(i), a.params.base(i), parameters[warp] + lane * width, a.params.activation, a.camera, a.degree, sums[i].sums(),
+                                     gradient, dL_dresidual);
+            if (!drop_nonfinite(gradient, dL_dresidual, width)) atomicAdd(&control->num_nonfinite, 1u);
+        }
+        update_gaussian(arrays, update, i, gradient);
+    }
+    if (!with_residual || !rows) return;
+    __syncwarp();
+    const std::int64_t first = (i - lane) * width;
+    constexpr int k = int(Group::kResidual);
+    float *p = arrays.param[k] + first, *m = arrays.m[k] + first, *v = arrays.v[k] + first;
+    RowElements elements(rows, width, lists[warp]);
+    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
+        int at[kRowUnroll], column[kRowUnroll];
+        float mm[kRowUnroll], vv[kRowUnroll];
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            at[u] = elements.next(column[u]);
+            if (at[u] >= 0) mm[u] = m[at[u]], vv[u] = v[at[u]];
+        }
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            if (at[u] < 0) continue;
+            float x = parameters[warp][at[u]];
+            adam_update(x, mm[u], vv[u], gradients[warp][at[u]], update.per_column ? update.residual_steps[column[u]] : update.steps[k]);
+            p[at[u]] = x, m[at[u]] = mm[u], v[at[u]] = vv[u];
+        }
+    }
+}
+
+template <class Model>
+void launch_preprocess(const PreprocessArgs& args, PackedSplat* splats, const CudaBinningInput& out, StepControl* control, cudaStream_t stream) {
+    preprocess_forward<Model><<<num_blocks(args.params.count, kForwardBlock), kForwardBlock, 0, stream>>>(args, splats, out, control);
+    GS_CUDA_LAUNCHED("preprocess_forward");
+}
+
+template <class Model>
+void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums, const ModelArrays& arrays, const UpdateArgs& update,
+                   StepControl* control, cudaStream_t stream) {
+    preprocess_backward<Model><<<num_blocks(args.params.count, kUpdateBlock), kUpdateBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
+    GS_CUDA_LAUNCHED("preprocess_backward");
+}
+
+template <class Model> ModelKernels model_kernels() { return {Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>}; }
+
+}  // namespace gs

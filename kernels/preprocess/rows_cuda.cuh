@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Residual rows are long: a thread that walked its own row would touch 32 cache lines a warp at every column. A warp's rows
+// are one contiguous piece, which its lanes move together; each thread then finds its row in shared memory.
+#pragma once
+
+#include "kernels/core/cuda.h"
+
+namespace gs {
+
+/// The elements of a warp's rows that a mask selects, dealt to the lanes in order.
+class RowElements {
+  public:
+    /// `list`: 32 bytes of shared memory of this warp. All lanes call, converged.
+    __device__ RowElements(unsigned mask, int width, std::uint8_t* list) : list_(list), width_(width) {
+        const int lane = threadIdx.x & 31;
+        rows_ = __popc(mask);
+        if (mask >> lane & 1) list[__popc(mask & ((1u << lane) - 1))] = std::uint8_t(lane);
+        __syncwarp();
+        row_ = lane / width, column_ = lane - row_ * width;
+        step_rows_ = 32 / width, step_columns_ = 32 - step_rows_ * width;
+    }
+    __device__ int rounds() const { return (rows_ * width_ + 31) / 32; }
+    /// Offset of this lane's next element from the warp's first row, or -1; `column` is its column.
+    __device__ int next(int& column) {
+        const int at = row_ < rows_ ? list_[row_] * width_ + column_ : -1;
+        column = column_;
+        row_ += step_rows_, column_ += step_columns_;
+        if (column_ >= width_) column_ -= width_, ++row_;
+        return at;
+    }
+
+  private:
+    const std::uint8_t* list_;
+    int width_, rows_, row_, column_, step_rows_, step_columns_;
+};
+
+/// Loads in flight per lane and array.
+inline constexpr int kRowUnroll = 8;
+
+/// Copies the selected rows to shared memory, at the same offsets.
+__device__ inline void load_rows(RowElements elements, const float* __restrict__ from, float* to) {
+    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
+        int at[kRowUnroll], column;
+        float x[kRowUnroll];
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            at[u] = elements.next(column);
+            if (at[u] >= 0) x[u] = from[at[u]];
+        }
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u)
+            if (at[u] >= 0) to[at[u]] = x[u];
+    }
+    __syncwarp();
+}
+
+}  // namespace gs
