@@ -3,21 +3,11 @@
 #include <algorithm>
 
 #include "kernels/core/error.h"
+#include "kernels/densify/adc_device.h"
 #include "kernels/densify/densify.h"
-#include "kernels/densify/relocation_device.h"
 
 namespace gs {
 namespace {
-
-/// Opacity 0.01, the value of the reset.
-constexpr float kResetLogit = -4.595119953155518f;
-/// Children of a split are this much smaller.
-constexpr float kSplitShrink = 1.6f;
-
-float max_log_scale(const Gaussians& s, std::int64_t i) {
-    const float* v = &s[Group::kScale].param[3 * i];
-    return std::max({v[0], v[1], v[2]});
-}
 
 void append_copy(Gaussians& s, std::int64_t parent) {
     for (auto& group : s.groups) {
@@ -30,18 +20,11 @@ void append_copy(Gaussians& s, std::int64_t parent) {
 }
 
 void split(Gaussians& s, std::int64_t parent, std::int64_t iteration, std::uint64_t seed) {
-    const float* q = &s[Group::kRotation].param[4 * parent];
-    const Mat3<float> r = rotation_matrix(Vec4<float>{q[0], q[1], q[2], q[3]});
-    const float* l = &s[Group::kScale].param[3 * parent];
-    const Vec3<float> sigma{std::exp(l[0]), std::exp(l[1]), std::exp(l[2])};
     for (std::uint32_t child = 0; child < 2; ++child) {
-        float xi[4];
-        normals_from(philox(seed, RngStream::kSplit, std::uint64_t(iteration), std::uint32_t(2 * parent + child)), xi);
-        const Vec3<float> offset = r * (sigma * Vec3<float>{xi[0], xi[1], xi[2]});
         append_copy(s, parent);
-        float* mean = &s[Group::kMean].param[3 * (s.count - 1)];
-        mean[0] += offset.x, mean[1] += offset.y, mean[2] += offset.z;
-        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * (s.count - 1) + k] -= std::log(kSplitShrink);
+        const std::int64_t row = s.count - 1;
+        make_split_child(&s[Group::kMean].param[3 * row], &s[Group::kScale].param[3 * row], &s[Group::kRotation].param[4 * row], std::uint32_t(parent), child,
+                         iteration, seed);
     }
 }
 
@@ -49,14 +32,14 @@ void split(Gaussians& s, std::int64_t parent, std::int64_t iteration, std::uint6
 
 DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
+    const AdcRule rule = AdcRule::of(params);
     const std::int64_t before = s.count;
+    const auto max_scale = [&](std::int64_t i) { return max_log_scale(&s[Group::kScale].param[3 * i]); };
     s.gradient_sum.resize(before, 0.0f); // nothing gathered yet: nothing grows
     s.gradient_count.resize(before, 0.0f);
-    std::vector<std::pair<float, std::uint32_t>> growers; // (-mean gradient, index)
-    for (std::int64_t i = 0; i < before; ++i) {
-        const float n = std::max(s.gradient_count[i], 1.0f);
-        if (s.gradient_sum[i] >= params.grad_threshold * n) growers.emplace_back(-s.gradient_sum[i] / n, std::uint32_t(i));
-    }
+    std::vector<std::pair<float, std::uint32_t>> growers; // (rank, index)
+    for (std::int64_t i = 0; i < before; ++i)
+        if (rule.grows(s.gradient_sum[i], s.gradient_count[i])) growers.emplace_back(adc_rank(s.gradient_sum[i], s.gradient_count[i]), std::uint32_t(i));
     // Each clone or split adds one Gaussian. At the cap the strongest gradients grow first.
     const std::int64_t room = params.cap > 0 ? std::max<std::int64_t>(0, params.cap - before) : std::int64_t(growers.size());
     if (std::int64_t(growers.size()) > room) {
@@ -65,20 +48,15 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
         std::sort(growers.begin(), growers.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
     }
     std::vector<char> remove(before, 0);
-    const float dense = std::log(params.dense_fraction * params.extent);
     for (const auto& [gradient, i] : growers)
-        if (max_log_scale(s, i) <= dense) append_copy(s, i), ++stats.cloned;
+        if (rule.is_small(max_scale(i))) append_copy(s, i), ++stats.cloned;
     for (const auto& [gradient, i] : growers)
-        if (!(max_log_scale(s, i) <= dense)) split(s, i, iteration, seed), remove[i] = 1, ++stats.split;
+        if (!rule.is_small(max_scale(i))) split(s, i, iteration, seed), remove[i] = 1, ++stats.split;
 
-    const float min_logit = std::log(params.min_opacity / (1 - params.min_opacity));
-    const float large = std::log(0.1f * params.extent);
     std::vector<std::uint32_t> keep;
     for (std::int64_t i = 0; i < s.count; ++i) {
         if (i < before && remove[i]) continue;
-        const float* q = &s[Group::kRotation].param[4 * i];
-        const bool visible = s[Group::kOpacity].param[i] >= min_logit && norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2);
-        if (visible && !(params.prune_large && max_log_scale(s, i) > large))
+        if (rule.is_kept(s[Group::kOpacity].param[i], &s[Group::kRotation].param[4 * i], max_scale(i)))
             keep.push_back(std::uint32_t(i));
         else
             ++stats.pruned;
@@ -95,7 +73,7 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
 
 void adc_reset_opacity(Gaussians& s) {
     auto& group = s[Group::kOpacity];
-    for (float& x : group.param) x = std::min(x, kResetLogit);
+    for (float& x : group.param) x = reset_raw_opacity(x);
     std::fill(group.m.begin(), group.m.end(), 0.0f);
     std::fill(group.v.begin(), group.v.end(), 0.0f);
 }

@@ -11,7 +11,7 @@ namespace gs {
 /// New row k = old row order[k]; rows not named are removed. Moments and the ADC statistic move along.
 void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order);
 
-/// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap, as mcmc_plan.h decides.
+/// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap (spec 1). Drops the ADC statistic.
 DensifyStats mcmc_densify(Gaussians& state, const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
 
 /// Clones, splits and prunes by the gathered statistic, which is reset (spec 2). Throws NumericError if nothing is left.

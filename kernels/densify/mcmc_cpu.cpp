@@ -1,51 +1,75 @@
 // SPDX-License-Identifier: Apache-2.0
 // MCMC densification on host arrays.
 #include <algorithm>
+#include <numeric>
 
 #include "kernels/densify/densify.h"
-#include "kernels/densify/mcmc_plan.h"
-#include "kernels/preprocess/preprocess_device.h"
+#include "kernels/densify/mcmc_device.h"
 
 namespace gs {
 namespace {
 
-void apply(Gaussians& s, const McmcRound& round) {
-    for (std::size_t k = 0; k < round.sources.size(); ++k) {
-        const std::size_t j = round.sources[k];
-        s[Group::kOpacity].param[j] = round.raw_opacity[k];
-        for (int c = 0; c < 3; ++c) s[Group::kScale].param[3 * j + c] += round.log_scale_shift[k];
-        for (auto& group : s.groups) {
-            std::fill_n(group.m.begin() + std::ptrdiff_t(j * group.width), group.width, 0.0f);
-            std::fill_n(group.v.begin() + std::ptrdiff_t(j * group.width), group.width, 0.0f);
-        }
+/// Row to[k] becomes a copy of the row that draw k names. Drawn rows get the opacity and scale of their share and lose
+/// their moments; those of `to` stay as they are. The rows of `to` have no weight.
+void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, const std::vector<std::uint32_t>& to, float min_opacity, RngStream stream,
+               std::int64_t iteration, std::uint64_t seed) {
+    const auto n = static_cast<std::int64_t>(prefix_sums.size());
+    std::vector<std::uint32_t> from(to.size());
+    std::vector<std::int32_t> copies(n, 0);
+    for (std::size_t k = 0; k < to.size(); ++k) ++copies[from[k] = draw_row(prefix_sums.data(), n, seed, stream, iteration, std::uint32_t(k))];
+    for (std::int64_t j = 0; j < n; ++j) {
+        if (copies[j] == 0) continue;
+        float& raw_opacity = s[Group::kOpacity].param[j];
+        const McmcShare share = mcmc_share(raw_opacity, copies[j], min_opacity);
+        raw_opacity = share.raw_opacity;
+        for (int c = 0; c < 3; ++c) s[Group::kScale].param[3 * j + c] += share.log_scale_shift;
+        for (auto& group : s.groups)
+            for (auto* moment : {&group.m, &group.v}) std::fill_n(moment->begin() + j * group.width, group.width, 0.0f);
     }
     for (auto& group : s.groups)
-        for (std::size_t k = 0; k < round.to.size(); ++k)
-            std::copy_n(group.param.begin() + std::ptrdiff_t(round.from[k]) * group.width, group.width,
-                        group.param.begin() + std::ptrdiff_t(round.to[k]) * group.width);
+        for (std::size_t k = 0; k < to.size(); ++k)
+            std::copy_n(group.param.begin() + std::ptrdiff_t(from[k]) * group.width, group.width, group.param.begin() + std::ptrdiff_t(to[k]) * group.width);
 }
 
 }  // namespace
 
 DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
-    std::vector<char> usable(s.count);
-    for (std::int64_t i = 0; i < s.count; ++i) {
-        const float* q = &s[Group::kRotation].param[4 * i];
-        usable[i] = norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2);
+    DensifyStats stats;
+    const std::int64_t n = s.count;
+    const float* raw_opacities = s[Group::kOpacity].param.data();
+    const float dead_logit = logit(params.min_opacity);
+    std::vector<std::uint64_t> sums(n);
+    std::vector<std::uint32_t> to;
+    std::uint64_t total = 0;
+    for (std::int64_t i = 0; i < n; ++i) {
+        const bool dead = is_dead(raw_opacities[i], &s[Group::kRotation].param[4 * i], dead_logit);
+        if (dead) to.push_back(static_cast<std::uint32_t>(i));
+        sums[i] = total += dead ? 0 : sampling_weight(raw_opacities[i]);
     }
-    std::vector<float> raw_opacities(s[Group::kOpacity].param);
-    const McmcPlan plan = plan_mcmc(raw_opacities, usable, params, iteration, seed);
-    apply(s, plan.relocate);
-    if (plan.count > s.count) {
+    if (total > 0) { // none alive: nothing moves
+        fill_rows(s, sums, to, params.min_opacity, RngStream::kRelocate, iteration, seed);
+        stats.relocated = static_cast<std::int64_t>(to.size());
+    }
+
+    total = 0;
+    for (std::int64_t i = 0; i < n; ++i) sums[i] = total += sampling_weight(raw_opacities[i]);
+    const std::int64_t target = mcmc_target(n, params);
+    if (target > n && total > 0) {
         for (auto& group : s.groups)
             for (auto* data : {&group.param, &group.m, &group.v}) {
                 data->reserve(std::size_t(params.cap) * group.width); // once: growth then never copies
-                data->resize(std::size_t(plan.count) * group.width, 0.0f);
+                data->resize(std::size_t(target) * group.width, 0.0f);
             }
-        s.count = plan.count;
-        apply(s, plan.grow);
+        s.count = target;
+        to.resize(target - n);
+        std::iota(to.begin(), to.end(), static_cast<std::uint32_t>(n));
+        fill_rows(s, sums, to, params.min_opacity, RngStream::kGrow, iteration, seed);
+        stats.added = target - n;
     }
-    return {static_cast<std::int64_t>(plan.relocate.to.size()), static_cast<std::int64_t>(plan.grow.to.size()), 0, 0, 0, s.count};
+    s.gradient_sum.clear(); // of other rows (densification spec 1.6)
+    s.gradient_count.clear();
+    stats.count = s.count;
+    return stats;
 }
 
 }  // namespace gs

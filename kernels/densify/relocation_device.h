@@ -17,15 +17,15 @@ struct Relocated {
 
 /// n copies that together look like one Gaussian of this opacity (MCMC paper Eq. 9; the double sum collapses to one by
 /// the hockey-stick identity). In double: the alternating sum loses up to 4e-4 in float at n = 50.
-inline Relocated relocate(double opacity, int n) {
+GS_HD Relocated relocate(double opacity, int n) {
     const double o = gs_min(opacity, 1 - 1.1920928955078125e-7); // 1 exactly would cancel completely
     n = n < 1 ? 1 : (n > kMaxRelocationCopies ? kMaxRelocationCopies : n);
-    const double shared = -std::expm1(std::log1p(-o) / n);
+    const double shared = -gs_expm1(gs_log1p(-o) / n);
     double sum = 0, binomial = 1, power = 1;
     for (int k = 1; k <= n; ++k) {
         binomial *= double(n - k + 1) / k;
         power *= shared;
-        sum += (k % 2 ? 1.0 : -1.0) * binomial * power / std::sqrt(double(k));
+        sum += (k % 2 ? 1.0 : -1.0) * binomial * power / gs_sqrt(double(k));
     }
     if (!(sum > 1e-12)) return {opacity, 1.0};
     return {shared, o / sum};

@@ -7,7 +7,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/densify/densify.h"
-#include "kernels/densify/relocation_device.h"
+#include "kernels/densify/mcmc_device.h"
 
 namespace gs {
 namespace {
@@ -48,6 +48,50 @@ TEST(Relocation, MatchesTheDoubleSumOfThePaper) {
     EXPECT_GT(relocate(1.0, 50).scale_factor, 0.5); // 1/1.9814: the clamped limit, no cancellation
     EXPECT_LT(relocate(1.0, 50).opacity, 0.28);
     EXPECT_EQ(relocate(0.5, 500).opacity, relocate(0.5, 50).opacity);
+}
+
+TEST(Mcmc, WeightsAreIntegersThatSumExactly) {
+    const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+    EXPECT_EQ(sampling_weight(0), std::uint64_t(1) << 31);
+    EXPECT_EQ(sampling_weight(inf), std::uint64_t(1) << 32);
+    EXPECT_EQ(sampling_weight(-inf), 0u);
+    EXPECT_EQ(sampling_weight(nan), 0u);
+    EXPECT_EQ(sampling_weight(-40), 0u);
+    EXPECT_NEAR(double(sampling_weight(-5)) / 4294967296.0, sigmoid(-5.0), 1.2e-10);
+}
+
+TEST(Mcmc, DrawsInProportionToTheWeightAndNeverTheWeightless) {
+    const std::uint64_t weights[] = {0, 1000, 0, 3000, 6000, 0};
+    std::uint64_t sums[6], total = 0;
+    for (int i = 0; i < 6; ++i) sums[i] = total += weights[i];
+    constexpr int n = 100000;
+    double times[6] = {};
+    for (int k = 0; k < n; ++k) ++times[draw_row(sums, 6, 1, RngStream::kGrow, 600, std::uint32_t(k))];
+    for (int i = 0; i < 6; ++i) EXPECT_NEAR(times[i] / n, double(weights[i]) / double(total), weights[i] ? 0.005 : 0) << i;
+    // One row, and sums of any size: the product with the random number takes 128 bits.
+    for (const std::uint64_t sum : {std::uint64_t(1), ~std::uint64_t(0)})
+        for (std::uint32_t k = 0; k < 100; ++k) EXPECT_EQ(draw_row(&sum, 1, 2, RngStream::kGrow, 0, k), 0u);
+    const std::uint64_t halves[] = {~std::uint64_t(0) / 2, ~std::uint64_t(0)};
+    int second = 0;
+    for (std::uint32_t k = 0; k < 10000; ++k) second += int(draw_row(halves, 2, 3, RngStream::kGrow, 0, k));
+    EXPECT_NEAR(second, 5000, 250);
+}
+
+TEST(Mcmc, TargetIsFivePercentMoreUpToTheCap) {
+    McmcParams p;
+    p.cap = 1000;
+    EXPECT_EQ(mcmc_target(0, p), 1);
+    EXPECT_EQ(mcmc_target(3, p), 4);
+    EXPECT_EQ(mcmc_target(100, p), 105);
+    EXPECT_EQ(mcmc_target(990, p), 1000);
+    EXPECT_EQ(mcmc_target(1200, p), 1200) << "a start above the cap is kept";
+}
+
+TEST(Mcmc, DropsTheStatisticOfTheFormerRows) {
+    Gaussians s = numbered(50);
+    s.gradient_sum.assign(50, 1.0f), s.gradient_count.assign(50, 1.0f);
+    mcmc_densify(s, {}, 600, 1);
+    EXPECT_TRUE(s.gradient_sum.empty() && s.gradient_count.empty());
 }
 
 TEST(Mcmc, DeadMoveOntoTheLivingAndSharesKeepTheOpacity) {
@@ -240,6 +284,21 @@ TEST(Rows, MortonOrderIsAPermutationThatKeepsNeighboursTogether) {
     for (int i = 0; i < 512; i += 8) // every eight in a row fill one 2x2x2 cell
         for (int k = 0; k < 8; ++k)
             for (int c = 0; c < 3; ++c) EXPECT_EQ(int(m[3 * (i + k) + c]) / 2, int(m[3 * i + c]) / 2);
+}
+
+TEST(Rows, MortonOrderTakesAnyMean) {
+    for (const float x : {std::nanf(""), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(), 3e38f, -3e38f}) {
+        Gaussians s = numbered(20);
+        s[Group::kMean].param[10] = x, s[Group::kMean].param[50] = -x;
+        const auto order = morton_order(s);
+        EXPECT_EQ(std::set<std::uint32_t>(order.begin(), order.end()).size(), 20u);
+    }
+    Gaussians same = numbered(20);
+    std::fill(same[Group::kMean].param.begin(), same[Group::kMean].param.end(), 2.0f);
+    std::vector<std::uint32_t> kept(20);
+    std::iota(kept.begin(), kept.end(), 0u);
+    EXPECT_EQ(morton_order(same), kept);
+    EXPECT_TRUE(morton_order(numbered(0)).empty());
 }
 
 TEST(Prune, NonFiniteRowsGoAndAreNamed) {

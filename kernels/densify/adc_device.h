@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// The decisions of adaptive density control (densification spec section 2), the same on every backend.
+#pragma once
+
+#include <limits>
+
+#include "kernels/backend.h"
+#include "kernels/core/rng.h"
+#include "kernels/densify/rows_device.h"
+
+namespace gs {
+
+/// Opacity 0.01, the value of the reset.
+inline constexpr float kResetLogit = -4.595119953155518f;
+/// Children of a split are smaller by 1.6; the logarithm, so that no backend computes it.
+inline constexpr float kLogSplitShrink = 0.4700036292457356f;
+
+/// Leaves a NaN as it is.
+GS_HD float reset_raw_opacity(float raw) { return raw > kResetLogit ? kResetLogit : raw; }
+
+GS_HD float max_log_scale(const float* s) {
+    const float m = s[0] < s[1] ? s[1] : s[0];
+    return m < s[2] ? s[2] : m;
+}
+
+/// The thresholds of one densification. Logarithms are taken on the host.
+struct AdcRule {
+    float grad_threshold, dense, min_logit, large;
+
+    static AdcRule of(const AdcParams& p) {
+        return {p.grad_threshold, std::log(p.dense_fraction * p.extent), logit(p.min_opacity),
+                p.prune_large ? std::log(0.1f * p.extent) : std::numeric_limits<float>::infinity()};
+    }
+    GS_HD bool grows(float gradient_sum, float views) const { return gradient_sum >= grad_threshold * gs_max(views, 1.0f); }
+    /// Grows by a clone, else by a split.
+    GS_HD bool is_small(float max_scale) const { return max_scale <= dense; }
+    GS_HD bool is_kept(float raw_opacity, const float* q, float max_scale) const {
+        return raw_opacity >= min_logit && usable_rotation(q) && !(max_scale > large);
+    }
+};
+
+/// Sorts growers: the strongest mean gradient first.
+GS_HD float adc_rank(float gradient_sum, float views) { return -gradient_sum / gs_max(views, 1.0f); }
+
+/// Turns a copy of row `parent` into its child 0 or 1: a place drawn from the parent's distribution, a smaller scale.
+GS_HD void make_split_child(float* mean, float* log_scale, const float* q, std::uint32_t parent, std::uint32_t child, std::int64_t iteration, std::uint64_t seed) {
+    float xi[4];
+    normals_from(philox(seed, RngStream::kSplit, std::uint64_t(iteration), 2 * parent + child), xi);
+    const Vec3<float> sigma{gs_exp(log_scale[0]), gs_exp(log_scale[1]), gs_exp(log_scale[2])};
+    const Vec3<float> offset = rotation_matrix(Vec4<float>{q[0], q[1], q[2], q[3]}) * (sigma * Vec3<float>{xi[0], xi[1], xi[2]});
+    mean[0] += offset.x, mean[1] += offset.y, mean[2] += offset.z;
+    for (int k = 0; k < 3; ++k) log_scale[k] -= kLogSplitShrink;
+}
+
+}  // namespace gs

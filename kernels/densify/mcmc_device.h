@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// The decisions of MCMC densification (densification spec 1.1 and 1.2), the same on every backend.
+#pragma once
+
+#include <algorithm>
+
+#include "kernels/backend.h"
+#include "kernels/densify/relocation_device.h"
+#include "kernels/densify/rows_device.h"
+
+namespace gs {
+
+GS_HD bool is_dead(float raw_opacity, const float* q, float dead_logit) { return !(raw_opacity > dead_logit) || !usable_rotation(q); }
+
+/// Chance of being drawn, in units of 2^-32 of opacity; 0 for a NaN. An integer, because sums of integers are exact in
+/// any order: a parallel prefix sum then draws what a serial one draws. 2^32 rows cannot overflow 64 bits.
+GS_HD std::uint64_t sampling_weight(float raw_opacity) {
+    const double opacity = sigmoid(double(raw_opacity));
+    return opacity >= 0 ? std::uint64_t(opacity * 4294967296.0 + 0.5) : 0;
+}
+
+/// Row of the k-th draw, with probability proportional to weight. prefix_sums: (n) inclusive, the last one > 0.
+GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, std::uint64_t seed, RngStream stream, std::int64_t iteration, std::uint32_t k) {
+    __extension__ using Wide = unsigned __int128;
+    const Philox4 r = philox(seed, stream, std::uint64_t(iteration), k);
+    const std::uint64_t target = std::uint64_t(Wide(std::uint64_t(r.v[0]) << 32 | r.v[1]) * prefix_sums[n - 1] >> 64); // uniform in [0, sum)
+    std::int64_t low = 0, high = n - 1; // the first row whose sum is above the target
+    while (low < high) {
+        const std::int64_t middle = (low + high) / 2;
+        if (prefix_sums[middle] > target)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return std::uint32_t(low);
+}
+
+/// What a Gaussian and its copies have in place of its own opacity and scale.
+struct McmcShare {
+    float raw_opacity;
+    float log_scale_shift; ///< added to all three log scales
+};
+
+GS_HD McmcShare mcmc_share(float raw_opacity, int copies, float min_opacity) {
+    const Relocated r = relocate(sigmoid(double(raw_opacity)), copies + 1);
+    const double o = gs_clamp(r.opacity, double(min_opacity), 1 - 1.1920928955078125e-7);
+    return {float(gs_log(o) - gs_log1p(-o)), float(gs_log(r.scale_factor))};
+}
+
+/// How many Gaussians there are to be: 5 % more, at least one (fewer than 20 would never grow), up to the cap. Not below n.
+inline std::int64_t mcmc_target(std::int64_t n, const McmcParams& params) {
+    return std::max(n, std::min(params.cap, std::max(n + 1, std::int64_t(params.growth * double(n)))));
+}
+
+}  // namespace gs

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// Row operations on the device: gather and pruning.
+#include "kernels/densify/densify_cuda.h"
+#include "kernels/densify/rows_cuda.h"
+#include "kernels/densify/rows_device.h"
+
+namespace gs {
+namespace {
+
+__global__ void gather_columns(std::int64_t n, const std::uint32_t* order, int width, int first, int columns, const float* data, float* slice) {
+    for_row_values(n, columns, [=](std::int64_t row, unsigned c) { slice[row * columns + c] = data[std::int64_t(order[row]) * width + first + c]; });
+}
+
+__global__ void put_columns(std::int64_t n, int width, int first, int columns, const float* slice, float* data) {
+    for_row_values(n, columns, [=](std::int64_t row, unsigned c) { data[row * width + first + c] = slice[row * columns + c]; });
+}
+
+void gather_array(float* data, int width, const std::uint32_t* order, std::int64_t n, const RowSlice& slice, cudaStream_t stream) {
+    if (n == 0 || width == 0) return;
+    int most = int(std::min<std::size_t>(width, slice.floats / n));
+    if (most > 8 && most < width) most -= most % 8; // 32 bytes, the unit in which memory is read
+    const unsigned blocks = num_blocks(n, kRowsPerBlock);
+    for (int first = 0; first < width; first += most) {
+        const int columns = std::min(most, width - first);
+        gather_columns<<<blocks, kRowBlock, 0, stream>>>(n, order, width, first, columns, data, slice.data);
+        GS_CUDA_LAUNCHED("gather_columns");
+        put_columns<<<blocks, kRowBlock, 0, stream>>>(n, width, first, columns, slice.data, data);
+        GS_CUDA_LAUNCHED("put_columns");
+    }
+}
+
+__device__ bool finite_value(float x) { return x - x == 0; } // an infinity or NaN gives a NaN
+
+__global__ void find_nonfinite(std::int64_t n, const float* values, unsigned* found) {
+    const std::int64_t i = thread_row();
+    if (i < n && !finite_value(values[i])) *found = 1;
+}
+
+/// A thread a row: only for models that are known to have such rows.
+__global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, unsigned char* bad, unsigned long long* num_bad) {
+    const std::int64_t i = thread_row();
+    if (i >= n) return;
+    for (int c = 0; c < width; ++c)
+        if (!finite_value(values[i * width + c])) {
+            bad[i] = 1;
+            atomicAdd(num_bad, 1ull);
+            return;
+        }
+}
+
+struct IsUnmarked {
+    const unsigned char* marked;
+    __device__ bool operator()(std::uint32_t i) const { return !marked[i]; }
+};
+
+__global__ void mark_invisible_rows(std::int64_t n, const float* raw_opacities, const float* rotations, unsigned char* marked) {
+    const std::int64_t i = thread_row();
+    if (i < n) marked[i] = !is_visible(raw_opacities[i], rotations + 4 * i);
+}
+
+/// A mark a row, zero at first, and what it takes to remove the marked rows.
+struct PruneSpace {
+    unsigned char* marked = nullptr;
+    unsigned long long* num_bad = nullptr; ///< a counter a group, zero at first
+
+    PruneSpace(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), stream_(stream) {
+        const std::int64_t n = model.count, block = scratch.bytes();
+        cub_.ask([&](void* m, std::size_t& b) { return select(m, b); });
+        scratch.carve([&](Carver& c) {
+            marked = c.take<unsigned char>(n), num_bad = c.take<unsigned long long>(kNumGroups);
+            order_ = c.take<std::uint32_t>(n), num_kept_ = c.take<std::int64_t>(1);
+            cub_.take(c);
+            slice_ = take_slice(c, model, n, block);
+        });
+        GS_CUDA(cudaMemsetAsync(marked, 0, n, stream));
+        GS_CUDA(cudaMemsetAsync(num_bad, 0, kNumGroups * sizeof *num_bad, stream));
+    }
+    /// How many went. Waits.
+    std::int64_t remove_marked() {
+        const std::int64_t n = model_.count;
+        cub_.run([&](void* m, std::size_t& b) { return select(m, b); });
+        const std::int64_t kept = read_back(num_kept_, stream_);
+        if (kept == n) return 0;
+        gather_rows(model_, order_, kept, kept, slice_, stream_);
+        GS_CUDA(cudaStreamSynchronize(stream_));
+        return n - kept;
+    }
+
+  private:
+    cudaError_t select(void* m, std::size_t& b) const { return select_rows(m, b, model_.count, IsUnmarked{marked}, order_, num_kept_, stream_); }
+
+    CudaModel& model_;
+    cudaStream_t stream_;
+    std::uint32_t* order_ = nullptr;
+    std::int64_t* num_kept_ = nullptr;
+    CubSpace cub_;
+    RowSlice slice_;
+};
+
+}  // namespace
+
+void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total, const RowSlice& slice, cudaStream_t stream) {
+    for (int g = 0; g < kNumGroups; ++g) {
+        const int width = model.width[g];
+        gather_array(model.param[g].get(), width, order, total, slice, stream);
+        for (auto* moment : {&model.m[g], &model.v[g]}) {
+            gather_array(moment->get(), width, order, kept, slice, stream);
+            if (const std::size_t fresh = std::size_t(total - kept) * width) GS_CUDA(cudaMemsetAsync(moment->get() + kept * width, 0, fresh * sizeof(float), stream));
+        }
+    }
+    if (model.has_statistic) {
+        gather_array(model.gradient_sum.get(), 1, order, kept, slice, stream);
+        gather_array(model.gradient_count.get(), 1, order, kept, slice, stream);
+    }
+    model.count = total;
+}
+
+std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
+    std::fill_n(by_group, kNumGroups, 0);
+    const std::int64_t n = model_.count;
+    if (n == 0) return 0;
+    unsigned* found = nullptr;
+    scratch_.carve([&](Carver& c) { found = c.take<unsigned>(1); });
+    GS_CUDA(cudaMemsetAsync(found, 0, sizeof *found, stream_));
+    for (int g = 0; g < kNumGroups; ++g) {
+        if (model_.width[g] == 0) continue;
+        const auto values = std::int64_t(model_.floats(g));
+        find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(), found);
+        GS_CUDA_LAUNCHED("find_nonfinite");
+    }
+    if (!read_back(found, stream_)) return 0; // the usual case
+
+    PruneSpace space(model_, scratch_, stream_);
+    for (int g = 0; g < kNumGroups; ++g) {
+        mark_nonfinite_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.width[g], model_.param[g].get(), space.marked, space.num_bad + g);
+        GS_CUDA_LAUNCHED("mark_nonfinite_rows");
+    }
+    unsigned long long num_bad[kNumGroups];
+    GS_CUDA(cudaMemcpyAsync(num_bad, space.num_bad, sizeof num_bad, cudaMemcpyDeviceToHost, stream_));
+    const std::int64_t removed = space.remove_marked();
+    std::copy_n(num_bad, kNumGroups, by_group);
+    return removed;
+}
+
+std::int64_t CudaDensify::prune_invisible() {
+    const std::int64_t n = model_.count;
+    if (n == 0) return 0;
+    PruneSpace space(model_, scratch_, stream_);
+    mark_invisible_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(),
+                                                                            space.marked);
+    GS_CUDA_LAUNCHED("mark_invisible_rows");
+    return space.remove_marked();
+}
+
+}  // namespace gs

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// Moving rows on the device: what the .cu files of this folder share.
+#pragma once
+
+#include <thrust/iterator/counting_iterator.h>
+
+#include <cub/device/device_select.cuh>
+
+#include "kernels/model_cuda.h"
+
+namespace gs {
+
+inline constexpr int kRowBlock = 256;
+/// Rows that one block moves: few, so that some thousand relocated rows still occupy the device.
+inline constexpr int kRowsPerBlock = 64;
+/// A gather needs a temporary; more than this buys nothing.
+inline constexpr std::size_t kSliceBytes = std::size_t(64) << 20;
+
+/// fn(row, column) for all values of n rows of a few columns, neighbouring threads at neighbouring values. For kernels
+/// of num_blocks(n, kRowsPerBlock) blocks of kRowBlock threads.
+template <class Fn> __device__ void for_row_values(std::int64_t n, unsigned columns, Fn fn) {
+    const std::int64_t first = std::int64_t(blockIdx.x) * kRowsPerBlock, left = n - first;
+    const unsigned values = unsigned(left < kRowsPerBlock ? left : kRowsPerBlock) * columns;
+    for (unsigned j = threadIdx.x; j < values; j += kRowBlock) fn(first + j / columns, j % columns);
+}
+
+/// Index of the thread among all of a one-dimensional grid of kRowBlock threads a block.
+__device__ inline std::int64_t thread_row() { return std::int64_t(blockIdx.x) * kRowBlock + threadIdx.x; }
+
+/// Temporary memory that the CUB calls of one function share. A call is a lambda (void*, size_t&); it may capture by
+/// reference what is only carved after `ask`.
+struct CubSpace {
+    unsigned char* memory = nullptr;
+    std::size_t bytes = 1;
+
+    template <class Call> void ask(Call&& call) {
+        std::size_t b = 0;
+        GS_CUDA(call(static_cast<void*>(nullptr), b));
+        bytes = std::max(bytes, b);
+    }
+    void take(Carver& c) { memory = c.take<unsigned char>(bytes); }
+    template <class Call> void run(Call&& call) const {
+        std::size_t b = bytes;
+        GS_CUDA(call(static_cast<void*>(memory), b));
+    }
+};
+
+/// Row indices 0, 1, ... as an input of CUB.
+inline thrust::counting_iterator<std::uint32_t> row_indices() { return thrust::counting_iterator<std::uint32_t>(0); }
+
+/// Rows i < n for which keep(i), ascending, and how many.
+template <class Keep>
+cudaError_t select_rows(void* memory, std::size_t& bytes, std::int64_t n, const Keep& keep, std::uint32_t* out, std::int64_t* num_out, cudaStream_t stream) {
+    return cub::DeviceSelect::If(memory, bytes, row_indices(), out, num_out, n, keep, stream);
+}
+
+/// Waits.
+template <class T> T read_back(const T* device, cudaStream_t stream) {
+    T value;
+    GS_CUDA(cudaMemcpyAsync(&value, device, sizeof value, cudaMemcpyDeviceToHost, stream));
+    GS_CUDA(cudaStreamSynchronize(stream));
+    return value;
+}
+
+/// The temporary of a gather: some columns of all its rows.
+struct RowSlice {
+    float* data = nullptr;
+    std::size_t floats = 0;
+};
+
+/// A slice for up to `rows` rows. `block`: bytes of the scratch before it was carved; what is there anyway is used.
+inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows, std::int64_t block) {
+    const std::size_t left = std::size_t(block) > c.at() + 256 ? std::size_t(block) - c.at() - 256 : 0;
+    const auto widest = std::size_t(*std::max_element(model.width, model.width + kNumGroups));
+    RowSlice slice;
+    slice.floats = std::clamp(std::max(left, kSliceBytes) / sizeof(float), std::size_t(rows), std::size_t(rows) * std::max<std::size_t>(widest, 1));
+    slice.data = c.take<float>(slice.floats);
+    return slice;
+}
+
+/// New row k = old row order[k], k < total; rows not named are removed. Moments move along up to row `kept`; the rows from
+/// there on are copies and start with none. order: on the device; there must be room for `total` rows. Sets the count.
+void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total, const RowSlice& slice, cudaStream_t stream);
+
+}  // namespace gs

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// What one row says about itself: whether it can be seen, and its place on the Morton curve.
+#pragma once
+
+#include "kernels/preprocess/preprocess_device.h"
+
+namespace gs {
+
+/// Raw value of an opacity. On the host only, so that all backends compare with the very same float.
+inline float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
+
+/// q: 4 values. Below this norm a rotation has no direction.
+GS_HD bool usable_rotation(const float* q) { return norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2); }
+
+/// False if no view can show the Gaussian.
+GS_HD bool is_visible(float raw_opacity, const float* q) { return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q); }
+
+/// Box around means. Starts empty; coordinates that are NaN do not widen it.
+struct MeanBounds {
+    static constexpr float kMax = 3.402823466e38f;
+    float low[3] = {kMax, kMax, kMax}, high[3] = {-kMax, -kMax, -kMax};
+
+    GS_HD void add(const float* mean) { add(mean, mean); }
+    GS_HD void add(const MeanBounds& other) { add(other.low, other.high); }
+    GS_HD float extent() const { return gs_max(gs_max(gs_max(0.0f, high[0] - low[0]), high[1] - low[1]), high[2] - low[2]); }
+
+  private:
+    GS_HD void add(const float* a, const float* b) {
+        for (int k = 0; k < 3; ++k) low[k] = gs_min(a[k], low[k]), high[k] = gs_max(b[k], high[k]);
+    }
+};
+
+/// Bits 0..20 of x, three places apart.
+GS_HD std::uint64_t spread_bits(std::uint64_t x) {
+    x &= 0x1fffff;
+    x = (x | x << 32) & 0x1f00000000ffffull;
+    x = (x | x << 16) & 0x1f0000ff0000ffull;
+    x = (x | x << 8) & 0x100f00f00f00f00full;
+    x = (x | x << 4) & 0x10c30c30c30c30c3ull;
+    return (x | x << 2) & 0x1249249249249249ull;
+}
+
+/// 63 bits, 21 an axis, x lowest; one cube side for all axes (optimization spec section 6). A NaN counts as the low side.
+GS_HD std::uint64_t morton_code(const float* mean, const MeanBounds& bounds) {
+    const float extent = bounds.extent();
+    std::uint64_t code = 0;
+    for (int k = 0; k < 3; ++k) {
+        const float t = extent > 0 ? gs_clamp((mean[k] - bounds.low[k]) / extent, 0.0f, 1.0f) : 0.0f;
+        code |= spread_bits(std::uint64_t(t * 2097151.0f)) << k;
+    }
+    return code;
+}
+
+}  // namespace gs

@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+// Densification on the device against the CPU backend: the same rows, in the same order. Skipped where there is no device.
+#include <gtest/gtest.h>
+
+#include <bit>
+
+#include "kernels/core/error.h"
+#include "kernels/cuda_device.h"
+#include "tests/kernels/random_scene.h"
+
+namespace gs::test {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
+
+class CudaDensification : public ::testing::Test {
+  protected:
+    void SetUp() override {
+        if (!cuda_available()) GTEST_SKIP() << "no CUDA device: " << cuda_unavailable_reason();
+    }
+};
+
+/// Both backends with the same model.
+struct Both {
+    std::unique_ptr<Backend> cpu, gpu;
+    explicit Both(const Gaussians& s) : cpu(make_cpu_backend(s.appearance)), gpu(make_cuda_backend(s.appearance)) { cpu->upload(s), gpu->upload(s); }
+
+    /// tolerance: of what libm has a part in; everything else has the same bits.
+    void expect_same(float tolerance, std::initializer_list<Group> inexact) const {
+        const Gaussians a = cpu->download(true), b = gpu->download(true);
+        ASSERT_EQ(a.count, b.count);
+        ASSERT_EQ(gpu->count(), b.count);
+        for (int g = 0; g < kNumGroups; ++g) {
+            const bool exact = std::find(inexact.begin(), inexact.end(), Group(g)) == inexact.end();
+            expect_same(a.groups[g].param, b.groups[g].param, exact ? 0 : tolerance, kGroupNames[g]);
+            expect_same(a.groups[g].m, b.groups[g].m, 0, kGroupNames[g]);
+            expect_same(a.groups[g].v, b.groups[g].v, 0, kGroupNames[g]);
+        }
+        expect_same(a.gradient_sum, b.gradient_sum, 0, "gradient_sum");
+        expect_same(a.gradient_count, b.gradient_count, 0, "gradient_count");
+    }
+    static void expect_same(const std::vector<float>& a, const std::vector<float>& b, float tolerance, const char* what) {
+        ASSERT_EQ(a.size(), b.size()) << what;
+        for (std::size_t i = 0; i < a.size(); ++i) {
+            if (std::bit_cast<std::uint32_t>(a[i]) == std::bit_cast<std::uint32_t>(b[i]) || (std::isnan(a[i]) && std::isnan(b[i]))) continue;
+            ASSERT_LE(std::abs(a[i] - b[i]), tolerance * std::max(1.0f, std::abs(a[i]))) << what << " value " << i << ": " << a[i] << " and " << b[i];
+        }
+    }
+};
+
+void expect_same(const DensifyStats& a, const DensifyStats& b) {
+    EXPECT_EQ(a.relocated, b.relocated);
+    EXPECT_EQ(a.added, b.added);
+    EXPECT_EQ(a.cloned, b.cloned);
+    EXPECT_EQ(a.split, b.split);
+    EXPECT_EQ(a.pruned, b.pruned);
+    EXPECT_EQ(a.count, b.count);
+}
+
+/// Random rows whose moments tell them apart.
+Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
+    Gaussians s = cast<float>(random_gaussians(n, degree, seed));
+    if (degree == 0) s.appearance.model = "none", s[Group::kResidual].width = 0, s[Group::kResidual].param.clear();
+    for (auto& group : s.groups) {
+        group.m.resize(group.param.size()), group.v.resize(group.param.size());
+        std::iota(group.m.begin(), group.m.end(), 1.0f);
+        std::iota(group.v.begin(), group.v.end(), 2.0f);
+    }
+    return s;
+}
+
+/// Every 7th faint, every 11th without a rotation, every 13th a copy of the row before.
+Gaussians mixed_model(std::int64_t n, int degree, std::uint32_t seed) {
+    Gaussians s = random_model(n, degree, seed);
+    for (std::int64_t i = 0; i < n; ++i) {
+        if (i % 7 == 3) s[Group::kOpacity].param[i] = -9;
+        if (i % 11 == 5) std::fill_n(s[Group::kRotation].param.begin() + 4 * i, 4, 0.0f);
+        if (i % 13 == 7)
+            for (auto& group : s.groups) std::copy_n(group.param.begin() + (i - 1) * group.width, group.width, group.param.begin() + i * group.width);
+    }
+    return s;
+}
+
+/// Few different values, so that many gradients are equal.
+void gather_statistic(Gaussians& s, std::uint32_t seed) {
+    std::mt19937 rng(seed);
+    const float sums[] = {0, 1e-4f, 2e-4f, 4e-4f, 1e-3f};
+    s.gradient_sum.resize(s.count), s.gradient_count.resize(s.count);
+    for (float& x : s.gradient_sum) x = sums[rng() % 5];
+    for (float& x : s.gradient_count) x = float(rng() % 4);
+}
+
+TEST_F(CudaDensification, McmcMovesTheRowsOfTheCpu) {
+    for (const std::int64_t n : {0, 1, 2, 19, 1000, 40000})
+        for (const std::int64_t cap : {n / 2, n, n + 1, n + n / 12, 2 * n + 10}) {
+            SCOPED_TRACE(std::to_string(n) + " Gaussians, cap " + std::to_string(cap));
+            Gaussians s = mixed_model(n, n < 10000 ? 3 : 1, 7);
+            if (n > 20) s[Group::kOpacity].param[8] = kNan, s[Group::kOpacity].param[9] = 60, s[Group::kOpacity].param[10] = -kInf;
+            const Both both(s);
+            McmcParams p;
+            p.cap = cap;
+            for (int k = 0; k < 4; ++k) {
+                expect_same(both.cpu->densify_mcmc(p, 600 + 100 * k, 3), both.gpu->densify_mcmc(p, 600 + 100 * k, 3));
+                both.expect_same(5e-7f, {Group::kScale, Group::kOpacity});
+            }
+        }
+}
+
+TEST_F(CudaDensification, McmcTakesManyCopiesOfOne) {
+    Gaussians s = random_model(300, 3, 8);
+    std::fill(s[Group::kOpacity].param.begin(), s[Group::kOpacity].param.end(), -9.0f);
+    const Both dead(s);
+    McmcParams p;
+    p.cap = 300;
+    expect_same(dead.cpu->densify_mcmc(p, 600, 1), dead.gpu->densify_mcmc(p, 600, 1)); // nowhere to go
+    dead.expect_same(0, {});
+    s[Group::kOpacity].param[123] = 4;
+    const Both one(s);
+    p.cap = 2000, p.growth = 3;
+    expect_same(one.cpu->densify_mcmc(p, 600, 1), one.gpu->densify_mcmc(p, 600, 1));
+    one.expect_same(5e-7f, {Group::kScale, Group::kOpacity});
+}
+
+TEST_F(CudaDensification, McmcRepeatsItself) {
+    const Gaussians s = mixed_model(20000, 1, 9);
+    McmcParams p;
+    p.cap = 30000;
+    Gaussians first;
+    for (int k = 0; k < 3; ++k) {
+        const auto gpu = make_cuda_backend(s.appearance);
+        gpu->upload(s);
+        for (int i = 0; i < 5; ++i) gpu->densify_mcmc(p, 600 + 100 * i, 3);
+        const Gaussians now = gpu->download(true);
+        if (k == 0) first = now;
+        for (int g = 0; g < kNumGroups; ++g) {
+            EXPECT_EQ(now.groups[g].param, first.groups[g].param);
+            EXPECT_EQ(now.groups[g].m, first.groups[g].m);
+        }
+    }
+}
+
+TEST_F(CudaDensification, AdcBuildsTheModelOfTheCpu) {
+    for (const std::int64_t n : {1, 2, 1000, 40000})
+        for (const std::int64_t cap : {std::int64_t(0), n / 2, n, n + 1, n + n / 10, 3 * n})
+            for (const bool statistic : {true, false}) {
+                SCOPED_TRACE(std::to_string(n) + " Gaussians, cap " + std::to_string(cap) + (statistic ? "" : ", no statistic"));
+                Gaussians s = mixed_model(n, n < 10000 ? 3 : 0, 11);
+                if (statistic) gather_statistic(s, 5);
+                if (n > 20) s[Group::kScale].param[30] = kNan, s[Group::kOpacity].param[12] = kNan;
+                const Both both(s);
+                AdcParams p;
+                p.extent = 20; // clone below a scale of 0.2, about the median
+                p.cap = cap;
+                for (int k = 0; k < 2; ++k) { // the second time there is no statistic
+                    p.prune_large = k == 1;
+                    expect_same(both.cpu->densify_adc(p, 600 + 100 * k, 3), both.gpu->densify_adc(p, 600 + 100 * k, 3));
+                    both.expect_same(2e-6f, {Group::kMean});
+                }
+            }
+}
+
+TEST_F(CudaDensification, AdcGrowsAgainAndAgain) {
+    Gaussians s = random_model(500, 3, 12);
+    AdcParams p;
+    p.extent = 20;
+    for (int k = 0; k < 6; ++k) {
+        gather_statistic(s, 20 + k);
+        const Both both(s);
+        expect_same(both.cpu->densify_adc(p, 600 + 100 * k, 3), both.gpu->densify_adc(p, 600 + 100 * k, 3));
+        both.expect_same(2e-6f, {Group::kMean});
+        s = both.gpu->download(true);
+    }
+    EXPECT_GT(s.count, 1000);
+}
+
+TEST_F(CudaDensification, AdcThatLeavesNothingIsTheSameError) {
+    for (const std::int64_t n : {0, 3}) {
+        Gaussians s = random_model(n, 3, 13);
+        std::fill(s[Group::kOpacity].param.begin(), s[Group::kOpacity].param.end(), -9.0f);
+        gather_statistic(s, 6);
+        const Both both(s);
+        std::string messages[2];
+        for (int k = 0; k < 2; ++k) {
+            try {
+                (k ? both.gpu : both.cpu)->densify_adc({}, 600, 1);
+                ADD_FAILURE() << "no error";
+            } catch (const NumericError& e) {
+                messages[k] = e.what();
+            }
+        }
+        EXPECT_EQ(messages[0], messages[1]);
+    }
+}
+
+TEST_F(CudaDensification, OpacityResetIsTheOneOfTheCpu) {
+    for (const std::int64_t n : {0, 1, 3000}) {
+        Gaussians s = mixed_model(n, 1, 14);
+        if (n > 1) s[Group::kOpacity].param[5] = kNan, s[Group::kOpacity].param[6] = kInf;
+        const Both both(s);
+        both.cpu->reset_opacity(), both.gpu->reset_opacity();
+        both.expect_same(0, {});
+    }
+}
+
+TEST_F(CudaDensification, MortonOrderIsTheOneOfTheCpu) {
+    for (const std::int64_t n : {0, 1, 2, 1000, 30000}) {
+        Gaussians s = mixed_model(n, n < 10000 ? 3 : 0, 15);
+        gather_statistic(s, 7);
+        const Both both(s);
+        both.cpu->morton_sort(), both.gpu->morton_sort();
+        both.expect_same(0, {});
+    }
+    Gaussians equal = random_model(100, 1, 16); // of equal places the order stays
+    std::fill(equal[Group::kMean].param.begin(), equal[Group::kMean].param.end(), 0.5f);
+    Gaussians bad = random_model(100, 1, 17);
+    for (float x : {kNan, kInf, -kInf, 1e38f, -1e38f}) {
+        bad[Group::kMean].param[std::size_t(rand() % 300)] = x;
+        for (const Gaussians& s : {equal, bad}) {
+            const Both both(s);
+            both.cpu->morton_sort(), both.gpu->morton_sort();
+            both.expect_same(0, {});
+        }
+    }
+}
+
+/// So many rows that a gather cannot take all columns of a residual at once.
+TEST_F(CudaDensification, RowsOfALargeModelMoveInSlices) {
+    const Gaussians s = random_model(400000, 3, 18);
+    const Both both(s);
+    both.cpu->morton_sort(), both.gpu->morton_sort();
+    both.expect_same(0, {});
+}
+
+TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
+    for (const std::int64_t n : {0, 1, 500, 20000})
+        for (const int spacing : {0, 1, 3, 97}) { // none, all, many, few
+            SCOPED_TRACE(std::to_string(n) + " Gaussians, spacing " + std::to_string(spacing));
+            Gaussians s = mixed_model(n, n < 10000 ? 3 : 0, 19);
+            gather_statistic(s, 8);
+            for (std::int64_t i = 0; spacing && i < n; i += spacing) {
+                auto& group = s.groups[std::size_t(i / spacing) % (n < 10000 ? kNumGroups : kNumGroups - 1)];
+                group.param[std::size_t((i + 1) * group.width - 1)] = i % 2 ? kNan : -kInf;
+                if (i % 5 == 0) s[Group::kMean].param[3 * i] = kInf; // several groups of one row
+            }
+            const Both both(s);
+            std::int64_t a[kNumGroups], b[kNumGroups];
+            EXPECT_EQ(both.cpu->prune_nonfinite(a), both.gpu->prune_nonfinite(b));
+            for (int g = 0; g < kNumGroups; ++g) EXPECT_EQ(a[g], b[g]) << kGroupNames[g];
+            both.expect_same(0, {});
+            EXPECT_EQ(both.cpu->prune_invisible(), both.gpu->prune_invisible());
+            both.expect_same(0, {});
+            EXPECT_EQ(both.gpu->prune_invisible(), 0);
+        }
+}
+
+/// What trainers do: everything on one backend, so that memory of earlier calls is used again.
+TEST_F(CudaDensification, AllOperationsFollowEachOther) {
+    Gaussians s = mixed_model(3000, 3, 20);
+    gather_statistic(s, 9);
+    const Both both(s);
+    AdcParams adc;
+    adc.extent = 20;
+    McmcParams mcmc;
+    mcmc.cap = 6000;
+    for (Backend* backend : {both.cpu.get(), both.gpu.get()}) {
+        std::int64_t by_group[kNumGroups];
+        backend->morton_sort();
+        backend->densify_adc(adc, 600, 1);
+        backend->densify_mcmc(mcmc, 700, 1);
+        backend->prune_nonfinite(by_group);
+        backend->densify_mcmc(mcmc, 800, 1);
+        backend->prune_invisible();
+        backend->reset_opacity();
+        backend->densify_mcmc(mcmc, 900, 1);
+    }
+    both.expect_same(2e-6f, {Group::kMean, Group::kScale, Group::kOpacity});
+}
+
+}  // namespace
+}  // namespace gs::test
