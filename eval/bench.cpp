@@ -64,7 +64,7 @@ BenchResult run_bench(const TrainOptions& options, const Scene& scene, const Ben
     init.seed = options.seed;
     Gaussians state = initialize_gaussians(scene, appearance, init);
     state.active_degree = appearance.max_degree;
-    const auto backend = choose_backend(options.device, appearance);
+    const auto backend = choose_backend(options.device, appearance, backend_options(options));
     backend->upload(state);
     const LearningRates rates(options, appearance, scene);
 

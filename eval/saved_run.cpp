@@ -41,7 +41,7 @@ SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<s
     run.options = load_run_options(run_folder);
     const Gaussians model = read_model(RunFolder{run_folder}, iteration);
     run.iteration = *iteration;
-    run.backend = choose_backend(run.options.device, model.appearance);
+    run.backend = choose_backend(run.options.device, model.appearance, backend_options(run.options));
     run.backend->upload(model);
     run.scene = load_scene(scene_options(run.options));
     const Background background = parse_background(run.options.background);
