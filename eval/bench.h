@@ -11,13 +11,6 @@
 
 namespace gs {
 
-/// What this machine reaches on its own: the ceilings that floors are computed from.
-struct Ceilings {
-    double copy_bytes_per_second = 0; ///< read + write of a copy much larger than the caches, all threads
-    double operations_per_second = 0; ///< single-precision FMA lanes, all threads
-};
-Ceilings measure_ceilings();
-
 struct BenchOptions {
     int iterations = 20;
     bool mcmc_init = false; ///< initial Gaussians a tenth of the neighbour distance large, as MCMC begins

@@ -22,6 +22,7 @@ class ForwardingBackend : public Backend {
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override { return inner_->time_frames(views, repeats); }
     void measure_stages(bool on) override { inner_->measure_stages(on); }
     std::vector<StageCost> take_stage_costs() override { return inner_->take_stage_costs(); }
+    Ceilings measure_ceilings() override { return inner_->measure_ceilings(); }
     MemoryUse memory() const override { return inner_->memory(); }
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
         return inner_->densify_mcmc(params, iteration, seed);
