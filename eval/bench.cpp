@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/bench.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
 
-#include "kernels/core/lanes.h"
-#include "kernels/core/parallel.h"
+#include "lib/core/options.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
-#include "lib/train/choose_backend.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/target_image.h"
 #include "lib/train/trainer.h"
@@ -18,108 +14,152 @@
 namespace gs {
 namespace {
 
+/// The size at which renderers are usually compared.
+constexpr int kFrameWidth = 1280, kFrameHeight = 720;
+/// Enough views to average over, few enough that their images fit every memory.
+constexpr std::size_t kMaxViews = 64;
+/// Rates are multiplied by this: Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
+/// without the moments of a real run would make another model of the one to be measured.
+constexpr double kFrozen = 1e-6;
+
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-/// Best of a few runs: a ceiling is what is possible.
-template <class Fn> double best_seconds(Fn&& fn) {
-    double best = 1e9;
-    for (int k = 0; k < 5; ++k) {
-        const double start = now();
-        fn();
-        best = std::min(best, now() - start);
+Vec3<float> background_of(const TrainOptions& options) {
+    const auto rgb = parse_background(options.background).rgb;
+    return {rgb[0], rgb[1], rgb[2]};
+}
+
+/// Training steps one after another, over decoded views.
+class Steps {
+  public:
+    Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
+        : backend_(backend), scene_(scene), rates_(options, model.appearance, scene), mcmc_(options.strategy == "mcmc") {
+        set_request(options);
+        const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
+        for (std::size_t k = 0; k < used; ++k) {
+            views_.push_back(k * all / used);  // spread over the scene
+            images_.push_back(scene.train[views_.back()].load());
+        }
+        for (std::size_t k = 0; k < std::max<std::size_t>(2, used); ++k) step();
+        backend_.synchronize();
     }
-    return best;
+
+    void step() {
+        const std::size_t k = std::size_t(request_.iteration) % views_.size();
+        request_.camera = camera_params(scene_.train[views_[k]].camera);
+        request_.target = target_image(images_[k], std::int64_t(views_[k]));
+        rates_.apply(request_.iteration, request_);
+        for (double& rate : request_.rates) rate *= kFrozen;
+        for (double& rate : request_.residual_rates) rate *= kFrozen;
+        request_.noise *= float(kFrozen);
+        backend_.step(request_);
+        ++request_.iteration;
+    }
+
+    /// Mean of `count` steps of which none is waited for but the last.
+    double in_a_row(int count) {
+        const double start = now();
+        for (int k = 0; k < count; ++k) step();
+        backend_.synchronize();
+        return (now() - start) / count;
+    }
+
+    double median_alone(int count) {
+        std::vector<double> times;
+        for (int k = 0; k < count; ++k) {
+            const double start = now();
+            step();
+            backend_.synchronize();
+            times.push_back(now() - start);
+        }
+        std::nth_element(times.begin(), times.begin() + std::ptrdiff_t(times.size() / 2), times.end());
+        return times[times.size() / 2];
+    }
+
+  private:
+    void set_request(const TrainOptions& options) {
+        request_.background = background_of(options);
+        request_.lambda_dssim = float(options.lambda_dssim);
+        request_.opacity_reg = mcmc_ ? float(options.opacity_reg) : 0.0f;
+        request_.scale_reg = mcmc_ ? float(options.scale_reg) : 0.0f;
+        request_.seed = options.seed;
+    }
+
+    Backend& backend_;
+    const Scene& scene_;
+    const LearningRates rates_;
+    const bool mcmc_;
+    std::vector<std::size_t> views_;
+    std::vector<ViewImage> images_;
+    StepRequest request_;
+};
+
+FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
+    std::vector<RenderRequest> requests(cameras.size());
+    for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background;
+    return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.time_frames(requests, repeats)};
+}
+
+std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background, int repeats) {
+    std::vector<Camera> own, resized;
+    for (const View& view : scene.test.empty() ? scene.train : scene.test) {
+        own.push_back(view.camera);
+        resized.push_back(with_size(view.camera, kFrameWidth, kFrameHeight));
+    }
+    std::vector<FrameTime> frames = {time_frames(backend, own, background, repeats)};
+    const auto same = [](const Camera& c) { return c.width == kFrameWidth && c.height == kFrameHeight; };
+    if (!std::all_of(own.begin(), own.end(), same)) frames.push_back(time_frames(backend, resized, background, repeats));
+    return frames;
 }
 
 }  // namespace
 
-Ceilings measure_ceilings() {
-    constexpr std::int64_t kParts = 64, kFloats = std::int64_t(1) << 20;
-    std::vector<float> a(kParts * kFloats, 1.0f), b(kParts * kFloats);
-    const double copy = best_seconds([&] {
-        parallel_for(kParts, [&](std::int64_t p) { std::copy_n(a.data() + p * kFloats, kFloats, b.data() + p * kFloats); });
-    });
-    // Ten independent chains hide the latency of the FMA.
-    constexpr std::int64_t kRounds = 200000, kChains = 10;
-    std::vector<float> sink(kParts);
-    const double fma = best_seconds([&] {
-        parallel_for(kParts, [&](std::int64_t p) {
-            Lanes<float> x[kChains];
-            for (std::int64_t c = 0; c < kChains; ++c) x[c] = Lanes<float>(float(c + p));
-            const Lanes<float> m(0.999f), k(0.001f);
-            for (std::int64_t r = 0; r < kRounds; ++r)
-                for (auto& v : x) v = gs_fma(v, m, k);
-            for (const auto& v : x) sink[p] += sum_lanes(v);
-        });
-    });
-    return {8.0 * kParts * kFloats / copy, double(kParts) * kRounds * kChains * kLanes / fma};
-}
-
-BenchResult run_bench(const TrainOptions& options, const Scene& scene, const BenchOptions& bench) {
-    set_num_threads(options.threads);
+Gaussians initial_model(const TrainOptions& options, const Scene& scene) {
     const AppearanceSpec appearance = appearance_spec(options);
     InitOptions init;
-    init.mcmc = bench.mcmc_init;
+    init.mcmc = options.strategy == "mcmc";
     init.random_points = options.init_points;
     init.seed = options.seed;
-    Gaussians state = initialize_gaussians(scene, appearance, init);
-    state.active_degree = appearance.max_degree;
-    const auto backend = choose_backend(options.device, appearance);
-    backend->upload(state);
-    const LearningRates rates(options, appearance, scene);
+    Gaussians model = initialize_gaussians(scene, appearance, init);
+    model.active_degree = appearance.max_degree;
+    return model;
+}
 
+BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
     BenchResult result;
-    result.ceilings = measure_ceilings();
-    result.device = backend->describe();
-    result.num_gaussians = state.count;
-    std::vector<double> times;
-    RenderedImage rendered;
-    const auto over_views = [&](auto&& work) {
-        constexpr int kWarmUp = 2;
-        double seconds = 0;
-        for (int k = 0; k < bench.iterations + kWarmUp; ++k) {
-            const View& view = scene.train[(std::size_t(k) * 37) % scene.train.size()]; // spread over the scene
-            const ViewImage image = view.load();
-            StepRequest request;
-            request.camera = camera_params(view.camera);
-            request.target = target_image(image);
-            request.iteration = k;
-            rates.apply(k, request);
-            if (!bench.mcmc_init) request.opacity_reg = request.scale_reg = request.noise = 0;
-            if (k == kWarmUp) backend->take_stage_costs();
-            const double start = now();
-            work(request);
-            if (k >= kWarmUp) times.push_back(now() - start), seconds += times.back();
-        }
-        return seconds / bench.iterations;
-    };
-    result.frame_seconds = over_views([&](const StepRequest& r) {
-        RenderRequest frame;
-        frame.camera = r.camera;
-        backend->render(frame, rendered);
-    });
-    times.clear();
-    result.iteration_seconds = over_views([&](const StepRequest& r) { backend->step(r); });
-    result.stages = backend->take_stage_costs();
-    for (StageCost& s : result.stages) s.seconds /= bench.iterations, s.items /= bench.iterations, s.bytes /= bench.iterations, s.operations /= bench.iterations;
-    result.width = scene.train[0].camera.width, result.height = scene.train[0].camera.height;
-    std::nth_element(times.begin(), times.begin() + std::ptrdiff_t(times.size() / 2), times.end());
-    result.iteration_seconds_median = times[times.size() / 2];
+    result.device = backend.describe();
+    result.ceilings = backend.measure_ceilings();
+    result.num_gaussians = model.count;
+    result.width = scene.train.at(0).camera.width, result.height = scene.train[0].camera.height;
+    result.repeat = bench.repeat;
+    backend.upload(model);
+    result.frames = time_all_frames(backend, scene, background_of(options), bench.frame_repeat);
+
+    Steps steps(backend, options, scene, model, bench.repeat);
+    result.iteration_seconds = steps.in_a_row(bench.repeat);
+    result.iteration_seconds_median = steps.median_alone(bench.repeat);
+    backend.measure_stages(true);
+    steps.step();  // a backend may have to prepare for the marks
+    backend.synchronize();
+    backend.take_stage_costs();
+    result.marked_iteration_seconds = steps.in_a_row(bench.repeat);
+    result.stages = backend.take_stage_costs();
+    backend.measure_stages(false);
+    for (StageCost& s : result.stages)
+        for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= bench.repeat;
+    result.memory = backend.memory();
     return result;
 }
 
-std::string format_bench(const BenchResult& r) {
-    std::string out = fmt::format("{}; {} Gaussians, {}x{}\ncopy {:.1f} GB/s, {:.0f} G single-precision FMA/s\n"
-                                  "iteration {:.2f} ms (median {:.2f}), frame {:.2f} ms\n\n",
-                                  r.device, r.num_gaussians, r.width, r.height, r.ceilings.copy_bytes_per_second / 1e9, r.ceilings.operations_per_second / 1e9,
-                                  1e3 * r.iteration_seconds, 1e3 * r.iteration_seconds_median, 1e3 * r.frame_seconds);
-    out += "| stage | ms | items | ns per item | floor ms | measured/floor |\n|---|---:|---:|---:|---:|---:|\n";
-    for (const StageCost& s : r.stages) {
-        const double floor = std::max(s.bytes / r.ceilings.copy_bytes_per_second, s.operations / r.ceilings.operations_per_second);
-        out += fmt::format("| {} | {:.3f} | {:.3g} M {} | {:.3f} | {:.3f} | {:.1f} |\n", s.stage, 1e3 * s.seconds, s.items / 1e6, s.item,
-                           s.items > 0 ? 1e9 * s.seconds / s.items : 0, 1e3 * floor, floor > 0 ? s.seconds / floor : 0);
-    }
-    return out;
+double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+    backend.upload(model);
+    return Steps(backend, options, scene, model, bench.repeat).in_a_row(bench.repeat);
+}
+
+Camera with_size(Camera camera, int width, int height) {
+    camera.cx += 0.5 * (width - camera.width), camera.cy += 0.5 * (height - camera.height);
+    camera.width = width, camera.height = height;
+    return camera;
 }
 
 }  // namespace gs

@@ -2,6 +2,7 @@
 // What a training iteration and a frame cost, stage by stage, against what the machine could do.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,34 +12,52 @@
 
 namespace gs {
 
-/// What this machine reaches on its own: the ceilings that floors are computed from.
-struct Ceilings {
-    double copy_bytes_per_second = 0; ///< read + write of a copy much larger than the caches, all threads
-    double operations_per_second = 0; ///< single-precision FMA lanes, all threads
-};
-Ceilings measure_ceilings();
-
 struct BenchOptions {
-    int iterations = 20;
-    bool mcmc_init = false; ///< initial Gaussians a tenth of the neighbour distance large, as MCMC begins
+    int repeat = 20;       ///< iterations in one measurement
+    int frame_repeat = 3;  ///< rounds through all views when frames are timed
+};
+
+struct FrameTime {
+    int width = 0, height = 0;  ///< of the first view
+    int num_views = 0;
+    double seconds = 0;  ///< mean of a frame
 };
 
 struct BenchResult {
-    Ceilings ceilings;
+    std::string subject;  ///< what was measured, for the reader
     std::string device;
+    Ceilings ceilings;
     std::int64_t num_gaussians = 0;
-    int width = 0, height = 0;
-    double iteration_seconds = 0;      ///< mean of one step: forward, loss, backward, Adam; no densification
-    double iteration_seconds_median = 0;
-    double frame_seconds = 0;          ///< mean of one render
-    std::vector<StageCost> stages;     ///< per iteration
+    int width = 0, height = 0;  ///< of the first training view
+    int repeat = 0;
+    std::vector<FrameTime> frames;              ///< at the views' own size, and at 1280x720 where that is another
+    double iteration_seconds = 0;               ///< mean of steps in a row: forward, loss, backward, Adam; no densification
+    double iteration_seconds_median = 0;        ///< of steps that are each waited for
+    double marked_iteration_seconds = 0;        ///< mean of steps in a row while stages are timed
+    std::vector<StageCost> stages;              ///< per iteration, of the marked steps
+    MemoryUse memory;                           ///< afterwards
+    std::optional<double> default_seconds, deterministic_seconds;  ///< of an iteration, where both were measured to compare
 };
 
-/// Renders and trains on the views of `scene` in turn from the initial points (or `model`, if it has Gaussians), with all
-/// degrees active and without densification; two warm-up iterations are not counted.
-BenchResult run_bench(const TrainOptions& options, const Scene& scene, const BenchOptions& bench);
+/// The model training would begin with, all degrees active.
+Gaussians initial_model(const TrainOptions& options, const Scene& scene);
 
-/// Markdown: one line a stage with time, items, time per item, floor and measured/floor.
+/// Uploads `model` and measures it on the views of `scene`: frames on the test views (the training views where there are
+/// none), iterations on the training views in turn, spread over the scene. Images are decoded, and every image used is seen
+/// once by the device, before the clock starts. Learning rates and noise are a millionth of those of `options`: the work is
+/// the same, and the model that is measured last is the one that was measured first.
+BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench);
+
+/// Only BenchResult::iteration_seconds.
+double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench);
+
+/// The same view direction and focal lengths in pixels at another image size, the centre of the image where it was:
+/// cx + (width - W)/2, cy + (height - H)/2. A larger image therefore shows more of the scene, at the same scale.
+Camera with_size(Camera camera, int width, int height);
+
+/// Markdown: frames, iterations, and one line a stage with time, items, time per item, floor and measured/floor. The floor is
+/// the longer of least bytes / copy bandwidth and least operations / FMA rate. A stage above three times it is bold and
+/// carries the reason that the backend gives.
 std::string format_bench(const BenchResult& result);
 
 }  // namespace gs

@@ -52,6 +52,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     Json& timing = section(section(results, "timing"), key.c_str());
     if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
     timing["render_seconds"] = result.render_seconds;
+    if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
     section(results, "num_gaussians")[key] = facts.num_gaussians;
     section(results, "run")[key] = {{"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}};
 

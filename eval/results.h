@@ -21,11 +21,12 @@ struct RunFacts {
     Vec3<float> background{0, 0, 0};
     std::int64_t num_gaussians = 0;
     std::optional<double> train_seconds;  ///< absent: an earlier value in the file is kept
+    std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training; absent: as above
 };
 
 /// Adds iteration `options.iteration` to results.json and per_view.json and keeps what they hold of other iterations:
 ///   {"ours_N": {"SSIM": .., "PSNR": ..}, "protocol": {"ours_N": {..}}, "timing": {"ours_N": {..}},
-///    "num_gaussians": {"ours_N": ..}, "run": {"ours_N": {..}}}
+///    "memory": {"ours_N": {..}}, "num_gaussians": {"ours_N": ..}, "run": {"ours_N": {..}}}
 ///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}}, "image_names": {"ours_N": {"00000.png": ..}}}
 /// JSON knows no infinity: a PSNR of identical images is written as null. Atomic per file. Throws DataError when an
 /// existing file is no JSON object or cannot be written.

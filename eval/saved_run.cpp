@@ -13,36 +13,40 @@
 #include "lib/train/scene_options.h"
 
 namespace gs {
-namespace {
 
-Gaussians read_model(const RunFolder& folder, std::optional<std::int64_t>& iteration) {
-    namespace fs = std::filesystem;
+namespace fs = std::filesystem;
+
+bool holds_model(const fs::path& run_folder) {
+    std::error_code ignored;
+    if (run_folder.empty()) return false;
+    return fs::exists(run_folder / "point_cloud", ignored) || fs::exists(run_folder / "checkpoints", ignored);
+}
+
+SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
+    const RunFolder folder{run_folder};
     std::error_code ignored;
     if (iteration) {
-        if (fs::exists(folder.point_cloud(*iteration), ignored)) return read_ply(folder.point_cloud(*iteration));
-        if (fs::exists(folder.checkpoint(*iteration), ignored)) return read_checkpoint(folder.checkpoint(*iteration)).state;
+        if (fs::exists(folder.point_cloud(*iteration), ignored)) return {read_ply(folder.point_cloud(*iteration)), *iteration};
+        if (fs::exists(folder.checkpoint(*iteration), ignored)) return {read_checkpoint(folder.checkpoint(*iteration)).state, *iteration};
         throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
                                     folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(), *iteration));
     }
     if (fs::exists(folder.root / "point_cloud", ignored)) {
-        iteration = latest_point_cloud(folder.root);
-        return read_ply(folder.point_cloud(*iteration));
+        const std::int64_t latest = latest_point_cloud(folder.root);
+        return {read_ply(folder.point_cloud(latest)), latest};
     }
     Checkpoint checkpoint = read_checkpoint(latest_checkpoint(folder.root));
-    iteration = checkpoint.iteration;
-    return std::move(checkpoint.state);
+    return {std::move(checkpoint.state), checkpoint.iteration};
 }
 
-}  // namespace
-
-SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration) {
+SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
     SavedRun run;
     run.folder = run_folder;
     run.options = load_run_options(run_folder);
-    const Gaussians model = read_model(RunFolder{run_folder}, iteration);
-    run.iteration = *iteration;
-    run.backend = choose_backend(run.options.device, model.appearance);
-    run.backend->upload(model);
+    const SavedModel model = read_saved_model(run_folder, iteration);
+    run.iteration = model.iteration;
+    run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
+    run.backend->upload(model.state);
     run.scene = load_scene(scene_options(run.options));
     const Background background = parse_background(run.options.background);
     run.background = {background.rgb[0], background.rgb[1], background.rgb[2]};

@@ -23,8 +23,20 @@ struct SavedRun {
     Vec3<float> background{0, 0, 0};  ///< for evaluation: black when the training drew random ones
 };
 
-/// Opens the model of `iteration` (the last saved one when empty): its PLY, or its checkpoint where there is no PLY; and
-/// the scene the run was trained on. Throws DataError naming what is missing, and what load_scene throws.
+/// A model without the scene and the options it came from.
+struct SavedModel {
+    Gaussians state;
+    std::int64_t iteration = 0;
+};
+
+/// Whether a point cloud or a checkpoint is in the folder.
+bool holds_model(const std::filesystem::path& run_folder);
+
+/// The model of `iteration` (the last saved one when empty): its PLY, or its checkpoint where there is no PLY. Throws
+/// DataError naming what is missing.
+SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
+
+/// Opens a model as read_saved_model does, and the scene the run was trained on. Throws what load_scene throws, too.
 SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
 /// What results.json says about a run with these options.

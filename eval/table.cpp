@@ -20,7 +20,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kNumColumns = 8;
+constexpr int kNumColumns = 9;
 using Cells = std::array<std::string, kNumColumns>;
 constexpr int kFirstNumber = 4;  ///< columns from here on hold numbers and are aligned right
 
@@ -60,8 +60,9 @@ std::string duration(double seconds) {
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
 Cells header(TableFormat format) {
-    if (format == TableFormat::kCsv) return {"run", "scene", "model", "strategy", "num_gaussians", "psnr", "ssim", "train_seconds"};
-    return {"run", "scene", "model", "strategy", "#Gs", "PSNR", "SSIM", "train time"};
+    if (format == TableFormat::kCsv)
+        return {"run", "scene", "model", "strategy", "num_gaussians", "psnr", "ssim", "train_seconds", "peak_device_bytes"};
+    return {"run", "scene", "model", "strategy", "#Gs", "PSNR", "SSIM", "train time", "peak memory"};
 }
 
 Cells cells_of(const TableRow& row, TableFormat format) {
@@ -75,7 +76,8 @@ Cells cells_of(const TableRow& row, TableFormat format) {
                 count,
                 fmt::format("{}", row.psnr),
                 fmt::format("{}", row.ssim),
-                row.train_seconds ? fmt::format("{}", *row.train_seconds) : ""};
+                row.train_seconds ? fmt::format("{}", *row.train_seconds) : "",
+                row.peak_device_bytes ? fmt::format("{}", *row.peak_device_bytes) : ""};
     }
     return {or_dash(row.run),
             or_dash(row.scene),
@@ -84,7 +86,8 @@ Cells cells_of(const TableRow& row, TableFormat format) {
             or_dash(count),
             fmt::format("{:.2f}", row.psnr),
             fmt::format("{:.4f}", row.ssim),
-            row.train_seconds ? duration(*row.train_seconds) : "-"};
+            row.train_seconds ? duration(*row.train_seconds) : "-",
+            row.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*row.peak_device_bytes) / (1 << 30)) : "-"};
 }
 
 std::string markdown_escaped(const std::string& text) {
@@ -176,7 +179,8 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.iteration = *chosen;
     row.psnr = score(json, file, key, "PSNR");
     row.ssim = score(json, file, key, "SSIM");
-    const Json run = fact(json, "run", key), timing = fact(json, "timing", key), count = fact(json, "num_gaussians", key);
+    const Json run = fact(json, "run", key), timing = fact(json, "timing", key), count = fact(json, "num_gaussians", key),
+               memory = fact(json, "memory", key);
     row.scene = text_fact(run, "scene");
     row.model = text_fact(run, "model");
     row.strategy = text_fact(run, "strategy");
@@ -184,6 +188,8 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     if (count.is_number_integer()) row.num_gaussians = count.get<std::int64_t>();
     if (timing.is_object() && timing.contains("train_seconds") && timing.at("train_seconds").is_number())
         row.train_seconds = timing.at("train_seconds").get<double>();
+    if (memory.is_object() && memory.contains("peak_device_bytes") && memory.at("peak_device_bytes").is_number_integer())
+        row.peak_device_bytes = memory.at("peak_device_bytes").get<std::int64_t>();
     return row;
 }
 
@@ -196,7 +202,7 @@ std::string format_table(const std::vector<TableRow>& rows, TableFormat format) 
         for (const Cells& cells : lines) text += joined(cells, ",", csv_escaped) + "\n";
         return text;
     }
-    text = "\\begin{tabular}{llllrrrr}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
+    text = "\\begin{tabular}{llllrrrrr}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
     for (std::size_t i = 1; i < lines.size(); ++i) text += joined(lines[i], " & ", latex_escaped) + " \\\\\n";
     return text + "\\hline\n\\end{tabular}\n";
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "kernels/camera.h"
+#include "kernels/ceilings.h"
 #include "kernels/core/gaussian_state.h"
 
 namespace gs {
@@ -106,6 +107,7 @@ struct StageCost {
     std::string item;     ///< what an item is, e.g. "pixel x Gaussian"
     double bytes = 0;     ///< least memory traffic of all items
     double operations = 0; ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
+    std::string note;     ///< why the stage takes longer than that, where it is known to; may be empty
 };
 
 class Backend {
@@ -131,6 +133,8 @@ class Backend {
     /// Stages are timed only while this is on (the marks between stages cost a few microseconds each).
     virtual void measure_stages(bool on) = 0;
     virtual std::vector<StageCost> take_stage_costs() = 0;
+    /// Of the machine this backend runs on.
+    virtual Ceilings measure_ceilings() = 0;
     virtual MemoryUse memory() const = 0;
 
     virtual DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;

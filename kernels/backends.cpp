@@ -24,6 +24,8 @@ template <class List> std::unique_ptr<Backend> make(const List& backends, const 
 
 std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) { return make(kCpuBackends, appearance, options); }
 
+std::string cuda_architectures() { return GSAPP_CUDA_ARCHITECTURES; }
+
 #ifdef GSAPP_WITH_CUDA
 std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
     if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
@@ -31,6 +33,8 @@ std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, con
 }
 #else
 bool cuda_available() { return false; }
+std::string cuda_driver_description() { throw DeviceError(cuda_unavailable_reason()); }
+Ceilings cuda_ceilings() { throw DeviceError(cuda_unavailable_reason()); }
 std::string cuda_unavailable_reason() { return "this gsapp was built without CUDA"; }
 std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
 #endif

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "appearance/model_info.h"
+#include "kernels/ceilings.h"
 #include "kernels/cpu_rasterizer.h"
 #include "kernels/densify/densify.h"
 #include "kernels/loss/loss.h"
@@ -95,18 +96,24 @@ template <class Model> class CpuBackend final : public Backend {
         // backward fragment_alpha 17 + blend_fragment_backward 34. A splat is 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
-             work_.visible * (260 + 2 * values)},
-            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4},
-            {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27},
-            {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70)},
-            {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51},
+             work_.visible * (260 + 2 * values),
+             "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles"},
+            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
+             "a comparison sort of 8-byte keys, the floor assumes streaming"},
+            {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27, ""},
+            {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70),
+             "each image row is read eleven times from the cache"},
+            {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
-             work_.visible * (500 + 4 * values) + gaussians * 10 * values}};
+             work_.visible * (500 + 4 * values) + gaussians * 10 * values,
+             "one Gaussian at a time in scalar code, the floor assumes full vectors"}};
         s = {};
         loss_seconds_ = update_seconds_ = 0;
         work_ = {};
         return costs;
     }
+
+    Ceilings measure_ceilings() override { return cpu_ceilings(); }
 
     MemoryUse memory() const override { return {}; } // the process's memory is the operating system's to tell
 

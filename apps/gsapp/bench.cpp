@@ -1,30 +1,118 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp bench`: what an iteration and a frame cost on this machine.
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
+#include <map>
 #include <memory>
 
 #include "apps/gsapp/command.h"
 #include "eval/bench.h"
+#include "eval/generated_set.h"
+#include "eval/saved_run.h"
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 #include "lib/core/options_cli.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
+#include "lib/train/trainer.h"
 
 namespace gs {
+namespace {
+
+struct BenchArguments {
+    int repeat = 0, frame_repeat = 0;  ///< 0 = by device
+    std::int64_t iteration = -1;       ///< -1 = the last saved one
+    std::vector<std::int64_t> generate;
+    bool compare_deterministic = false;
+};
+
+/// A GPU needs many short steps for one good number; on the CPU the same number of them would take minutes.
+BenchOptions repeats(const BenchArguments& arguments, const TrainOptions& options) {
+    const bool cuda = uses_cuda(options.device);
+    return {.repeat = arguments.repeat > 0 ? arguments.repeat : cuda ? 100 : 20,
+            .frame_repeat = arguments.frame_repeat > 0 ? arguments.frame_repeat : cuda ? 100 : 3};
+}
+
+void measure(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const std::string& subject,
+             const BenchArguments& arguments) {
+    const BenchOptions bench = repeats(arguments, options);
+    BenchResult result = run_bench(backend, options, scene, model, bench);
+    result.subject = subject;
+    if (arguments.compare_deterministic) {
+        BackendOptions other = backend_options(options);
+        other.deterministic = !other.deterministic;
+        const auto changed = choose_backend(options.device, model.appearance, other);
+        const double seconds = iteration_seconds(*changed, options, scene, model, bench);
+        result.deterministic_seconds = options.deterministic ? result.iteration_seconds : seconds;
+        result.default_seconds = options.deterministic ? seconds : result.iteration_seconds;
+    }
+    std::fputs((format_bench(result) + "\n").c_str(), stdout);
+}
+
+void measure_generated(const TrainOptions& options, const BenchArguments& arguments) {
+    const auto backend = choose_backend(options.device, appearance_spec(options), backend_options(options));
+    const auto rgb = parse_background(options.background).rgb;
+    for (const std::int64_t count : arguments.generate) {
+        const Gaussians model = generated_gaussians(count, options.seed, appearance_spec(options));
+        backend->upload(model);
+        const Scene scene = generated_scene(*backend, {rgb[0], rgb[1], rgb[2]});
+        measure(*backend, options, scene, model, fmt::format("generated set of {:.3g} M Gaussians, seed {}", double(count) / 1e6, options.seed), arguments);
+    }
+}
+
+void measure_scene(const TrainOptions& options, const BenchArguments& arguments) {
+    const bool trained = holds_model(options.model);
+    if (arguments.iteration >= 0 && !trained) throw UsageError("--iteration: there is no trained model in '" + options.model + "'; name its folder with -m");
+    std::string subject = options.source + ", initial points";
+    Gaussians model;
+    if (trained) {  // read first: a mistake here should not wait for the scene
+        SavedModel saved = read_saved_model(options.model, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
+        model = std::move(saved.state);
+        model.active_degree = model.appearance.max_degree;
+        subject = fmt::format("{}, {} at iteration {}", options.source, options.model, saved.iteration);
+    }
+    const Scene scene = load_scene(scene_options(options));
+    if (scene.train.empty()) throw DataError(scene.source + ": no training views (all were held out or skipped)");
+    if (!trained) model = initial_model(options, scene);
+    const auto backend = choose_backend(options.device, model.appearance, backend_options(options));
+    measure(*backend, options, scene, model, subject, arguments);
+}
+
+void run_bench_command(const TrainArguments& train, const BenchArguments& arguments) {
+    const bool generate = !arguments.generate.empty();
+    const TrainOptions options = train.resolve({.stored_run = !generate, .default_source = generate ? "generated" : ""});
+    setup_log(options.quiet ? "warn" : options.log_level);
+    set_num_threads(options.threads);
+    if (generate)
+        measure_generated(options, arguments);
+    else
+        measure_scene(options, arguments);
+}
+
+}  // namespace
 
 void add_bench_command(CLI::App& app, Command& selected) {
-    CLI::App* command = app.add_subcommand("bench", "Measure iteration and frame times from a scene's initial points, stage by stage");
-    const auto arguments = std::make_shared<TrainArguments>(*command);
-    const auto bench = std::make_shared<BenchOptions>();
-    command->add_option("--repeat", bench->iterations, "Iterations and frames to average over")->check(CLI::Range(1, 100000))->capture_default_str();
-    command->callback([arguments, bench, &selected] {
-        selected = [arguments, bench] {
-            TrainOptions options = arguments->resolve();
-            setup_log(options.quiet ? "warn" : options.log_level);
-            bench->mcmc_init = options.strategy == "mcmc";
-            const Scene scene = load_scene(scene_options(options));
-            std::fputs(format_bench(run_bench(options, scene, *bench)).c_str(), stdout);
-        };
-    });
+    CLI::App* command = app.add_subcommand("bench",
+                                           "Measure frames and iterations, stage by stage: of the trained model in -m RUN, of a scene's initial points, or of "
+                                           "generated sets");
+    const auto train = std::make_shared<TrainArguments>(*command);
+    const auto arguments = std::make_shared<BenchArguments>();
+    command->add_option("--repeat", arguments->repeat, "Iterations in one measurement (default: 100 on a GPU, 20 on the CPU)")->check(CLI::Range(1, 100000));
+    command->add_option("--frame-repeat", arguments->frame_repeat, "Times that each view is rendered (default: 100 on a GPU, 3 on the CPU)")
+        ->check(CLI::Range(1, 100000));
+    CLI::Option* iteration = command->add_option("--iteration", arguments->iteration, "With -m RUN: saved iteration to measure (default: the last)")
+                                 ->check(CLI::NonNegativeNumber);
+    // Checks run after transforms in the order they were added, so the range is that of the whole number.
+    command->add_option("--generate", arguments->generate, "Sizes of generated sets, e.g. 1M,3M,6M; needs no scene")
+        ->delimiter(',')
+        ->transform(CLI::AsNumberWithUnit(std::map<std::string, std::int64_t>{{"k", 1000}, {"m", 1000000}}, CLI::AsNumberWithUnit::CASE_INSENSITIVE))
+        ->check(CLI::Range(std::int64_t(1), std::int64_t(1000000000)))
+        ->excludes(iteration);
+    command->add_flag("--compare-deterministic", arguments->compare_deterministic, "Also measure iterations with --deterministic, and print the ratio");
+    command->callback([train, arguments, &selected] { selected = [train, arguments] { run_bench_command(*train, *arguments); }; });
 }
 
 }  // namespace gs

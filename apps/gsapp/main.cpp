@@ -42,9 +42,20 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     return error.what();
 }
 
+/// Version, backends, and what CUDA was built for and found, or why there is none.
+std::string version_report() {
+    std::string text = version_text();
+    if (cuda_available())
+        text += "\nbackends: cpu, cuda\ndevice: " + cuda_driver_description();
+    else
+        text += "\nbackends: cpu (cuda: " + cuda_unavailable_reason() + ")";
+    const std::string architectures = cuda_architectures();
+    return architectures.empty() ? text : text + "\ncuda architectures: " + architectures;
+}
+
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
-    app.set_version_flag("--version", version_text() + "\nbackends: cpu" + (cuda_available() ? ", cuda" : " (cuda: " + cuda_unavailable_reason() + ")"));
+    app.set_version_flag("--version", version_report); // asked only then: waking the GPU takes a while
     app.require_subcommand(1);
     Command selected;
     add_train_command(app, selected);

@@ -73,9 +73,10 @@ class Evaluation {
                          {"ssim", result_.ssim}});
     }
 
-    /// Adds the training time, which is known only now, and prints the table.
-    void finish(double train_seconds) {
-        facts_.train_seconds = train_seconds;
+    /// Adds time and memory of the training, which are known only now, and prints the table.
+    void finish(const TrainSummary& summary) {
+        facts_.train_seconds = summary.train_seconds;
+        if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
         const std::string table = format_table({read_table_row(options_.model, eval_.iteration)}, TableFormat::kMarkdown);
         // Where a program reads JSON lines on stdout, the table is for the people who read the messages.
@@ -119,12 +120,14 @@ void run_training(TrainOptions options) {
     progress.finish();
     spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
-    if (measure) evaluation.finish(summary.train_seconds);
-    progress.event({{"event", "finished"},
-                    {"iteration", options.iterations},
-                    {"num_gaussians", summary.num_gaussians},
-                    {"train_seconds", summary.train_seconds},
-                    {"model", options.model}});
+    if (measure) evaluation.finish(summary);
+    nlohmann::ordered_json finished = {{"event", "finished"},
+                                       {"iteration", options.iterations},
+                                       {"num_gaussians", summary.num_gaussians},
+                                       {"train_seconds", summary.train_seconds}};
+    if (summary.memory.peak > 0) finished["peak_device_bytes"] = summary.memory.peak;
+    finished["model"] = options.model;
+    progress.event(finished);
 }
 
 }  // namespace

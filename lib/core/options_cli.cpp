@@ -102,21 +102,23 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
     if (white) options.background = "white";
 }
 
-TrainOptions TrainArguments::base() const {
+TrainOptions TrainArguments::base(bool stored_run) const {
     if (!config_.empty()) return load_options_yaml(config_);
     TrainOptions flags_only;
     apply_flags(flags_only);
     const std::filesystem::path run = flags_only.model;
-    if (flags_only.resume.empty() || !std::filesystem::exists(run / "config.yaml")) return {};
+    const bool wanted = !flags_only.resume.empty() || (stored_run && !run.empty());
+    if (!wanted || !std::filesystem::exists(run / "config.yaml")) return {};
     TrainOptions options = load_run_options(run);
     options.overwrite = false;  // these two belong to one call of the program, not to the run
     options.resume.clear();
     return options;
 }
 
-TrainOptions TrainArguments::resolve() const {
-    TrainOptions options = base();
+TrainOptions TrainArguments::resolve(const ResolveRules& rules) const {
+    TrainOptions options = base(rules.stored_run);
     apply_flags(options);
+    if (options.source.empty()) options.source = rules.default_source;
     validate(options);
     return options;
 }

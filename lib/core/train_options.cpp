@@ -73,7 +73,7 @@ void add_input_options(Table& table) {
     table.push_back({.key = "image-cache",
                      .field = &O::image_cache,
                      .group = group,
-                     .help = "memory for decoded images; images beyond it are read again when needed",
+                     .help = "memory for decoded images, on the host and again on the GPU; images beyond it are read or sent again when needed",
                      .unit = "bytes",
                      .values = "number with KiB, MiB, GiB, KB, MB or GB"});
     table.push_back(
@@ -110,6 +110,10 @@ void add_run_options(Table& table) {
                      .unit = "threads",
                      .min = 0,
                      .max = 1024});
+    table.push_back({.key = "deterministic",
+                     .field = &O::deterministic,
+                     .group = group,
+                     .help = "on the GPU: add in a fixed order, slower, so that equal runs give equal bytes on one GPU; the CPU always does"});
     table.push_back({.key = "test-iterations",
                      .field = &O::test_iterations,
                      .group = group,

@@ -29,6 +29,7 @@ struct TrainOptions {
     std::uint64_t seed = 0;
     std::string device = "auto";          ///< auto | cpu | cuda
     int threads = 0;                      ///< 0 = all cores
+    bool deterministic = false;           ///< GPU only: fixed order of all sums
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
     std::int64_t preview_every = 0;       ///< 0 = off
     std::string background = "black";     ///< black | white | random | R,G,B

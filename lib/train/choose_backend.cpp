@@ -4,12 +4,19 @@
 #include <spdlog/spdlog.h>
 
 #include "kernels/cuda_device.h"
+#include "lib/core/bytes.h"
 
 namespace gs {
 
-std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance) {
-    const bool cuda = device == "cuda" || (device == "auto" && cuda_available());
-    auto backend = cuda ? make_cuda_backend(appearance) : make_cpu_backend(appearance);
+bool uses_cuda(const std::string& device) { return device == "cuda" || (device == "auto" && cuda_available()); }
+
+BackendOptions backend_options(const TrainOptions& options) {
+    return {.deterministic = options.deterministic, .image_budget = std::int64_t(parse_bytes(options.image_cache))};
+}
+
+std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
+    const bool cuda = uses_cuda(device);
+    auto backend = cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
     const bool fallback = device == "auto" && !cuda;
     spdlog::info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;

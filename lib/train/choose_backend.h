@@ -5,11 +5,17 @@
 #include <string>
 
 #include "kernels/backend.h"
+#include "lib/core/train_options.h"
 
 namespace gs {
 
-/// `device`: "cpu", "cuda", or "auto" (CUDA where there is one, else the CPU; one line of the log says which and why).
-/// Throws DeviceError for "cuda" without a device.
-std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance);
+/// Whether `device` ("cpu", "cuda", or "auto": CUDA where there is one) means the GPU on this machine.
+bool uses_cuda(const std::string& device);
+
+/// What the options of a run say about its backend.
+BackendOptions backend_options(const TrainOptions& options);
+
+/// Of an "auto" that found no GPU, one line of the log says why. Throws DeviceError for "cuda" without a device.
+std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
 
 }  // namespace gs

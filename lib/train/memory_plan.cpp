@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lib/train/memory_plan.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -34,6 +35,16 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     const double memory = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
     if (total > memory)
         spdlog::warn("the plan's {:.0f} MiB exceed this machine's {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
+}
+
+std::string memory_report(const MemoryUse& memory) {
+    constexpr double kMiB = 1024.0 * 1024.0;
+    std::string text = fmt::format("device memory: peak {:.1f} MiB, now {:.1f} MiB", double(memory.peak) / kMiB, double(memory.bytes) / kMiB);
+    for (const MemoryUse::Row& row : memory.rows) {
+        text += fmt::format("{} {} {:.1f} MiB", &row == &memory.rows.front() ? ":" : ",", row.what, double(row.bytes) / kMiB);
+        if (row.items > 0) text += fmt::format(" ({:.0f} B a {})", double(row.bytes) / row.items, row.item);
+    }
+    return text;
 }
 
 }  // namespace gs

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <thread>
+#include <new>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
@@ -34,7 +34,8 @@ namespace {
 /// Iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is then
 /// below a hundredth of the work.
 constexpr std::int64_t kLogInterval = 100;
-/// A loss that is not finite this often in a row does not recover.
+/// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the statistics:
+/// a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
 /// Views decoded ahead of the one in use.
 constexpr int kPrefetch = 3;
@@ -69,28 +70,66 @@ class Run {
     TrainSummary run() {
         progress_.start(options_.iterations, iteration_);
         for (std::int64_t k = iteration_; k < std::min(options_.iterations, iteration_ + kPrefetch); ++k) images_.prefetch(order_.at(k));
-        double interval_start = now();
-        while (iteration_ < options_.iterations) {
-            const double start = now();
-            iterate();
-            train_seconds_ += now() - start;
-            if (iteration_ % kLogInterval == 0 || iteration_ == options_.iterations) {
-                write_log(now() - interval_start);
-                interval_start = now();
-            }
-            if (progress_.due(iteration_)) progress_.update(iteration_, last_.loss, backend_->count());
-            save_what_is_due();
-            if (interrupted() && iteration_ < options_.iterations) {
-                save_checkpoint();
-                progress_.finish();
-                throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; continue with --resume latest -m " +
-                                  folder_.root.string());
-            }
+        const std::int64_t first = iteration_;
+        try {
+            loop();
+        } catch (const DeviceError& e) {
+            throw DeviceError(e.what() + rescue(first));
+        } catch (const std::bad_alloc&) {
+            throw DeviceError("out of memory; lower --cap-max, --resolution or --image-cache" + rescue(first));
         }
         return finish();
     }
 
   private:
+    void loop() {
+        double interval_start = now();
+        while (iteration_ < options_.iterations) {
+            timed([&] { iterate(); });
+            const bool log = iteration_ % kLogInterval == 0 || iteration_ == options_.iterations, report = progress_.due(iteration_);
+            const bool stop = interrupted() && iteration_ < options_.iterations;
+            // What is reported or saved is the state after this iteration, and waiting for it is training time.
+            if (log || report || stop || something_is_due()) timed([&] { settle(); });
+            if (log) {
+                write_log(now() - interval_start);
+                interval_start = now();
+            }
+            if (report) progress_.update(iteration_, last_.loss, backend_->count());
+            save_what_is_due();
+            if (stop) {
+                save_checkpoint();
+                progress_.finish();
+                throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " + how_to_continue());
+            }
+        }
+    }
+
+    template <class Fn> void timed(Fn&& fn) {
+        const double start = now();
+        fn();
+        train_seconds_ += now() - start;
+    }
+
+    /// After an error of the device: saves the model as the last finished iteration left it, if there is one and the device
+    /// still gives it out. Returns what the message should say about it.
+    std::string rescue(std::int64_t first) {
+        progress_.finish();
+        if (iteration_ == first) return "";
+        try {
+            save_checkpoint();
+        } catch (const std::exception& e) { // the error that brought us here is the one to report
+            spdlog::warn("no checkpoint could be written: {}", e.what());
+            return "";
+        }
+        return ", checkpoint written to " + folder_.checkpoint(iteration_).string() + "; " + how_to_continue();
+    }
+    std::string how_to_continue() const { return "continue with --resume latest -m " + folder_.root.string(); }
+
+    std::unique_ptr<Backend> make_backend() const {
+        const BackendOptions options = backend_options(options_);
+        return hooks_.make_backend ? hooks_.make_backend(appearance_, options) : choose_backend(options_.device, appearance_, options);
+    }
+
     void begin() {
         InitOptions init;
         init.mcmc = options_.strategy == "mcmc";
@@ -100,7 +139,7 @@ class Run {
         state.active_degree = schedule_.active_degree(0);
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
-        backend_ = choose_backend(options_.device, appearance_);
+        backend_ = make_backend();
         backend_->upload(state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
         write_cfg_args(folder_, options_);
@@ -113,7 +152,7 @@ class Run {
         if (checkpoint.seed != options_.seed)
             spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
-        backend_ = choose_backend(options_.device, appearance_);
+        backend_ = make_backend();
         backend_->upload(checkpoint.state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
         spdlog::info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
@@ -132,7 +171,7 @@ class Run {
         StepRequest request;
         request.camera = camera_params(scene_.train[index].camera);
         request.background = background_at(iteration_);
-        request.target = target_image(*image);
+        request.target = target_image(*image, std::int64_t(index));
         request.iteration = iteration_;
         request.lambda_dssim = float(options_.lambda_dssim);
         const bool mcmc = options_.strategy == "mcmc";
@@ -143,13 +182,23 @@ class Run {
         rates_.apply(iteration_, request);
         backend_->step(request);
         ++iteration_;
+        if (iteration_ % kMaxSkips == 0) read_stats();
+        if (iteration_ % kLogInterval == 0) prune_nonfinite();
+    }
+
+    void settle() {
+        backend_->synchronize();
+        read_stats();
+    }
+
+    void read_stats() {
         const StepStats stats = backend_->take_stats();
         nonfinite_gradients_ += stats.num_nonfinite_gradients;
-        last_ = stats;
+        if (stats.steps > 0) last_ = stats;
         if (stats.consecutive_skips >= kMaxSkips)
-            throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " + std::to_string(kMaxSkips) +
-                               " views was not finite (last view: " + scene_.train[index].name + "). Lower the learning rates, or check the images");
-        if (iteration_ % kLogInterval == 0) prune_nonfinite();
+            throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " + std::to_string(stats.consecutive_skips) +
+                               " views was not finite (last view: " + scene_.train[order_.at(iteration_ - 1)].name +
+                               "). Lower the learning rates, or check the images");
     }
 
     Vec3<float> background_at(std::int64_t iteration) const {
@@ -188,6 +237,12 @@ class Run {
         logged_wait_ = wait;
     }
 
+    bool something_is_due() const {
+        const auto& o = options_;
+        return (o.preview_every > 0 && iteration_ % o.preview_every == 0) || contains(o.checkpoint_iterations, iteration_) ||
+               contains(o.save_iterations, iteration_) || contains(o.test_iterations, iteration_);
+    }
+
     void save_what_is_due() {
         const bool last = iteration_ == options_.iterations;
         if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0) save_preview();
@@ -199,6 +254,8 @@ class Run {
     TrainSummary finish() {
         progress_.update(iteration_, last_.loss, backend_->count());
         progress_.finish();
+        const MemoryUse memory = backend_->memory();
+        if (memory.peak > 0) spdlog::info("{}", memory_report(memory));
         prune_nonfinite();
         save_checkpoint(); // before the final pruning: a longer run goes on from here as if it had not stopped
         backend_->prune_invisible();
@@ -208,7 +265,7 @@ class Run {
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
         if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for non-finite parameters during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
-        return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds()};
+        return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds(), memory};
     }
 
     void save_checkpoint() {

@@ -12,12 +12,12 @@ namespace {
 
 using test::TemporaryFolder;
 
-TrainOptions parse(std::vector<std::string> words) {
+TrainOptions parse(std::vector<std::string> words, const ResolveRules& rules = {}) {
     CLI::App app;
     TrainArguments arguments(app);
     std::reverse(words.begin(), words.end());  // CLI11 takes its vector from the back
     app.parse(words);
-    return arguments.resolve();
+    return arguments.resolve(rules);
 }
 
 TEST(OptionsCli, DefaultsRemainWithoutFlags) {
@@ -140,6 +140,21 @@ TEST(OptionsCli, ResumedRunKeepsItsOptionsUnlessFlagsChangeThem) {
     EXPECT_EQ(options.resume, "latest");
     EXPECT_FALSE(options.overwrite);
     EXPECT_THROW(parse({"-m", folder.path().string()}), UsageError) << "a new run does not read the old one's options";
+}
+
+TEST(OptionsCli, CommandsOnFinishedRunsReadTheirOptions) {
+    TemporaryFolder folder;
+    TrainOptions run;
+    run.source = "builtin:moved";
+    run.cap_max = 77;
+    folder.write("config.yaml", options_to_yaml(run));
+    const ResolveRules rules = {.stored_run = true, .default_source = "generated"};
+    const TrainOptions options = parse({"-m", folder.path().string(), "--deterministic"}, rules);
+    EXPECT_EQ(options.source, "builtin:moved");
+    EXPECT_EQ(options.cap_max, 77);
+    EXPECT_TRUE(options.deterministic);
+    EXPECT_EQ(parse({"-m", folder.path().string(), "-s", "other"}, rules).source, "other");
+    EXPECT_EQ(parse({}, rules).source, "generated");
 }
 
 TEST(OptionsCli, LastOfRepeatedFlagsCounts) { EXPECT_EQ(parse({"here", "--cap-max", "1", "--cap-max", "2"}).cap_max, 2); }

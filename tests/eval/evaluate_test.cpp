@@ -115,6 +115,7 @@ struct Written {
         facts.strategy = "mcmc";
         facts.num_gaussians = 1234;
         facts.train_seconds = 61.5;
+        facts.peak_device_bytes = 1234567890;
         result.views = {{"a.png", 30, 0.9, 0.1}, {"b.png", 32, 0.8, 0.2}};
         result.psnr = 31, result.ssim = 0.85, result.render_seconds = 0.3;
     }
@@ -131,6 +132,7 @@ TEST(Results, KeysAreThoseOfTheMetricsScript) {
     EXPECT_EQ(per_view["image_names"]["ours_300"]["00001.png"], "b.png");
     EXPECT_EQ(results["num_gaussians"]["ours_300"], 1234);
     EXPECT_EQ(results["timing"]["ours_300"]["train_seconds"], 61.5);
+    EXPECT_EQ(results["memory"]["ours_300"]["peak_device_bytes"], 1234567890);
     EXPECT_NE(results["protocol"]["ours_300"]["ssim"].get<std::string>().find("torchmetrics <= 1.4.1"), std::string::npos);
 }
 
@@ -143,10 +145,12 @@ TEST(Results, OtherIterationsAndTheTrainingTimeStay) {
     w.options.iteration = 300;
     w.result.psnr = 20;
     w.facts.train_seconds.reset();
+    w.facts.peak_device_bytes.reset();
     w.write();
     const json results = read_json(w.folder.path() / "results.json");
     EXPECT_EQ(results["ours_300"]["PSNR"], 20.0);
     EXPECT_EQ(results["timing"]["ours_300"]["train_seconds"], 61.5);
+    EXPECT_EQ(results["memory"]["ours_300"]["peak_device_bytes"], 1234567890);
     EXPECT_TRUE(results["ours_700"]["PSNR"].is_null()) << "JSON has no infinity";
     EXPECT_EQ(read_json(w.folder.path() / "per_view.json").count("ours_700"), 1u);
 }
@@ -181,6 +185,7 @@ TEST(Table, ComesFromStoredFilesAlone) {
     EXPECT_EQ(row.scene, "builtin:glossy");
     EXPECT_EQ(*row.num_gaussians, 1234);
     EXPECT_EQ(*row.train_seconds, 61.5);
+    EXPECT_EQ(*row.peak_device_bytes, 1234567890);
     EXPECT_EQ(row.ssim_protocol, describe_ssim(SsimBorder::kValid) + ", mean over images");
     EXPECT_THROW(read_table_row(w.folder.path(), 5), DataError);
     EXPECT_THROW(read_table_row(w.folder.path() / "nowhere", std::nullopt), DataError);
@@ -207,15 +212,17 @@ TEST(Table, ThreeFormats) {
     row.psnr = 27.126;
     row.ssim = 0.91234;
     row.train_seconds = 125;
+    row.peak_device_bytes = std::int64_t(3) << 29;
     const std::string markdown = format_table({row}, TableFormat::kMarkdown);
     EXPECT_NE(markdown.find("a_b\\|c"), std::string::npos);
-    EXPECT_NE(markdown.find("| 27.13 | 0.9123 | 2 min 05 s |"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("| 27.13 | 0.9123 | 2 min 05 s |    1.50 GiB |"), std::string::npos) << markdown;
     EXPECT_NE(markdown.find("| -        |"), std::string::npos) << "unknown strategy: " << markdown;
     EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 3);
     EXPECT_EQ(format_table({row}, TableFormat::kCsv),
-              "run,scene,model,strategy,num_gaussians,psnr,ssim,train_seconds\na_b|c,\"x,\"\"y\"\"\",50%,,10000,27.126,0.91234,125\n");
+              "run,scene,model,strategy,num_gaussians,psnr,ssim,train_seconds,peak_device_bytes\n"
+              "a_b|c,\"x,\"\"y\"\"\",50%,,10000,27.126,0.91234,125,1610612736\n");
     const std::string latex = format_table({row}, TableFormat::kLatex);
-    EXPECT_NE(latex.find("a\\_b|c & x,\"y\" & 50\\% & - & 10000 & 27.13 & 0.9123 & 2 min 05 s \\\\"), std::string::npos) << latex;
+    EXPECT_NE(latex.find("a\\_b|c & x,\"y\" & 50\\% & - & 10000 & 27.13 & 0.9123 & 2 min 05 s & 1.50 GiB \\\\"), std::string::npos) << latex;
     EXPECT_NE(latex.find("\\#Gs"), std::string::npos);
     EXPECT_THROW(parse_table_format("html"), UsageError);
 }

@@ -70,12 +70,16 @@ TEST(SavedRun, OpensTheLastPointCloudAndItsScene) {
 TEST(SavedRun, FallsBackToTheCheckpoint) {
     const RunOnDisk saved;
     EXPECT_THROW(open_saved_run(saved.folder.path(), std::nullopt), DataError);
+    EXPECT_FALSE(holds_model(saved.folder.path()));
+    EXPECT_FALSE(holds_model(""));
     Checkpoint checkpoint;
     checkpoint.state = one_gaussian();
     checkpoint.iteration = 70;
     write_checkpoint(saved.names().checkpoint(70), checkpoint);
     const SavedRun run = open_saved_run(saved.folder.path(), std::nullopt);
     EXPECT_EQ(run.iteration, 70);
+    EXPECT_TRUE(holds_model(saved.folder.path()));
+    EXPECT_EQ(read_saved_model(saved.folder.path(), 70).state.count, 1);
     EXPECT_EQ(run.backend->count(), 1);
     EXPECT_THROW(open_saved_run(saved.folder.path() / "nowhere", std::nullopt), DataError);
 }

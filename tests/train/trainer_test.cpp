@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -14,9 +15,11 @@
 #include "lib/scene/procedural.h"
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
+#include "lib/train/memory_plan.h"
 #include "lib/train/trainer.h"
 #include "lib/train/view_order.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/train/forwarding_backend.h"
 
 namespace gs {
 namespace {
@@ -205,6 +208,124 @@ TEST(Train, NonFiniteImagesEndTheRunWithTheReason) {
     } catch (const NumericError& e) {
         EXPECT_NE(std::string(e.what()).find("not finite"), std::string::npos) << e.what();
     }
+}
+
+/// Fails at one step, as a device does whose memory is full; afterwards the model may still be read, or not.
+class FailingBackend : public test::ForwardingBackend {
+  public:
+    FailingBackend(const AppearanceSpec& appearance, std::int64_t failing_iteration, bool readable)
+        : ForwardingBackend(appearance), failing_iteration_(failing_iteration), readable_(readable) {}
+    void step(const StepRequest& request) override {
+        failed_ = request.iteration == failing_iteration_;
+        if (failed_) throw DeviceError("out of device memory: asked for 8 MiB, free 3 MiB");
+        ForwardingBackend::step(request);
+    }
+    Gaussians download(bool with_moments) const override {
+        if (failed_ && !readable_) throw DeviceError("the device is gone");
+        return ForwardingBackend::download(with_moments);
+    }
+
+  private:
+    const std::int64_t failing_iteration_;
+    const bool readable_;
+    bool failed_ = false;
+};
+
+/// The message of the DeviceError with which a run ends whose backend fails at that iteration.
+std::string failure(const TrainOptions& options, std::int64_t failing_iteration, bool readable) {
+    TrainHooks hooks;
+    hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
+        return std::make_unique<FailingBackend>(appearance, failing_iteration, readable);
+    };
+    Progress progress(ProgressStyle::kSilent);
+    try {
+        train(options, small_scene(), open_run(options), progress, hooks);
+    } catch (const DeviceError& e) {
+        EXPECT_EQ(e.code(), ExitCode::kDevice);
+        return e.what();
+    }
+    return "";
+}
+
+TEST(Train, OutOfMemoryLeavesACheckpointThatResumesBitForBit) {
+    const test::TemporaryFolder tmp;
+    const TrainOptions whole = small_options(tmp.path() / "whole", "mcmc");
+    run(whole, small_scene());
+    TrainOptions part = small_options(tmp.path() / "part", "mcmc");
+    const std::string checkpoint = RunFolder{part.model}.checkpoint(33).string();
+    EXPECT_EQ(failure(part, 33, true), "out of device memory: asked for 8 MiB, free 3 MiB, checkpoint written to " + checkpoint +
+                                           "; continue with --resume latest -m " + part.model);
+    part.resume = "latest";
+    run(part, small_scene());
+    EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(60)), bytes_of(RunFolder{part.model}.point_cloud(60)));
+}
+
+TEST(Train, OutOfMemoryWithoutAModelToSaveKeepsItsMessage) {
+    const test::TemporaryFolder tmp;
+    const std::string message = "out of device memory: asked for 8 MiB, free 3 MiB";
+    const TrainOptions first = small_options(tmp.path() / "first", "none"), lost = small_options(tmp.path() / "lost", "none");
+    EXPECT_EQ(failure(first, 0, true), message) << "nothing was trained yet";
+    EXPECT_EQ(failure(lost, 33, false), message);
+    EXPECT_FALSE(fs::exists(tmp.path() / "lost/checkpoints"));
+}
+
+/// Statistics that lag two steps behind until somebody waits, and an image kept per id.
+class LaggingBackend : public test::ForwardingBackend {
+  public:
+    using ForwardingBackend::ForwardingBackend;
+    void step(const StepRequest& request) override {
+        const TargetImage& t = request.target;
+        const std::vector<std::uint8_t> pixels(t.u8, t.u8 + std::size_t(t.width) * t.height * t.channels);
+        EXPECT_EQ(kept_.try_emplace(t.id, pixels).first->second, pixels) << "id " << t.id << " stands for two images";
+        ForwardingBackend::step(request);
+        all_.push_back(ForwardingBackend::take_stats());
+    }
+    StepStats take_stats() override {
+        StepStats sum = told_ ? all_[told_ - 1] : StepStats{};
+        sum.steps = 0;
+        for (const std::size_t end = waited_ ? all_.size() : all_.size() - std::min<std::size_t>(2, all_.size()); told_ < end; ++told_) {
+            const auto steps = sum.steps;
+            sum = all_[told_];
+            sum.steps += steps;
+        }
+        waited_ = false;
+        return sum;
+    }
+    void synchronize() override { waited_ = true; }
+    MemoryUse memory() const override { return {{{"model", 600, "Gaussian", 3}}, 600, 700}; }
+    std::size_t num_images() const { return kept_.size(); }
+
+  private:
+    std::vector<StepStats> all_;
+    std::size_t told_ = 0;
+    bool waited_ = false;
+    std::map<std::int64_t, std::vector<std::uint8_t>> kept_;
+};
+
+TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
+    const test::TemporaryFolder tmp;
+    const TrainOptions direct = small_options(tmp.path() / "direct", "adc");
+    TrainOptions late = small_options(tmp.path() / "late", "adc");
+    run(direct, small_scene());
+    LaggingBackend* backend = nullptr;
+    std::size_t num_images = 0;
+    TrainHooks hooks;
+    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& options) {
+        EXPECT_EQ(options.image_budget, std::int64_t(1) << 20);
+        EXPECT_TRUE(options.deterministic);
+        auto made = std::make_unique<LaggingBackend>(appearance);
+        backend = made.get();
+        return made;
+    };
+    hooks.evaluate = [&](std::int64_t, Backend&) { num_images = backend->num_images(); };
+    late.image_cache = "1MiB";
+    late.deterministic = true;
+    Progress progress(ProgressStyle::kSilent);
+    const TrainSummary summary = train(late, small_scene(), open_run(late), progress, hooks);
+    EXPECT_EQ(last_loss(late), last_loss(direct)) << "the loss of the last step, not of one before";
+    EXPECT_EQ(summary.memory.peak, 700);
+    EXPECT_EQ(num_images, small_scene().train.size());
+    EXPECT_EQ(memory_report(summary.memory), "device memory: peak 0.0 MiB, now 0.0 MiB: model 0.0 MiB (200 B a Gaussian)");
 }
 
 TEST(ViewOrder, VisitsEveryViewOnceAnEpochInAnyOrderOfAsking) {

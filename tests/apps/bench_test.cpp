@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gsapp bench` and `gsapp --version` as a user calls them.
+#include <gtest/gtest.h>
+
+#include "tests/apps/program.h"
+
+namespace gs {
+namespace {
+
+using test::Outcome;
+using test::Program;
+
+constexpr const char* kFew = " --device cpu --repeat 1 --frame-repeat 1 ";
+
+void expect_lines(const Outcome& outcome, std::initializer_list<const char*> lines) {
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    for (const char* line : lines) EXPECT_NE(outcome.out.find(line), std::string::npos) << line << "is not in\n" << outcome.out;
+}
+
+TEST(Bench, MeasuresGeneratedSetsWithoutAScene) {
+    const Program program;
+    EXPECT_EQ(program.run("bench --generate 0.2k").exit_code, 2) << "a count is a whole number";
+    expect_lines(program.run("bench --appearance none --generate 1k" + std::string(kFew)),
+                 {"generated set of 0.001 M Gaussians, seed 0", "; 1000 Gaussians;", "| 1280x720, 8 views |", "iteration at 1280x720", "| blend backward |"});
+}
+
+TEST(Bench, MeasuresTheTrainedModelWhereThereIsOne) {
+    const Program program;
+    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --save-iterations 1 -m run").exit_code, 0);
+    expect_lines(program.run("bench -m run --compare-deterministic" + std::string(kFew)),
+                 {"builtin:diffuse, run at iteration 2", "| 40x30,", "| 1280x720,", "with --deterministic"});
+    expect_lines(program.run("bench -m run --iteration 1" + std::string(kFew)), {"run at iteration 1"});
+    EXPECT_EQ(program.run("bench -m run --iteration 7").exit_code, 3);
+}
+
+TEST(Bench, MeasuresInitialPointsElsewhere) {
+    const Program program;
+    expect_lines(program.run("bench -s builtin:diffuse -r 4" + std::string(kFew)), {"builtin:diffuse, initial points"});
+    EXPECT_EQ(program.run("bench -s builtin:diffuse -m none --iteration 1").exit_code, 2);
+    EXPECT_EQ(program.run("bench").exit_code, 2);
+}
+
+TEST(Version, NamesTheGpuOrSaysWhyThereIsNone) {
+    const Outcome version = Program().run("--version");
+    EXPECT_EQ(version.exit_code, 0);
+    const bool cuda = version.out.find("backends: cpu, cuda\ndevice: ") != std::string::npos;
+    EXPECT_NE(cuda, version.out.find("backends: cpu (cuda: ") != std::string::npos) << version.out;
+    if (cuda) {
+        EXPECT_NE(version.out.find("driver for CUDA "), std::string::npos) << version.out;
+        EXPECT_NE(version.out.find("cuda architectures: "), std::string::npos) << version.out;
+    }
+}
+
+TEST(Device, AMachineWithoutAGpuSaysSoInOneLine) {
+    const Program program;
+    if (program.run("--version").out.find(", cuda") != std::string::npos) GTEST_SKIP() << "there is a CUDA device";
+    const Outcome outcome = program.run("train -s builtin:diffuse -r 4 --iterations 1 --appearance none -m run");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    const auto line = outcome.err.find("device: CPU");
+    ASSERT_NE(line, std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.substr(line, outcome.err.find('\n', line) - line).find("CUDA"), std::string::npos) << "the reason is in the line";
+    EXPECT_EQ(outcome.err.find("device: ", line + 1), std::string::npos) << outcome.err;
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CPU backend behind a layer that tests override: devices that fail, run behind, or are only watched.
+#pragma once
+
+#include "kernels/backend.h"
+
+namespace gs::test {
+
+/// Passes every call on.
+class ForwardingBackend : public Backend {
+  public:
+    explicit ForwardingBackend(const AppearanceSpec& appearance) : inner_(make_cpu_backend(appearance)) {}
+    std::string describe() const override { return inner_->describe(); }
+    void upload(const Gaussians& state) override { inner_->upload(state); }
+    Gaussians download(bool with_moments) const override { return inner_->download(with_moments); }
+    std::int64_t count() const override { return inner_->count(); }
+    void set_active_degree(int degree) override { inner_->set_active_degree(degree); }
+    void render(const RenderRequest& request, RenderedImage& out) override { inner_->render(request, out); }
+    void step(const StepRequest& request) override { inner_->step(request); }
+    StepStats take_stats() override { return inner_->take_stats(); }
+    void synchronize() override { inner_->synchronize(); }
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override { return inner_->time_frames(views, repeats); }
+    void measure_stages(bool on) override { inner_->measure_stages(on); }
+    std::vector<StageCost> take_stage_costs() override { return inner_->take_stage_costs(); }
+    Ceilings measure_ceilings() override { return inner_->measure_ceilings(); }
+    MemoryUse memory() const override { return inner_->memory(); }
+    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
+        return inner_->densify_mcmc(params, iteration, seed);
+    }
+    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override {
+        return inner_->densify_adc(params, iteration, seed);
+    }
+    void reset_opacity() override { inner_->reset_opacity(); }
+    void morton_sort() override { inner_->morton_sort(); }
+    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return inner_->prune_nonfinite(by_group); }
+    std::int64_t prune_invisible() override { return inner_->prune_invisible(); }
+
+  private:
+    std::unique_ptr<Backend> inner_;
+};
+
+}  // namespace gs::test
