@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "kernels/cuda_device.h"
+
 namespace gs {
 namespace {
 
@@ -297,6 +299,11 @@ void CudaBackend::measure_stages(bool on) {
 std::vector<StageCost> CudaBackend::take_stage_costs() {
     synchronize();
     return times_.take(model_.width[int(Group::kResidual)]);
+}
+
+Ceilings CudaBackend::measure_ceilings() {
+    synchronize();
+    return cuda_ceilings();
 }
 
 MemoryUse CudaBackend::memory() const {

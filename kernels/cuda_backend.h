@@ -43,6 +43,7 @@ class CudaBackend final : public Backend {
     void measure_stages(bool on) override;
     std::vector<StageCost> take_stage_costs() override;
     MemoryUse memory() const override;
+    Ceilings measure_ceilings() override;
 
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
     DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override;

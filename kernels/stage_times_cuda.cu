@@ -13,13 +13,13 @@ std::vector<StageCost> StageTimes::take(double residual_width) {
     // the templates: fragment_alpha 10 and blend_fragment 10; backward 10, fragment_gradient 16 and two stores.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian", gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8),
-         visible_ * (260 + 2 * values)},
-        {"sort", seconds(CudaStage::kSort), instances_, "instance", gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2), visible_ * 20 + instances_ * 10},
-        {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16, pairs_ * 20 + instances_ * 6 * 35},
-        {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12), pixels_ * 3 * (110 + 110 + 40 + 66 + 10)},
-        {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28},
+         visible_ * (260 + 2 * values), ""},
+        {"sort", seconds(CudaStage::kSort), instances_, "instance", gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2), visible_ * 20 + instances_ * 10, ""},
+        {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16, pairs_ * 20 + instances_ * 6 * 35, ""},
+        {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12), pixels_ * 3 * (110 + 110 + 40 + 66 + 10), ""},
+        {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28, ""},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * values + 4) + visible_ * 48,
-         visible_ * (500 + 4 * values) + gaussians_ * 10 * values}};
+         visible_ * (500 + 4 * values) + gaussians_ * 10 * values, ""}};
     std::fill(seconds_, seconds_ + kNumCudaStages, 0);
     gaussians_ = visible_ = instances_ = pairs_ = pixels_ = 0;
     return costs;

@@ -35,19 +35,26 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     unsigned pairs = 0;
     std::uint32_t base = begin;
+    // The next chunk's splat is on its way while this one is blended.
+    const auto fetch = [&](std::uint32_t at) {
+        std::uint32_t g = bins.instances[at];
+        if (bins.gaussians) g = bins.gaussians[g];
+        return splats[g];
+    };
+    PackedSplat next{};
+    if (begin + threadIdx.x < end) next = fetch(begin + threadIdx.x);
     for (; base < end; base += kChunk) {
         if (__syncthreads_and(p.t < float(kMinTransmittance))) break;
         if (kForBackward && base > begin)
             checkpoints[(std::size_t(first_checkpoint) + (base - begin) / kChunk - 1) * kCudaTilePixels + threadIdx.x] = make_float4(p.r, p.g, p.b, p.t);
         if (base + threadIdx.x < end) {
-            std::uint32_t g = bins.instances[base + threadIdx.x];
-            if (bins.gaussians) g = bins.gaussians[g];
-            const Splat<float> s = splats[g].splat();
+            const Splat<float> s = next.splat();
             batch.store(threadIdx.x, s);
             const unsigned mask = reached_sub_tiles(s, corner.x, corner.y);
             reached[threadIdx.x] = mask;
             if (kForBackward) sub_tiles[base + threadIdx.x] = mask;
         }
+        if (base + kChunk + threadIdx.x < end) next = fetch(base + kChunk + threadIdx.x);
         __syncthreads();
         const int n = min(std::uint32_t(kChunk), end - base);
         for (int group = 0; group < n; group += 32) {

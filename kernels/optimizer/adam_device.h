@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "kernels/core/portable.h"
+#include "kernels/core/lanes.h"
 
 namespace gs {
 
@@ -28,7 +28,7 @@ template <class T> GS_HD void adam_update(T& p, T& m, T& v, T g, const AdamStep<
     // As v + (1-beta)(g^2 - v): 1-beta is exact to half an ulp, where beta itself, rounded to float, is off by 1e-5 of it.
     m = gs_fma(T(1 - kAdamBeta1), g - m, m);
     v = gs_fma(T(1 - kAdamBeta2), g * g - v, v);
-    p = p - s.step_size * m / (gs_sqrt(v) * s.inverse_sqrt_bias + T(kAdamEpsilon));
+    p = p - s.step_size * m * reciprocal(gs_sqrt(v) * s.inverse_sqrt_bias + T(kAdamEpsilon));
 }
 
 }  // namespace gs

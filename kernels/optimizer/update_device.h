@@ -30,6 +30,30 @@ struct ModelArrays {
     float *gradient_sum, *gradient_count; ///< ADC statistic, or null
 };
 
+/// One row of a group with its moments.
+template <int kWidth> struct Row {
+    Group group;
+    float p[kWidth], m[kWidth], v[kWidth];
+
+    GS_HD Row(const ModelArrays& a, Group row_group, std::int64_t i) : group(row_group) {
+        const std::int64_t at = i * kWidth;
+        const int k = int(group);
+        GS_UNROLL
+        for (int c = 0; c < kWidth; ++c) p[c] = a.param[k][at + c], m[c] = a.m[k][at + c], v[c] = a.v[k][at + c];
+    }
+    GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) {
+        const AdamStep<float> t = u.steps[int(group)];
+        GS_UNROLL
+        for (int c = 0; c < kWidth; ++c) adam_update(p[c], m[c], v[c], gradient[c], t);
+    }
+    GS_HD void write(const ModelArrays& a, std::int64_t i) const {
+        const std::int64_t at = i * kWidth;
+        const int k = int(group);
+        GS_UNROLL
+        for (int c = 0; c < kWidth; ++c) a.param[k][at + c] = p[c], a.m[k][at + c] = m[c], a.v[k][at + c] = v[c];
+    }
+};
+
 GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual, int residual_width) {
     // x - x is 0 for finite x and NaN otherwise; NaN survives the sum.
     const auto& q = g.geometry;
@@ -56,39 +80,34 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
         a.gradient_count[i] += 1.0f;
     }
     // Regularisers: means over all Gaussians, visible or not.
-    const float* s = a.param[int(Group::kScale)] + 3 * i;
     if (u.opacity_gradient > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
         g.geometry.raw_opacity += u.opacity_gradient * o * (1 - o);
     }
     if (u.scale_gradient > 0) {
-        const auto scale = [&](float x) { return u.scale_gradient * gs_exp(gs_min(x, float(kMaxLogScale))); };
-        g.geometry.log_scale += Vec3<float>{scale(s[0]), scale(s[1]), scale(s[2])};
+        const float* s = a.param[int(Group::kScale)] + 3 * i;
+        const auto gradient = [&](float x) { return u.scale_gradient * gs_exp(gs_min(x, float(kMaxLogScale))); };
+        g.geometry.log_scale += Vec3<float>{gradient(s[0]), gradient(s[1]), gradient(s[2])};
     }
-    const auto step = [&](Group group, int column, float gradient, const AdamStep<float>& t) {
-        const int k = int(group);
-        const std::int64_t at = i * a.width[k] + column;
-        adam_update(a.param[k][at], a.m[k][at], a.v[k][at], gradient, t);
-    };
+    // All rows are read before any is written: writes in between would make each read wait for the one before it.
     const auto& q = g.geometry;
-    const auto three = [&](Group group, const Vec3<float>& d) {
-        const AdamStep<float> t = u.steps[int(group)];
-        step(group, 0, d.x, t), step(group, 1, d.y, t), step(group, 2, d.z, t);
-    };
-    three(Group::kMean, q.mean);
-    three(Group::kScale, q.log_scale);
-    three(Group::kBase, g.base);
-    const AdamStep<float> tr = u.steps[int(Group::kRotation)];
-    step(Group::kRotation, 0, q.rotation.x, tr), step(Group::kRotation, 1, q.rotation.y, tr);
-    step(Group::kRotation, 2, q.rotation.z, tr), step(Group::kRotation, 3, q.rotation.w, tr);
-    step(Group::kOpacity, 0, q.raw_opacity, u.steps[int(Group::kOpacity)]);
+    Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
+    Row<4> rotation(a, Group::kRotation, i);
+    Row<1> opacity(a, Group::kOpacity, i);
+    mean.step(u, {q.mean.x, q.mean.y, q.mean.z});
+    scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
+    rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
+    opacity.step(u, {q.raw_opacity});
+    base.step(u, {g.base.x, g.base.y, g.base.z});
     if (u.noise > 0) {
-        float* mean = a.param[int(Group::kMean)] + 3 * i;
-        const float* r = a.param[int(Group::kRotation)] + 4 * i;
-        const GaussianGeometry<float> now{{mean[0], mean[1], mean[2]}, {s[0], s[1], s[2]}, {r[0], r[1], r[2], r[3]}, a.param[int(Group::kOpacity)][i]};
+        const GaussianGeometry<float> now{{mean.p[0], mean.p[1], mean.p[2]},
+                                          {scale.p[0], scale.p[1], scale.p[2]},
+                                          {rotation.p[0], rotation.p[1], rotation.p[2], rotation.p[3]},
+                                          opacity.p[0]};
         const Vec3<float> d = sgld_noise(now, u.noise, u.seed, u.iteration, std::uint32_t(i));
-        mean[0] += d.x, mean[1] += d.y, mean[2] += d.z;
+        mean.p[0] += d.x, mean.p[1] += d.y, mean.p[2] += d.z;
     }
+    mean.write(a, i), scale.write(a, i), rotation.write(a, i), opacity.write(a, i), base.write(a, i);
 }
 
 /// One step of the residual of Gaussian i.

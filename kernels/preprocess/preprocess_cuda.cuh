@@ -9,36 +9,36 @@ namespace gs {
 
 inline constexpr int kForwardBlock = 128, kUpdateBlock = 64;
 
-/// Which candidate tiles a warp's Gaussians reach: a lane tests up to four of its own, the warp the others together.
+/// The tiles a lane's splat reaches. Up to 32 candidates each lane looks at its own; the rows of larger ones are shared by
+/// the warp.
 struct TileTest {
     unsigned mask;  ///< of up to 32 candidates
     unsigned count;
 };
-__device__ inline TileTest test_tiles(const Splat<float>& s, const TileRectangle& r, bool valid) {
-    constexpr int kSequential = 4;
-    const unsigned lane = threadIdx.x & 31;
-    const int candidates = valid ? r.size() : 0;
+__device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid) {
+    const TileRectangle r(b);
     TileTest out{0, 0};
-    if (candidates <= kSequential) {
-        for (int k = 0; k < candidates; ++k) {
-            const int row = k / r.width;
-            out.mask |= unsigned(touches_tile(s.mean.x, s.mean.y, s.a, s.b, s.c, s.threshold, r.x0 + k - row * r.width, r.y0 + row)) << k;
+    const bool large = valid && r.size() > 32;
+    if (valid && !large) {
+        const TileRows rows(s, r);
+        for (int y = 0; y < r.height; ++y) {
+            const TileRows::Span span = rows.row(r.y0 + y);
+            if (span.size() > 0) out.mask |= (~0u >> (32 - span.size())) << (y * r.width + span.x0 - r.x0);
         }
         out.count = __popc(out.mask);
     }
     __syncwarp();
-    for (unsigned owners = __ballot_sync(~0u, candidates > kSequential); owners; owners &= owners - 1) {
+    for (unsigned owners = __ballot_sync(~0u, large); owners; owners &= owners - 1) {
         const int owner = __ffs(owners) - 1;
         const auto of_owner = [&](auto x) { return __shfl_sync(~0u, x, owner); };
-        const float mx = of_owner(s.mean.x), my = of_owner(s.mean.y), a = of_owner(s.a), b = of_owner(s.b), c = of_owner(s.c), threshold = of_owner(s.threshold);
-        const int x0 = of_owner(r.x0), y0 = of_owner(r.y0), width = of_owner(r.width), n = of_owner(candidates);
-        unsigned count = 0, hits = 0;
-        for (int base = 0; base < n; base += 32) {
-            const int k = base + int(lane), row = k / width;
-            hits = __ballot_sync(~0u, k < n && touches_tile(mx, my, a, b, c, threshold, x0 + k - row * width, y0 + row));
-            count += __popc(hits);
-        }
-        if (int(lane) == owner) out = {hits, count};
+        Splat<float> t{};
+        t.mean = {of_owner(s.mean.x), of_owner(s.mean.y)};
+        t.a = of_owner(s.a), t.b = of_owner(s.b), t.c = of_owner(s.c), t.threshold = of_owner(s.threshold);
+        const PackedSplat p = PackedSplat::of(t, {of_owner(b.x_min), of_owner(b.x_max), of_owner(b.y_min), of_owner(b.y_max)});
+        const TileRectangle q(p.bounds());
+        unsigned count = 0;
+        for (int y = q.y0; y < q.y0 + q.height; y += 32) count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
+        if (int(threadIdx.x & 31) == owner) out.count = count;
     }
     return out;
 }
@@ -47,7 +47,7 @@ template <class Model>
 __global__ void __launch_bounds__(kForwardBlock)
     preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out, StepControl* __restrict__ control) {
     constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
-    __shared__ float rows[kForwardBlock / 32][32 * kWidth];
+    __shared__ alignas(16) float rows[kForwardBlock / 32][32 * kWidth];
     __shared__ std::uint8_t lists[kForwardBlock / 32][32];
     __shared__ unsigned long long block_instances;
     __shared__ unsigned block_visible;
@@ -64,22 +64,21 @@ __global__ void __launch_bounds__(kForwardBlock)
         g = a.params.geometry(i);
         valid = make_splat(g, a.camera, a.width_padded, a.height_padded, s, b, depth);
     }
-    const TileRectangle r(b);
-    const TileTest tiles = test_tiles(s, r, valid);
+    const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
     const unsigned warp_visible = __ballot_sync(~0u, visible);
     const float* residual = nullptr;
     if constexpr (Model::kMaxResidual > 0) {
         if (warp_visible && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
             const int width = a.params.residual_width;
-            load_rows(RowElements(warp_visible, width, lists[warp]), a.params.residual(i - lane), rows[warp]);
+            load_rows(warp_visible, width, lists[warp], a.params.residual(i - lane), rows[warp]);
             residual = rows[warp] + lane * width;
         }
     }
     if (visible) {
         s.color = gaussian_color<Model>(a.params.activation, a.params.base(i), residual, g.mean, a.camera.position, a.degree, a.mode);
         splats[i] = PackedSplat::of(s, b);
-        out.spans[i] = TileSpan::of(r, tiles.mask);
+        out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
     }
     if (i < a.params.count) {
         out.counts[i] = tiles.count;
@@ -102,7 +101,7 @@ __global__ void __launch_bounds__(kUpdateBlock)
     preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
                         StepControl* __restrict__ control) {
     constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
-    __shared__ float parameters[kUpdateBlock / 32][32 * kWidth], gradients[kUpdateBlock / 32][32 * kWidth];
+    __shared__ alignas(16) float parameters[kUpdateBlock / 32][32 * kWidth], gradients[kUpdateBlock / 32][32 * kWidth];
     __shared__ std::uint8_t lists[kUpdateBlock / 32][32];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     const std::int64_t i = std::int64_t(blockIdx.x) * kUpdateBlock + threadIdx.x;
@@ -112,7 +111,7 @@ __global__ void __launch_bounds__(kUpdateBlock)
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     const unsigned rows = __ballot_sync(~0u, valid);
     if (with_residual && rows) {
-        load_rows(RowElements(rows, width, lists[warp]), a.params.residual(i - lane), parameters[warp]);
+        load_rows(rows, width, lists[warp], a.params.residual(i - lane), parameters[warp]);
         for (int k = lane; k < 32 * width; k += 32) gradients[warp][k] = 0;
         __syncwarp();
     }
@@ -131,6 +130,26 @@ __global__ void __launch_bounds__(kUpdateBlock)
     const std::int64_t first = (i - lane) * width;
     constexpr int k = int(Group::kResidual);
     float *p = arrays.param[k] + first, *m = arrays.m[k] + first, *v = arrays.v[k] + first;
+    if (rows == ~0u && !update.per_column) { // whole rows of whole warps: four values at a time
+        constexpr int kUnroll = 3;
+        for (int e = lane; e < 8 * width; e += 32 * kUnroll) {
+            float4 mm[kUnroll], vv[kUnroll];
+#pragma unroll
+            for (int u = 0; u < kUnroll; ++u)
+                if (e + 32 * u < 8 * width) mm[u] = reinterpret_cast<const float4*>(m)[e + 32 * u], vv[u] = reinterpret_cast<const float4*>(v)[e + 32 * u];
+#pragma unroll
+            for (int u = 0; u < kUnroll; ++u) {
+                const int at = e + 32 * u;
+                if (at >= 8 * width) break;
+                float4 x = reinterpret_cast<const float4*>(parameters[warp])[at];
+                const float4 g = reinterpret_cast<const float4*>(gradients[warp])[at];
+                adam_update(x.x, mm[u].x, vv[u].x, g.x, update.steps[k]), adam_update(x.y, mm[u].y, vv[u].y, g.y, update.steps[k]);
+                adam_update(x.z, mm[u].z, vv[u].z, g.z, update.steps[k]), adam_update(x.w, mm[u].w, vv[u].w, g.w, update.steps[k]);
+                reinterpret_cast<float4*>(p)[at] = x, reinterpret_cast<float4*>(m)[at] = mm[u], reinterpret_cast<float4*>(v)[at] = vv[u];
+            }
+        }
+        return;
+    }
     RowElements elements(rows, width, lists[warp]);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
         int at[kRowUnroll], column[kRowUnroll];

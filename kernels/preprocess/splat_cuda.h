@@ -50,11 +50,48 @@ struct TileSpan {
     __device__ int width() const { return where >> 26; }
 };
 
-/// Whether a splat reaches a pixel centre of a tile. One copy of the code: counting and writing the instances of large
+/// The tiles of one row that a splat's ellipse {power <= touch threshold} meets: tiles [x0, x1). Over the row's height the
+/// right-hand boundary is concave, so its largest value lies at the ellipse's rightmost point or at the nearer end of the
+/// row; likewise on the left.
+class TileRows {
+  public:
+    __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
+        : mx_(s.mean.x), my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_), x0_(r.x0), x1_(r.x0 + r.width) {
+        // In double: for needles ac - b^2 cancels, and what counts is the conic as blending will use it.
+        curvature_ = float(double(s.a) * s.c - double(s.b) * s.b) * inverse_a_;
+        reach_ = 2 * touch_threshold(s);
+        const bool bounded = curvature_ > 0;
+        half_height_ = bounded ? sqrtf(reach_ / curvature_) : 3e38f;
+        extreme_ = bounded ? slope_ * sqrtf(reach_ * s.a / (curvature_ * s.c)) : copysignf(3e38f, slope_);
+    }
+    struct Span {
+        int x0, x1;
+        __device__ int size() const { return x1 - x0; }
+    };
+    __device__ Span row(int ty) const {
+        const float low = ty * kCudaTileY + 0.5f - my_, high = low + (kCudaTileY - 1);
+        const float from = fmaxf(low, -half_height_), to = fminf(high, half_height_);
+        if (!(from <= to)) return {0, 0};
+        const float y_right = fminf(fmaxf(extreme_, from), to), y_left = fminf(fmaxf(-extreme_, from), to);
+        const float right = mx_ + slope_ * y_right + half_width(y_right), left = mx_ + slope_ * y_left - half_width(y_left);
+        // Clamped as floating point: an ellipse may reach beyond the range of int.
+        const int x0 = int(fmaxf(ceilf((left - (kCudaTileX - 0.5f)) * (1.0f / kCudaTileX)), float(x0_)));
+        const int x1 = int(fminf(floorf((right - 0.5f) * (1.0f / kCudaTileX)), float(x1_ - 1))) + 1;
+        return {x0, x1 > x0 ? x1 : x0};
+    }
+
+  private:
+    __device__ float half_width(float dy) const { return sqrtf(fmaxf(reach_ - dy * dy * curvature_, 0.0f) * inverse_a_); }
+    float mx_, my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
+    int x0_, x1_;
+};
+
+/// The spans of up to 32 rows from row y on, one a lane. One copy of the code: counting and writing the instances of large
 /// Gaussians must agree bit for bit, or slots stay unwritten.
-__device__ __noinline__ inline bool touches_tile(float mx, float my, float a, float b, float c, float threshold, int tx, int ty) {
-    const Splat<float> s{{mx, my}, a, b, c, 0, {0, 0, 0}, threshold};
-    return min_power_in_rectangle(s, float(tx * kCudaTileX), float(ty * kCudaTileY), float(kCudaTileX - 1), float(kCudaTileY - 1)) <= touch_threshold(s);
+__device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p, int y, int y_end) {
+    const TileRectangle r(p.bounds());
+    const int ty = y + int(threadIdx.x & 31);
+    return ty < y_end ? TileRows(p.splat(), r).row(ty) : TileRows::Span{0, 0};
 }
 
 /// Depth as a sort key: the bits of a positive float order like the float; near and far leave less than 32 of them.

@@ -51,18 +51,19 @@ __global__ void __launch_bounds__(kBlock)
         const int owner = __ffs(owners) - 1;
         const std::uint32_t g = __shfl_sync(~0u, gaussian, owner);
         std::uint32_t at = __shfl_sync(~0u, begin, owner);
+        const std::uint32_t stop = __shfl_sync(~0u, end, owner);
         const PackedSplat s = splats[g];
         const TileRectangle r(s.bounds());
-        for (int base = 0, candidates = r.size(); base < candidates; base += 32) {
-            const int c = base + int(lane), tx = r.x0 + c % r.width, ty = r.y0 + c / r.width;
-            const bool hit = c < candidates && touches_tile(s.a.x, s.a.y, s.a.z, s.a.w, s.b.x, s.b.z, tx, ty);
-            const unsigned hits = __ballot_sync(~0u, hit);
-            if (hit) {
-                const std::uint32_t mine = at + __popc(hits & ((1u << lane) - 1));
-                tile_keys[mine] = Key(ty * tiles_x + tx);
-                instances[mine] = g;
+        for (int y = r.y0; y < r.y0 + r.height; y += 32) {
+            const TileRows::Span mine = span_of_lane(s, y, r.y0 + r.height);
+            for (int row = 0; row < min(32, r.y0 + r.height - y); ++row) {
+                const int x0 = __shfl_sync(~0u, mine.x0, row), size = __shfl_sync(~0u, mine.x1, row) - x0;
+                for (int x = int(lane); x < size && at + x < stop; x += 32) {
+                    tile_keys[at + x] = Key((y + row) * tiles_x + x0 + x);
+                    instances[at + x] = g;
+                }
+                at += size;
             }
-            at += __popc(hits);
         }
     }
 }

@@ -71,6 +71,7 @@ void expect_same_gradients(Gaussians s, int width, int height, int channels, boo
     r.gather_gradient_stats = true;
     for (double& rate : r.rates) rate = 1e-3;
     cpu->step(r), gpu->step(r);
+    gpu->synchronize();
     EXPECT_NEAR(cpu->take_stats().loss, gpu->take_stats().loss, 1e-5);
     const Gaussians a = cpu->download(true), b = gpu->download(true);
     ASSERT_EQ(a.count, b.count);
