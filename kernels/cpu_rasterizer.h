@@ -8,12 +8,12 @@
 
 #include <atomic>
 #include <chrono>
-#include <cstring>
 #include <vector>
 
 #include "kernels/blend/blend_cpu.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/preprocess/depth_key.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning.h"
 
@@ -38,6 +38,7 @@ template <class Real, class Model> class CpuRasterizer {
     void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background, int degree,
                  RenderMode mode, Real* image, Real* transmittance) {
         camera_ = camera;
+        depth_key_ = DepthKey::of(float(camera.near_plane), float(camera.far_plane));
         background_ = background;
         degree_ = Model::kDirectional ? degree : 0;
         tiles_x_ = (camera.width + kCpuTile - 1) / kCpuTile;
@@ -139,10 +140,7 @@ template <class Real, class Model> class CpuRasterizer {
             }
         if (bin.tiles.size() == before) return;
         s.color = gaussian_color<Model>(params.activation, params.base(i), params.residual(i), g.mean, camera_.position, degree_, mode);
-        const float depth = float(z);
-        std::uint32_t bits;
-        std::memcpy(&bits, &depth, sizeof bits); // positive floats order like their bits
-        bin.depth_keys.push_back(std::uint64_t(bits) << 32 | std::uint32_t(i));
+        bin.depth_keys.push_back(std::uint64_t(depth_key_(float(z))) << 32 | std::uint32_t(i));
     }
 
     TileInput<Real> tile_input(std::int64_t tile) const {
@@ -153,6 +151,7 @@ template <class Real, class Model> class CpuRasterizer {
 
     std::int64_t max_instances_;
     CameraParams<Real> camera_{};
+    DepthKey depth_key_{};
     Vec3<Real> background_{};
     int degree_ = 0, tiles_x_ = 0, tiles_y_ = 0;
     BinningInput bins_;

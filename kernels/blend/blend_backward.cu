@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backward pass of the blend: a block per chunk, a warp per sub-tile, a lane per pixel.
+// Backward pass of the blend: a warp per chunk and sub-tile, a lane per pixel.
 //
 // Per splat and warp, nine sums over 32 pixels are needed. Six of them are moments of h about the splat's mean: linear in
 // the moments about the sub-tile's centre, whose weights 1, X, Y, XX, XY, YY are the same for every splat. So the h and w of
@@ -11,13 +11,16 @@ namespace gs {
 namespace {
 
 constexpr int kRows = 16;
+constexpr int kWarps = 2; ///< of a block; they share nothing but the block's share of resources
 constexpr int kStride = 36; ///< of a row in shared memory: 8 rows of 16 bytes then lie in different banks
 
-/// One warp's rows.
-struct Rows {
+/// What one warp keeps in shared memory.
+struct WarpMemory {
     float h[kRows][kStride], w[kRows][kStride];
+    SplatBatch batch;
     float gradient[3][32]; ///< dL/dpixel
-    std::uint8_t index[kRows]; ///< splat of the batch
+    std::uint32_t target[32];
+    std::uint8_t list[kChunk]; ///< instances of the chunk that reach the sub-tile
 };
 
 __device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); }
@@ -54,92 +57,96 @@ __device__ void add(float4* to, float4 x) {
 #endif
 }
 
-/// Multiplies the first `count` rows and adds the sums to the splats they belong to.
+/// Multiplies all rows and adds the sums to the splats they belong to: `splat` is that of row `lane & 15`, or negative.
 template <bool kFixedOrder>
-__device__ void flush(Rows& rows, int count, int warp, int lane, float centre_x, float centre_y, const SplatBatch& batch, const std::uint32_t* targets,
-                      PackedSums* __restrict__ sums) {
+__device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, float centre_x, float centre_y, PackedSums* __restrict__ sums) {
     const int n = lane >> 2, t = lane & 3;
     // Weight n is a power of X times a power of Y; n = 6, 7 have no weight.
     const float x0 = t - 3.5f, x1 = t + 0.5f;
-    const float wx0 = n == 1 || n == 4 ? x0 : (n == 3 ? x0 * x0 : (n < 6 ? 1.0f : 0.0f)), wx1 = n == 1 || n == 4 ? x1 : (n == 3 ? x1 * x1 : (n < 6 ? 1.0f : 0.0f));
+    const auto weight_x = [&](float x) { return n == 1 || n == 4 ? x : (n == 3 ? x * x : (n < 6 ? 1.0f : 0.0f)); };
+    const float wx0 = weight_x(x0), wx1 = weight_x(x1);
     float moments[4] = {}, colors[4] = {}, high[4], low[4];
     __syncwarp();
 #pragma unroll
     for (int step = 0; step < 4; ++step) { // 8 pixels: one row of the sub-tile
         const float y = step - 1.5f, wy = n == 2 || n == 4 ? y : (n == 5 ? y * y : 1.0f);
-        load_rows(rows.h, step, lane, high, low);
+        load_rows(memory.h, step, lane, high, low);
         multiply(moments, high, wx0 * wy, wx1 * wy);
         multiply(moments, low, wx0 * wy, wx1 * wy);
-        const float g0 = n < 3 ? rows.gradient[n][step * 8 + t] : 0.0f, g1 = n < 3 ? rows.gradient[n][step * 8 + t + 4] : 0.0f;
+        const float g0 = n < 3 ? memory.gradient[n][step * 8 + t] : 0.0f, g1 = n < 3 ? memory.gradient[n][step * 8 + t + 4] : 0.0f;
         const float g0_high = high_part(g0), g1_high = high_part(g1);
-        load_rows(rows.w, step, lane, high, low);
+        load_rows(memory.w, step, lane, high, low);
         multiply(colors, high, g0_high, g1_high);
         multiply(colors, high, g0 - g0_high, g1 - g1_high);
         multiply(colors, low, g0_high, g1_high);
     }
     __syncwarp();
-    // Row n and n + 8, columns 2 t and 2 t + 1: through shared memory to one lane a row.
-    float(&out)[kRows][kStride] = rows.h;
+    // Rows n and n + 8, columns 2 t and 2 t + 1: through shared memory to two lanes a row.
+    float(&out)[kRows][kStride] = memory.h;
     if (t < 3) {
-        out[n][2 * t] = moments[0], out[n][2 * t + 1] = moments[1];
-        out[n + 8][2 * t] = moments[2], out[n + 8][2 * t + 1] = moments[3];
+        *reinterpret_cast<float2*>(&out[n][2 * t]) = make_float2(moments[0], moments[1]);
+        *reinterpret_cast<float2*>(&out[n + 8][2 * t]) = make_float2(moments[2], moments[3]);
     }
     if (t < 2) {
-        out[n][6 + 2 * t] = colors[0], out[n][7 + 2 * t] = colors[1];
-        out[n + 8][6 + 2 * t] = colors[2], out[n + 8][7 + 2 * t] = colors[3];
+        *reinterpret_cast<float2*>(&out[n][6 + 2 * t]) = make_float2(colors[0], colors[1]);
+        *reinterpret_cast<float2*>(&out[n + 8][6 + 2 * t]) = make_float2(colors[2], colors[3]);
     }
     __syncwarp();
-    const int row = lane & 15;
-    if (row < count) {
-        const int k = rows.index[row];
-        const float* m = out[row];
-        const float dx = batch.a[k].x - centre_x, dy = batch.a[k].y - centre_y;
-        const float hx = dx * m[0] - m[1], hy = dy * m[0] - m[2];
-        PackedSums* to = kFixedOrder ? sums + std::size_t(targets[k]) * kSubTiles + warp : sums + targets[k];
+    if (splat >= 0) {
+        const float4* m = reinterpret_cast<const float4*>(&out[lane & 15][0]);
+        const float4 u = m[0], v = m[1]; // h, hX, hY, hXX; hXY, hYY, r, g
+        const float dx = memory.batch.a[splat].x - centre_x, dy = memory.batch.a[splat].y - centre_y;
+        const float hx = dx * u.x - u.y, hy = dy * u.x - u.z;
+        PackedSums* to = sums + (kFixedOrder ? std::size_t(memory.target[splat]) * kSubTiles + sub_tile : memory.target[splat]);
         if (lane < 16) {
-            const float4 a = make_float4(m[0], hx, hy, dx * (hx - m[1]) + m[3]);
+            const float4 a = make_float4(u.x, hx, hy, dx * (hx - u.y) + u.w);
             if (kFixedOrder)
-                to->a = a, to->c.x = m[8];
+                to->a = a;
             else
-                add(&to->a, a), atomicAdd(&to->c.x, m[8]);
+                add(&to->a, a);
         } else {
-            const float4 b = make_float4(dx * hy - dy * m[1] + m[4], dy * (hy - m[2]) + m[5], m[6], m[7]);
+            const float4 b = make_float4(dx * hy - dy * u.y + v.x, dy * (hy - u.z) + v.y, v.z, v.w);
+            const float blue = out[lane & 15][8];
             if (kFixedOrder)
-                to->b = b;
+                to->b = b, to->c.x = blue;
             else
-                add(&to->b, b);
+                add(&to->b, b), atomicAdd(&to->c.x, blue);
         }
     }
     __syncwarp();
 }
 
 template <bool kFixedOrder>
-__global__ void __launch_bounds__(kCudaTilePixels, 5)
+__global__ void __launch_bounds__(32 * kWarps, 16)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, const float* __restrict__ dL_dimage, const StepControl* __restrict__ control,
-                   const float4* __restrict__ checkpoints, const BlendChunk* __restrict__ chunks, const std::uint8_t* __restrict__ sub_tiles,
-                   PackedSums* __restrict__ sums) {
-    __shared__ SplatBatch batch;
-    __shared__ std::uint32_t targets[kChunk];
-    __shared__ std::uint8_t reached[kChunk];
-    __shared__ Rows all_rows[kSubTiles];
-    if (blockIdx.x >= control->num_chunks) return;
-    const BlendChunk chunk = chunks[blockIdx.x];
-    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
-    const std::uint32_t begin = bins.tile_offsets[chunk.tile] + chunk.first;
-    const int count = min(bins.tile_offsets[chunk.tile + 1] - begin, std::uint32_t(kChunk));
-    if (int(threadIdx.x) < count) {
-        const std::uint32_t instance = bins.instances[begin + threadIdx.x];
-        batch.store(threadIdx.x, splats[kFixedOrder ? bins.gaussians[instance] : instance].splat());
-        targets[threadIdx.x] = instance;
-        reached[threadIdx.x] = sub_tiles[begin + threadIdx.x];
+                   const float4* __restrict__ checkpoints, const BlendChunk* __restrict__ chunks, const std::uint32_t* __restrict__ all_hits,
+                   const std::uint32_t* __restrict__ processed, PackedSums* __restrict__ sums) {
+    __shared__ alignas(16) WarpMemory memories[kWarps];
+    const unsigned item = blockIdx.x * kWarps + (threadIdx.x >> 5), lane = threadIdx.x & 31, sub_tile = item % kSubTiles;
+    if (item / kSubTiles >= control->num_chunks) return;
+    const BlendChunk chunk = chunks[item / kSubTiles];
+    // Where its pixels were finished, a sub-tile has neither lists nor states.
+    const int count = min(int(processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
+    if (count <= 0) return;
+    WarpMemory& memory = memories[threadIdx.x >> 5];
+    const std::uint32_t tile_begin = bins.tile_offsets[chunk.tile], begin = tile_begin + chunk.first;
+    const std::uint32_t* hits = all_hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
+    int listed = 0;
+    {
+        const unsigned word_of_lane = int(lane) * 32 < count ? hits[lane * kSubTiles] : 0;
+        for (int group = 0; group * 32 < count; ++group) {
+            const unsigned word = __shfl_sync(~0u, word_of_lane, group);
+            if (word >> lane & 1) memory.list[listed + __popc(word & ((1u << lane) - 1))] = std::uint8_t(group * 32 + lane);
+            listed += __popc(word);
+        }
     }
-    Rows& rows = all_rows[warp];
-    const int2 corner = sub_tile_corner(tile_corner(chunk.tile, bins.tiles_x), warp), pixel = {corner.x + (lane & 7), corner.y + (lane >> 3)};
+    if (listed == 0) return;
+    const int2 corner = sub_tile_corner(tile_corner(chunk.tile, bins.tiles_x), sub_tile), pixel = pixel_of(corner, lane);
     PixelBackward<float> p{};
     if (pixel.x < image.width && pixel.y < image.height) {
         const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
         float4 before = make_float4(0, 0, 0, 1);
-        if (chunk.first) before = checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + threadIdx.x];
+        if (chunk.first) before = checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
         const float t_final = image.transmittance[i];
         const Vec3<float> bg = image.background;
         p.t = before.w;
@@ -148,29 +155,33 @@ __global__ void __launch_bounds__(kCudaTilePixels, 5)
         p.behind = (image.rgb[i] - t_final * bg.x - before.x) * p.gr + (image.rgb[i + plane] - t_final * bg.y - before.y) * p.gg +
                    (image.rgb[i + 2 * plane] - t_final * bg.z - before.z) * p.gb;
     }
-    rows.gradient[0][lane] = p.gr, rows.gradient[1][lane] = p.gg, rows.gradient[2][lane] = p.gb;
-    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
-    __syncthreads();
-    int filled = 0;
-    for (int group = 0; group < count; group += 32) {
-        if (__all_sync(~0u, p.t < float(kMinTransmittance))) break;
-        unsigned hits = __ballot_sync(~0u, group + lane < count && (reached[group + lane] >> warp & 1));
-        for (; hits; hits &= hits - 1) {
-            const int k = group + __ffs(hits) - 1;
-            const auto s = batch.load(k);
+    memory.gradient[0][lane] = p.gr, memory.gradient[1][lane] = p.gg, memory.gradient[2][lane] = p.gb;
+    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f, centre_x = corner.x + 0.5f * kSubX, centre_y = corner.y + 0.5f * kSubY;
+    __syncwarp();
+    for (int base = 0; base < listed; base += 32) {
+        const int size = min(listed - base, 32);
+        if (int(lane) < size) {
+            const std::uint32_t instance = bins.instances[begin + memory.list[base + lane]];
+            memory.batch.store(lane, splats[kFixedOrder ? bins.gaussians[instance] : instance].splat());
+            memory.target[lane] = instance;
+        }
+        __syncwarp();
+        int filled = 0, mine = -1; // splat of row `lane & 15`
+        for (int k = 0; k < size; ++k) {
+            const auto s = memory.batch.load(k);
             const float alpha = fragment_alpha(s.shape, px, py).alpha;
             if (!__any_sync(~0u, alpha >= float(kMinAlpha) && p.t >= float(kMinTransmittance))) continue;
             const FragmentGradient<float> d = fragment_gradient<float, float>(p, alpha, s.r, s.g, s.b);
-            rows.h[filled][lane] = d.h;
-            rows.w[filled][lane] = d.w;
-            if (lane == 0) rows.index[filled] = std::uint8_t(k);
+            memory.h[filled][lane] = d.h;
+            memory.w[filled][lane] = d.w;
+            if (int(lane & 15) == filled) mine = k;
             if (++filled == kRows) {
-                flush<kFixedOrder>(rows, kRows, warp, lane, corner.x + 0.5f * kSubX, corner.y + 0.5f * kSubY, batch, targets, sums);
-                filled = 0;
+                flush<kFixedOrder>(memory, mine, sub_tile, lane, centre_x, centre_y, sums);
+                filled = 0, mine = -1;
             }
         }
+        if (filled) flush<kFixedOrder>(memory, mine, sub_tile, lane, centre_x, centre_y, sums);
     }
-    if (filled) flush<kFixedOrder>(rows, filled, warp, lane, corner.x + 0.5f * kSubX, corner.y + 0.5f * kSubY, batch, targets, sums);
 }
 
 /// One thread per Gaussian: adds up its instances in their order, and the sub-tiles of each in theirs.
@@ -195,14 +206,14 @@ void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) { partial_ =
 void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, StepControl* control, PackedSums* sums,
                          std::int64_t n, const SlotMap* slots, cudaStream_t stream) {
     // Surplus blocks see that there are fewer chunks and leave.
-    const unsigned blocks = unsigned(capacity_ / kChunk + bins.num_tiles());
+    const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
     if (!slots) {
-        blend_backward<false><<<blocks, kCudaTilePixels, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, sub_tiles_, sums);
+        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    blend_backward<true><<<blocks, kCudaTilePixels, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, sub_tiles_, partial_);
+    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;
     add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, partial_, sums);

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blending on the device: forward per pixel, backward per chunk of a tile's list (rasterizer spec sections 7 and 8).
 //
-// A warp owns a sub-tile of 8x4 pixels. A splat is tested exactly against the six sub-tiles of its tile; forward and backward
-// visit only those it reaches. The backward pass of a long list is cut into chunks that start from the state which the
-// forward pass saved there.
+// A warp owns 8x4 pixels of a tile, the sub-tile. The forward pass tests each splat exactly against it and notes which ones
+// reach it; both passes visit only those. The backward pass of a long list is cut into chunks that start from the state
+// which the forward pass saved there.
 #pragma once
 
 #include "kernels/sort/binning_cuda.h"
 
 namespace gs {
 
-/// Instances of a tile between two saved states: one a thread, as a block loads them.
-inline constexpr int kChunk = kCudaTilePixels;
+/// Instances of a tile between two saved states: few enough that the backward pass of the longest list spreads over the
+/// device, many enough that states (16 bytes a pixel) take little memory.
+inline constexpr int kChunk = 192;
 inline constexpr int kSubX = 8, kSubY = 4, kSubTiles = kCudaTilePixels / 32;
 
 /// Sums of one Gaussian over all pixels, as three 16-byte groups so that the device adds them with three atomics.
@@ -53,8 +54,9 @@ class CudaBlend {
     std::int64_t capacity_ = 0;
     float4* checkpoints_ = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
     BlendChunk* chunks_ = nullptr;
-    std::uint8_t* sub_tiles_ = nullptr;  ///< by instance: which of the six sub-tiles it reaches
-    PackedSums* partial_ = nullptr;      ///< (slots, 6)
+    std::uint32_t* hits_ = nullptr;      ///< by 32 instances and sub-tile: which of them reach it
+    std::uint32_t* processed_ = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
+    PackedSums* partial_ = nullptr;      ///< (slots, sub-tiles)
 };
 
 }  // namespace gs

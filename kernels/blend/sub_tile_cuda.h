@@ -7,18 +7,23 @@
 namespace gs {
 
 __device__ inline int2 tile_corner(int tile, int tiles_x) { return {tile % tiles_x * kCudaTileX, tile / tiles_x * kCudaTileY}; }
-/// Sub-tiles of a tile: two in a row, three rows. Threads of a block are numbered sub-tile by sub-tile.
-__device__ inline int2 sub_tile_corner(int2 corner, int warp) { return {corner.x + (warp & 1) * kSubX, corner.y + (warp >> 1) * kSubY}; }
-__device__ inline int2 pixel_of(int2 corner, int warp, int lane) {
-    const int2 s = sub_tile_corner(corner, warp);
-    return {s.x + (lane & 7), s.y + (lane >> 3)};
+/// Sub-tiles of a tile: two in a row, three rows; a warp each.
+__device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) { return {tile_corner.x + (warp & 1) * kSubX, tile_corner.y + (warp >> 1) * kSubY}; }
+__device__ inline int2 pixel_of(int2 sub_tile, int lane) { return {sub_tile.x + (lane & 7), sub_tile.y + (lane >> 3)}; }
+
+/// Whether a splat reaches a pixel centre of the sub-tile.
+__device__ inline bool reaches(const Splat<float>& s, int2 sub_tile) {
+    return min_power_in_rectangle(s, float(sub_tile.x), float(sub_tile.y), float(kSubX - 1), float(kSubY - 1)) <= touch_threshold(s);
 }
 
-/// Splats of a chunk in shared memory. All lanes read the same one, 16 bytes at a time.
+/// Where the lists of a tile's first 32 instances are kept; those of the next follow.
+__device__ inline std::size_t first_group(int tile, std::uint32_t tile_begin) { return tile_begin / 32 + tile; }
+
+/// Splats of one warp in shared memory. All lanes read the same one, 16 bytes at a time.
 struct SplatBatch {
-    float4 a[kChunk]; ///< mean x, mean y, qa, qb
-    float4 b[kChunk]; ///< qc, opacity, red, green
-    float blue[kChunk];
+    float4 a[32]; ///< mean x, mean y, qa, qb
+    float4 b[32]; ///< qc, opacity, red, green
+    float blue[32];
 
     struct Entry {
         FragmentShape<float> shape;

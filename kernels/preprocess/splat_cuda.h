@@ -4,6 +4,7 @@
 
 #include "kernels/blend/blend_device.h"
 #include "kernels/core/cuda.h"
+#include "kernels/preprocess/depth_key.h"
 
 namespace gs {
 
@@ -93,25 +94,6 @@ __device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p,
     const int ty = y + int(threadIdx.x & 31);
     return ty < y_end ? TileRows(p.splat(), r).row(ty) : TileRows::Span{0, 0};
 }
-
-/// Depth as a sort key: the bits of a positive float order like the float; near and far leave less than 32 of them.
-/// The lowest are dropped until 24 are left: three passes of sorting instead of four, for a depth resolution of 1e-6.
-inline constexpr int kDepthKeyBits = 24;
-struct DepthKey {
-    std::uint32_t near_bits, shift;
-    static DepthKey of(float near_plane, float far_plane) {
-        const auto bits = [](float x) {
-            std::uint32_t u;
-            __builtin_memcpy(&u, &x, 4);
-            return u;
-        };
-        DepthKey k{bits(near_plane), 0};
-        while (((bits(far_plane) - k.near_bits) >> k.shift) + 1 >= (1u << kDepthKeyBits)) ++k.shift;
-        return k;
-    }
-    __device__ std::uint32_t operator()(float depth) const { return (__float_as_uint(depth) - near_bits) >> shift; }
-};
-inline constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;
 
 /// Counters of the step in flight, on the device. All but `stopped` are zeroed before every step.
 struct StepControl {

@@ -21,7 +21,8 @@ __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
     if (i < n) indices[i] = i;
 }
 
-/// One thread per Gaussian in depth order; Gaussians with more than 32 candidate tiles are shared by the warp.
+/// One thread per Gaussian; those with more than 32 candidate tiles are shared by the warp. Large ones come together in depth
+/// order, so a warp takes its Gaussians from all over it; the warps of a block are neighbours and share the cache.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_instances(std::uint32_t n, std::uint32_t capacity, const std::uint32_t* __restrict__ order, const std::uint32_t* __restrict__ offsets,
@@ -31,8 +32,9 @@ __global__ void __launch_bounds__(kBlock)
         if (blockIdx.x == 0 && threadIdx.x == 0) control->stopped = 1;
         return;
     }
-    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x, lane = threadIdx.x & 31;
-    if (k - lane >= control->num_visible) return;
+    const std::uint32_t lane = threadIdx.x & 31, warp = (blockIdx.x * kBlock + threadIdx.x) / 32, num_warps = (control->num_visible + 31) / 32;
+    if (warp >= num_warps) return;
+    const std::uint32_t k = lane * num_warps + warp;
     const std::uint32_t begin = k < n && k > 0 ? offsets[k - 1] : 0, end = k < n ? offsets[k] : 0;
     const std::uint32_t gaussian = begin < end ? order[k] : 0;
     TileSpan span{0, 0};
@@ -77,6 +79,30 @@ template <class Key> __global__ void find_tile_offsets(std::uint32_t capacity, c
     for (std::uint32_t t = from; t <= to; ++t) offsets[t] = i;
 }
 
+/// One block: a counting sort of the tiles by length, in steps of 16 instances.
+constexpr int kOrderThreads = 1024, kLengths = 256;
+__global__ void __launch_bounds__(kOrderThreads) order_tiles(std::uint32_t num_tiles, const std::uint32_t* __restrict__ offsets, std::uint32_t* __restrict__ longest_first) {
+    __shared__ std::uint32_t place[kLengths];
+    const auto bin = [&](std::uint32_t t) { return kLengths - 1 - min((offsets[t + 1] - offsets[t]) / 16, std::uint32_t(kLengths - 1)); };
+    if (threadIdx.x < kLengths) place[threadIdx.x] = 0;
+    __syncthreads();
+    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) atomicAdd(&place[bin(t)], 1u);
+    __syncthreads();
+    if (threadIdx.x < 32) { // exclusive scan by one warp, eight bins a lane
+        std::uint32_t own[kLengths / 32], sum = 0;
+        for (int k = 0; k < kLengths / 32; ++k) own[k] = place[threadIdx.x * (kLengths / 32) + k], sum += own[k];
+        std::uint32_t before = sum;
+        for (int d = 1; d < 32; d *= 2) {
+            const std::uint32_t other = __shfl_up_sync(~0u, before, d);
+            if (int(threadIdx.x) >= d) before += other;
+        }
+        before -= sum;
+        for (int k = 0; k < kLengths / 32; ++k) place[threadIdx.x * (kLengths / 32) + k] = before, before += own[k];
+    }
+    __syncthreads();
+    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) longest_first[atomicAdd(&place[bin(t)], 1u)] = t;
+}
+
 template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
     std::size_t bytes = 0;
     GS_CUDA(cub::DeviceRadixSort::SortPairs(nullptr, bytes, static_cast<const Key*>(nullptr), static_cast<Key*>(nullptr), static_cast<const std::uint32_t*>(nullptr),
@@ -99,6 +125,7 @@ void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity,
     input_.counts = c.take<std::uint32_t>(n);
     sorted_ = c.take<std::uint32_t>(capacity);
     tile_offsets_ = c.take<std::uint32_t>(bins_.num_tiles() + 1);
+    longest_first_ = c.take<std::uint32_t>(bins_.num_tiles());
     if (!keep_slots) return;
     order_ = c.take<std::uint32_t>(n);
     offsets_ = c.take<std::uint32_t>(n);
@@ -134,6 +161,8 @@ template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats,
     GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys, keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0, tile_bits(), stream));
     find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock), kBlock, 0, stream>>>(std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
+    order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), tile_offsets_, longest_first_);
+    GS_CUDA_LAUNCHED("order_tiles");
 }
 
 CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
@@ -156,6 +185,7 @@ CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cud
     bins_.instances = sorted_;
     bins_.gaussians = keep_slots_ ? gaussians_ : nullptr;
     bins_.tile_offsets = tile_offsets_;
+    bins_.longest_first = longest_first_;
     return bins_;
 }
 

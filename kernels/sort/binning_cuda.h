@@ -13,6 +13,7 @@ struct CudaBins {
     const std::uint32_t* instances = nullptr;    ///< by tile and depth: Gaussian, or slot where `gaussians` is set
     const std::uint32_t* gaussians = nullptr;    ///< by slot; only where the order of sums is fixed
     const std::uint32_t* tile_offsets = nullptr; ///< (tiles+1)
+    const std::uint32_t* longest_first = nullptr; ///< (tiles): about in the order of their lists' lengths, so that none is left for last
 
     __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }
 };
@@ -51,7 +52,7 @@ class CudaBinning {
     CudaBinningInput input_{};
     DeviceBuffer<std::uint32_t> identity_; ///< 0, 1, 2, ...: values to sort
     std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr,
-                  *tile_offsets_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr; ///< tile keys hold 16-bit values where these suffice
+                  *tile_offsets_ = nullptr, *longest_first_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr; ///< tile keys hold 16-bit values where these suffice
     unsigned char* workspace_ = nullptr;
     std::size_t workspace_bytes_ = 0;
 };

@@ -42,6 +42,10 @@ void expect_same_image(Gaussians s, int width, int height, double tolerance) {
         // Rounding may decide differently about a fragment at alpha = 1/255; then a pixel is off by up to 1/255.
         EXPECT_LE(off, a.rgb.size() / 5000) << width << "x" << height;
         EXPECT_LE(worst, 0.02);
+        std::size_t above[4] = {};
+        for (std::size_t i = 0; i < a.rgb.size(); ++i)
+            for (int k = 0; k < 4; ++k) above[k] += std::abs(a.rgb[i] - b.rgb[i]) > 2e-5 * (1 << k);
+        std::printf("above 2e-5 %zu, 4e-5 %zu, 8e-5 %zu, 16e-5 %zu\n", above[0], above[1], above[2], above[3]);
         std::printf("%dx%d, %lld Gaussians, mode %d: worst %.2e, %zu of %zu above %.0e\n", width, height, (long long)s.count, int(mode), worst, off, a.rgb.size(), tolerance);
     }
 }
