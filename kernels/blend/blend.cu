@@ -4,8 +4,10 @@
 namespace gs {
 namespace {
 
+constexpr int kAtOnce = 4;
+
 template <bool kForBackward>
-__global__ void __launch_bounds__(kCudaTilePixels, 7)
+__global__ void __launch_bounds__(kCudaTilePixels, 6)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, StepControl* __restrict__ control, float4* __restrict__ checkpoints,
                   BlendChunk* __restrict__ chunks, std::uint32_t* __restrict__ all_hits, std::uint32_t* __restrict__ processed) {
     __shared__ SplatBatch batches[kSubTiles];
@@ -41,15 +43,33 @@ __global__ void __launch_bounds__(kCudaTilePixels, 7)
             checkpoints[(std::size_t(first_checkpoint) + (base - begin) / kChunk - 1) * kCudaTilePixels + threadIdx.x] = make_float4(p.r, p.g, p.b, p.t);
         const Splat<float> mine = next.splat();
         const bool hit = base + lane < end && reaches(mine, sub_tile);
-        if (hit) batch.store(lane, mine);
+        const unsigned hits = __ballot_sync(~0u, hit);
+        const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
+        if (hit) batch.store(place, mine);
         if (base + 32 + lane < end) next = fetch(base + 32 + lane);
-        unsigned hits = __ballot_sync(~0u, hit);
-        if (kForBackward && lane == 0) hits_out[(base - begin) / 32 * kSubTiles] = hits;
-        pairs += __popc(hits);
         __syncwarp();
-        for (; hits; hits &= hits - 1) {
-            const auto s = batch.load(__ffs(hits) - 1);
-            blend_fragment<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b);
+        // Four at a time: their alphas do not depend on each other, and a warp on a long list has no others to wait with.
+        unsigned blended = 0;
+        for (int k = 0; k < count; k += kAtOnce) {
+            SplatBatch::Entry s[kAtOnce];
+            float alpha[kAtOnce];
+#pragma unroll
+            for (int u = 0; u < kAtOnce; ++u) {
+                s[u] = batch.load(k + u < count ? k + u : k);
+                alpha[u] = fragment_alpha(s[u].shape, px, py).alpha;
+            }
+#pragma unroll
+            for (int u = 0; u < kAtOnce; ++u) {
+                if (k + u >= count) break;
+                if (kForBackward)
+                    blended |= unsigned(__any_sync(~0u, alpha[u] >= float(kMinAlpha) && p.t >= float(kMinTransmittance))) << (k + u);
+                blend_fragment<float, float>(p, alpha[u], s[u].r, s[u].g, s[u].b);
+            }
+        }
+        if (kForBackward) {
+            const unsigned listed = __ballot_sync(~0u, hit && (blended >> place & 1));
+            if (lane == 0) hits_out[(base - begin) / 32 * kSubTiles] = listed;
+            pairs += __popc(listed);
         }
         __syncwarp();
     }

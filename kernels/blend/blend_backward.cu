@@ -20,7 +20,7 @@ struct WarpMemory {
     SplatBatch batch;
     float gradient[3][32]; ///< dL/dpixel
     std::uint32_t target[32];
-    std::uint8_t list[kChunk]; ///< instances of the chunk that reach the sub-tile
+    std::uint8_t list[kChunk]; ///< instances of the chunk that changed a pixel
 };
 
 __device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); }
@@ -166,21 +166,16 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
             memory.target[lane] = instance;
         }
         __syncwarp();
-        int filled = 0, mine = -1; // splat of row `lane & 15`
         for (int k = 0; k < size; ++k) {
             const auto s = memory.batch.load(k);
-            const float alpha = fragment_alpha(s.shape, px, py).alpha;
-            if (!__any_sync(~0u, alpha >= float(kMinAlpha) && p.t >= float(kMinTransmittance))) continue;
-            const FragmentGradient<float> d = fragment_gradient<float, float>(p, alpha, s.r, s.g, s.b);
-            memory.h[filled][lane] = d.h;
-            memory.w[filled][lane] = d.w;
-            if (int(lane & 15) == filled) mine = k;
-            if (++filled == kRows) {
-                flush<kFixedOrder>(memory, mine, sub_tile, lane, centre_x, centre_y, sums);
-                filled = 0, mine = -1;
+            const FragmentGradient<float> d = fragment_gradient<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b);
+            memory.h[k % kRows][lane] = d.h;
+            memory.w[k % kRows][lane] = d.w;
+            if (k % kRows == kRows - 1 || k == size - 1) {
+                const int splat = k / kRows * kRows + int(lane & 15);
+                flush<kFixedOrder>(memory, splat <= k ? splat : -1, sub_tile, lane, centre_x, centre_y, sums);
             }
         }
-        if (filled) flush<kFixedOrder>(memory, mine, sub_tile, lane, centre_x, centre_y, sums);
     }
 }
 

@@ -2,7 +2,7 @@
 // Blending on the device: forward per pixel, backward per chunk of a tile's list (rasterizer spec sections 7 and 8).
 //
 // A warp owns 8x4 pixels of a tile, the sub-tile. The forward pass tests each splat exactly against it and notes which ones
-// reach it; both passes visit only those. The backward pass of a long list is cut into chunks that start from the state
+// changed a pixel of it; the backward pass visits only those. The backward pass of a long list is cut into chunks that start from the state
 // which the forward pass saved there.
 #pragma once
 
@@ -54,7 +54,7 @@ class CudaBlend {
     std::int64_t capacity_ = 0;
     float4* checkpoints_ = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
     BlendChunk* chunks_ = nullptr;
-    std::uint32_t* hits_ = nullptr;      ///< by 32 instances and sub-tile: which of them reach it
+    std::uint32_t* hits_ = nullptr;      ///< by 32 instances and sub-tile: which of them changed a pixel of it
     std::uint32_t* processed_ = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
     PackedSums* partial_ = nullptr;      ///< (slots, sub-tiles)
 };

@@ -100,7 +100,7 @@ struct StepControl {
     unsigned long long num_instances; ///< Gaussian-tile pairs
     unsigned long long num_pairs;     ///< Gaussian-sub-tile pairs that were blended, 32 pixels each
     double l1, ssim;                  ///< sums of the weighted differences and SSIM
-    unsigned num_visible;
+    unsigned num_visible, num_large;      ///< num_large: of more than 32 candidate tiles
     unsigned num_checkpoints, num_chunks; ///< of the blend
     unsigned num_nonfinite;           ///< Gaussians whose gradient was left out
     unsigned loss_blocks;

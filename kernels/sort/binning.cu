@@ -21,40 +21,46 @@ __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
     if (i < n) indices[i] = i;
 }
 
-/// One thread per Gaussian; those with more than 32 candidate tiles are shared by the warp. Large ones come together in depth
-/// order, so a warp takes its Gaussians from all over it; the warps of a block are neighbours and share the cache.
+/// One thread per Gaussian in depth order. Those with more than 32 candidate tiles, which come together in depth order, are left
+/// for write_large_instances.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_instances(std::uint32_t n, std::uint32_t capacity, const std::uint32_t* __restrict__ order, const std::uint32_t* __restrict__ offsets,
-                    const TileSpan* __restrict__ spans, const PackedSplat* __restrict__ splats, int tiles_x, StepControl* control, Key* __restrict__ tile_keys,
-                    std::uint32_t* __restrict__ instances) {
+                    const TileSpan* __restrict__ spans, int tiles_x, StepControl* control, Key* __restrict__ tile_keys, std::uint32_t* __restrict__ instances,
+                    std::uint32_t* __restrict__ large) {
     if (control->num_instances > capacity) {
         if (blockIdx.x == 0 && threadIdx.x == 0) control->stopped = 1;
         return;
     }
-    const std::uint32_t lane = threadIdx.x & 31, warp = (blockIdx.x * kBlock + threadIdx.x) / 32, num_warps = (control->num_visible + 31) / 32;
-    if (warp >= num_warps) return;
-    const std::uint32_t k = lane * num_warps + warp;
-    const std::uint32_t begin = k < n && k > 0 ? offsets[k - 1] : 0, end = k < n ? offsets[k] : 0;
-    const std::uint32_t gaussian = begin < end ? order[k] : 0;
-    TileSpan span{0, 0};
-    if (begin < end) span = spans[gaussian];
-    const bool large = begin < end && span.width() == 0;
-    if (begin < end && !large) {
-        std::uint32_t at = begin;
-        const int x0 = span.x0(), y0 = span.y0(), width = span.width();
-        for (unsigned bits = span.mask; bits; bits &= bits - 1, ++at) {
-            const int candidate = __ffs(bits) - 1, row = candidate / width;
-            tile_keys[at] = Key((y0 + row) * tiles_x + x0 + candidate - row * width);
-            instances[at] = gaussian;
-        }
+    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
+    if (k >= control->num_visible) return;
+    std::uint32_t at = k > 0 ? offsets[k - 1] : 0;
+    const std::uint32_t gaussian = order[k];
+    const TileSpan span = spans[gaussian];
+    const int x0 = span.x0(), y0 = span.y0(), width = span.width();
+    if (width == 0) {
+        large[atomicAdd(&control->num_large, 1u)] = k;
+        return;
     }
-    for (unsigned owners = __ballot_sync(~0u, large); owners; owners &= owners - 1) {
-        const int owner = __ffs(owners) - 1;
-        const std::uint32_t g = __shfl_sync(~0u, gaussian, owner);
-        std::uint32_t at = __shfl_sync(~0u, begin, owner);
-        const std::uint32_t stop = __shfl_sync(~0u, end, owner);
-        const PackedSplat s = splats[g];
+    for (unsigned bits = span.mask; bits; bits &= bits - 1, ++at) {
+        const int candidate = __ffs(bits) - 1, row = candidate / width;
+        tile_keys[at] = Key((y0 + row) * tiles_x + x0 + candidate - row * width);
+        instances[at] = gaussian;
+    }
+}
+
+/// A warp per large Gaussian.
+template <class Key>
+__global__ void __launch_bounds__(kBlock)
+    write_large_instances(std::uint32_t capacity, const std::uint32_t* __restrict__ order, const std::uint32_t* __restrict__ offsets,
+                          const PackedSplat* __restrict__ splats, int tiles_x, const StepControl* __restrict__ control, const std::uint32_t* __restrict__ large,
+                          Key* __restrict__ tile_keys, std::uint32_t* __restrict__ instances) {
+    if (control->num_instances > capacity) return;
+    const std::uint32_t lane = threadIdx.x & 31;
+    for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large; item += gridDim.x * kBlock / 32) {
+        const std::uint32_t k = large[item], gaussian = order[k], stop = offsets[k];
+        std::uint32_t at = k > 0 ? offsets[k - 1] : 0;
+        const PackedSplat s = splats[gaussian];
         const TileRectangle r(s.bounds());
         for (int y = r.y0; y < r.y0 + r.height; y += 32) {
             const TileRows::Span mine = span_of_lane(s, y, r.y0 + r.height);
@@ -62,13 +68,14 @@ __global__ void __launch_bounds__(kBlock)
                 const int x0 = __shfl_sync(~0u, mine.x0, row), size = __shfl_sync(~0u, mine.x1, row) - x0;
                 for (int x = int(lane); x < size && at + x < stop; x += 32) {
                     tile_keys[at + x] = Key((y + row) * tiles_x + x0 + x);
-                    instances[at + x] = g;
+                    instances[at + x] = gaussian;
                 }
                 at += size;
             }
         }
     }
 }
+constexpr int kLargeBlocks = 512; ///< enough to fill a large device once
 
 /// offsets[t] = first instance of a tile >= t: the thread at a change of tile fills all tiles in between. Keys beyond the
 /// last instance are larger than any tile.
@@ -153,9 +160,12 @@ template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats,
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
     GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
     if (n_ > 0) {
-        write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(std::uint32_t(n_), std::uint32_t(capacity_), order_, offsets_, input_.spans, splats,
-                                                                            bins_.tiles_x, control, keys, unsorted_);
+        write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(std::uint32_t(n_), std::uint32_t(capacity_), order_, offsets_, input_.spans,
+                                                                            bins_.tiles_x, control, keys, unsorted_, sorted_keys_);
         GS_CUDA_LAUNCHED("write_instances");
+        write_large_instances<Key><<<kLargeBlocks, kBlock, 0, stream>>>(std::uint32_t(capacity_), order_, offsets_, splats, bins_.tiles_x, control, sorted_keys_, keys,
+                                                                        unsorted_);
+        GS_CUDA_LAUNCHED("write_large_instances");
     }
     std::size_t bytes = workspace_bytes_;
     GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys, keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0, tile_bits(), stream));
@@ -166,6 +176,7 @@ template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats,
 }
 
 CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
+    // Nobody reads the sorted depth keys: their place then holds the list of large Gaussians.
     const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
     if (identities > identity_.capacity()) {
         identity_.reserve(identities);
