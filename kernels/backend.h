@@ -135,7 +135,7 @@ class Backend {
     virtual std::vector<StageCost> take_stage_costs() = 0;
     /// Of the machine this backend runs on.
     virtual Ceilings measure_ceilings() = 0;
-    virtual MemoryUse memory() const = 0;
+    virtual MemoryUse memory() = 0;
 
     virtual DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
     virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;

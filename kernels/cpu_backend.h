@@ -115,7 +115,7 @@ template <class Model> class CpuBackend final : public Backend {
 
     Ceilings measure_ceilings() override { return cpu_ceilings(); }
 
-    MemoryUse memory() const override { return {}; } // the process's memory is the operating system's to tell
+    MemoryUse memory() override { return {}; } // the process's memory is the operating system's to tell
 
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
         return mcmc_densify(state_, params, iteration, seed);

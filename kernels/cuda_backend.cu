@@ -24,13 +24,18 @@ __global__ void report_step(const StepControl* control, StepStatus* status) {
     status->stopped = control->stopped;
 }
 
+cudaStream_t make_stream() {
+    cudaStream_t stream;
+    GS_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+    return stream;
+}
+
 int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
 
 }  // namespace
 
 CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& options)
-    : kernels_(kernels), options_(options), images_(options.image_budget, kInFlight) {
-    GS_CUDA(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking));
+    : kernels_(kernels), options_(options), stream_(make_stream()), lazy_(model_, stream_), images_(options.image_budget, kInFlight) {
     GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
     for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
     GS_CUDA(cudaMemset(control_.reserve(1), 0, sizeof(StepControl)));
@@ -72,11 +77,13 @@ void CudaBackend::upload(const Gaussians& state) {
     model_.has_statistic = !state.gradient_sum.empty();
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
+    lazy_.reset(meta_.step);
     GS_CUDA(cudaDeviceSynchronize());
 }
 
 Gaussians CudaBackend::download(bool with_moments) {
-    synchronize();
+    settle();
+    GS_CUDA(cudaStreamSynchronize(stream_));
     Gaussians out = meta_;
     out.count = model_.count;
     for (int g = 0; g < kNumGroups; ++g) {
@@ -101,51 +108,55 @@ void CudaBackend::set_active_degree(int degree) {
 
 // --- one forward pass -----------------------------------------------------------------------------------------------
 
+void CudaBackend::take(Carver& c, const Sizes& sizes) {
+    const std::size_t pixels = std::size_t(sizes.width) * sizes.height;
+    const int tiles = padded(sizes.width, kCudaTileX) / kCudaTileX * (padded(sizes.height, kCudaTileY) / kCudaTileY);
+    splats_ = c.take<PackedSplat>(sizes.n);
+    image_ = c.take<float>(3 * pixels);
+    transmittance_ = c.take<float>(pixels);
+    binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
+    if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
+    // What only binning uses, and what only comes after it, share their place.
+    const std::size_t at = c.at();
+    binning_.take_temporaries(c);
+    if (!sizes.for_step) return;
+    c.rewind(at);
+    sums_ = c.take<PackedSums>(sizes.n);
+    dL_dimage_ = c.take<float>(3 * pixels);
+    loss_.take(c, sizes.width, sizes.height);
+    if (options_.deterministic) blend_.take_partial_sums(c, sizes.capacity);
+}
+
 void CudaBackend::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
     sizes_ = {}; // stays so if there is no memory
-    scratch_.carve([&](Carver& c) {
-        const std::size_t pixels = std::size_t(sizes.width) * sizes.height;
-        const int tiles = padded(sizes.width, kCudaTileX) / kCudaTileX * (padded(sizes.height, kCudaTileY) / kCudaTileY);
-        splats_ = c.take<PackedSplat>(sizes.n);
-        image_ = c.take<float>(3 * pixels);
-        transmittance_ = c.take<float>(pixels);
-        binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
-        if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
-        // What only binning uses, and what only comes after it, share their place.
-        const std::size_t at = c.at();
-        binning_.take_temporaries(c);
-        if (!sizes.for_step) return;
-        c.rewind(at);
-        sums_ = c.take<PackedSums>(sizes.n);
-        dL_dimage_ = c.take<float>(3 * pixels);
-        loss_.take(c, sizes.width, sizes.height);
-        if (options_.deterministic) blend_.take_partial_sums(c, sizes.capacity);
-    });
+    scratch_.carve([&](Carver& c) { take(c, sizes); });
     sizes_ = sizes;
 }
 
-PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode) const {
+PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const {
     const auto p = [&](Group g) { return model_.param[int(g)].get(); };
     const ParameterView<float> view{model_.count,       p(Group::kMean), p(Group::kScale),    p(Group::kRotation),
                                     p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation};
     return {view, camera, kernels_.directional ? meta_.active_degree : 0, padded(camera.width, kCudaTileX), padded(camera.height, kCudaTileY), mode,
-            DepthKey::of(camera.near_plane, camera.far_plane)};
+            DepthKey::of(camera.near_plane, camera.far_plane), lazy};
 }
 
 BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
     return {camera.width, camera.height, background, image_, transmittance_};
 }
 
-CudaBins CudaBackend::enqueue_forward(const CameraParams<float>& camera, Vec3<float> background, RenderMode mode, bool for_backward) {
+CudaBins CudaBackend::enqueue_forward(const PreprocessArgs& args, Vec3<float> background, bool for_backward) {
+    const CameraParams<float>& camera = args.camera;
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) + " pixels: the CUDA backend takes up to " +
                           std::to_string(kMaxSide) + " a side");
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * model_.count, 1 << 16);
     lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
-    if (model_.count > 0) kernels_.preprocess(preprocess_args(camera, mode), splats_, binning_.input(), control_.get(), stream_);
+    if (model_.count > 0) kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
     times_.end(CudaStage::kPreprocess, stream_);
     const CudaBins bins = binning_.build(splats_, control_.get(), stream_);
     times_.end(CudaStage::kSort, stream_);
@@ -163,10 +174,10 @@ void CudaBackend::make_room(unsigned long long num_instances) {
 }
 
 void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
-    synchronize();
+    settle();
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
-        enqueue_forward(r.camera, r.background, r.mode, false);
+        enqueue_forward(preprocess_args(r.camera, r.mode, {}), r.background, false);
         report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -187,7 +198,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     GS_CUDA(cudaEventCreate(&end));
     GS_CUDA(cudaEventRecord(begin, stream_));
     for (int k = 0; k < repeats; ++k)
-        for (const RenderRequest& view : views) enqueue_forward(view.camera, view.background, view.mode, false);
+        for (const RenderRequest& view : views) enqueue_forward(preprocess_args(view.camera, view.mode, {}), view.background, false);
     GS_CUDA(cudaEventRecord(end, stream_));
     GS_CUDA(cudaEventSynchronize(end));
     float ms = 0;
@@ -201,6 +212,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 
 void CudaBackend::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
+    if (lazy_.due(meta_.step + 1)) settle(); // not before it is known that no step in flight has to be repeated
     Step s;
     s.request = r;
     s.slot = next_slot_;
@@ -208,6 +220,7 @@ void CudaBackend::step(const StepRequest& r) {
     s.target = images_.get(r.target, s.slot, stream_);
     s.request.target = {};
     s.adam_step = ++meta_.step;
+    s.lazy = lazy_.begin_step(s.adam_step, r.residual_rates.empty(), r.rates[int(Group::kResidual)]);
     in_flight_.push_back(std::move(s));
     try {
         enqueue(in_flight_.back());
@@ -224,7 +237,8 @@ void CudaBackend::enqueue(const Step& s) {
     const StepRequest& r = s.request;
     const std::int64_t n = model_.count;
     StepControl* control = control_.get();
-    const CudaBins bins = enqueue_forward(r.camera, r.background, RenderMode::kFull, true);
+    const PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
+    const CudaBins bins = enqueue_forward(args, r.background, true);
     loss_.compute({image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
     times_.end(CudaStage::kLoss, stream_);
     GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
@@ -241,7 +255,7 @@ void CudaBackend::enqueue(const Step& s) {
             }
             arrays.gradient_sum = model_.gradient_sum.get(), arrays.gradient_count = model_.gradient_count.get();
         }
-        kernels_.update(preprocess_args(r.camera, RenderMode::kFull), binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
+        kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
     }
     times_.end(CudaStage::kUpdate, stream_);
     report_step<<<1, 1, 0, stream_>>>(control, statuses_ + s.slot);
@@ -284,6 +298,11 @@ void CudaBackend::synchronize() {
     statuses_->stopped = 0;
 }
 
+void CudaBackend::settle() {
+    synchronize();
+    lazy_.catch_up();
+}
+
 StepStats CudaBackend::take_stats() {
     const StepStats out = stats_;
     stats_.steps = 0;
@@ -306,30 +325,59 @@ Ceilings CudaBackend::measure_ceilings() {
     return cuda_ceilings();
 }
 
-MemoryUse CudaBackend::memory() const {
+MemoryUse CudaBackend::memory() {
+    synchronize();
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
-    use.rows = {{"parameters and Adam moments", model_.bytes(), "Gaussian", double(model_.count)},
+    use.rows = {{"parameters, Adam moments, lags", model_.bytes() + lazy_.bytes(), "Gaussian", double(model_.count)},
                 {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
-                {"images in flight", images_.slot_bytes(), "image", double(kInFlight)},
-                {"splats, sort, blend, loss", scratch_.bytes(), "instance", double(sizes_.capacity)}};
+                {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
+    // The scratch block of a step: how much of it goes with what. Stages share places, so the parts need not add up to it.
+    const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1), std::max(largest_width_, 1), std::max(largest_height_, 1), true};
+    const auto bytes = [&](const Sizes& sizes) {
+        Carver count(nullptr);
+        take(count, sizes);
+        return std::int64_t(count.most());
+    };
+    Sizes no_gaussians = all, no_instances = all, no_pixels = all;
+    no_gaussians.n = 0, no_instances.capacity = 1, no_pixels.width = no_pixels.height = 1;
+    use.rows.push_back({"scratch with the Gaussians", bytes(all) - bytes(no_gaussians), "Gaussian", double(all.n)});
+    use.rows.push_back({"scratch with the instances", bytes(all) - bytes(no_instances), "instance", double(all.capacity)});
+    use.rows.push_back({"scratch with the view", bytes(all) - bytes(no_pixels), "pixel", double(all.width) * all.height});
+    use.rows.push_back({"scratch block", scratch_.bytes(), "block", 1});
+    sizes_ = {}; // counting has left null pointers behind
     return use;
 }
 
 // --- densification --------------------------------------------------------------------------------------------------
 
-CudaDensify CudaBackend::densify() {
-    synchronize();
+template <class Fn> auto CudaBackend::densify(Fn fn) {
+    settle();
     sizes_ = {}; // it may use all of the scratch block
-    return {model_, scratch_, stream_};
+    CudaDensify densify(model_, scratch_, stream_);
+    const auto result = fn(densify);
+    lazy_.reset(meta_.step);
+    return result;
 }
 
-DensifyStats CudaBackend::densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) { return densify().mcmc(params, iteration, seed); }
-DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) { return densify().adc(params, iteration, seed); }
-void CudaBackend::reset_opacity() { densify().reset_opacity(); }
-void CudaBackend::morton_sort() { densify().morton_sort(); }
-std::int64_t CudaBackend::prune_nonfinite(std::int64_t by_group[kNumGroups]) { return densify().prune_nonfinite(by_group); }
-std::int64_t CudaBackend::prune_invisible() { return densify().prune_invisible(); }
+DensifyStats CudaBackend::densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
+    return densify([&](CudaDensify& d) { return d.mcmc(params, iteration, seed); });
+}
+DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
+    return densify([&](CudaDensify& d) { return d.adc(params, iteration, seed); });
+}
+void CudaBackend::reset_opacity() {
+    densify([](CudaDensify& d) { return d.reset_opacity(), 0; });
+}
+void CudaBackend::morton_sort() {
+    densify([](CudaDensify& d) { return d.morton_sort(), 0; });
+}
+std::int64_t CudaBackend::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
+    return densify([&](CudaDensify& d) { return d.prune_nonfinite(by_group); });
+}
+std::int64_t CudaBackend::prune_invisible() {
+    return densify([](CudaDensify& d) { return d.prune_invisible(); });
+}
 
 std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) { return std::make_unique<CudaBackend>(kernels, options); }
 

@@ -12,6 +12,7 @@
 #include "kernels/images_cuda.h"
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/model_kernels_cuda.h"
+#include "kernels/optimizer/lazy_cuda.h"
 #include "kernels/stage_times_cuda.h"
 
 namespace gs {
@@ -42,7 +43,7 @@ class CudaBackend final : public Backend {
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
     void measure_stages(bool on) override;
     std::vector<StageCost> take_stage_costs() override;
-    MemoryUse memory() const override;
+    MemoryUse memory() override;
     Ceilings measure_ceilings() override;
 
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
@@ -60,6 +61,7 @@ class CudaBackend final : public Backend {
         StepRequest request; ///< its target points to nothing; `target` does
         DeviceTarget target;
         std::int64_t adam_step = 0;
+        LazyArgs lazy{};
         int slot = 0;
     };
     /// What the scratch block is laid out for.
@@ -70,25 +72,31 @@ class CudaBackend final : public Backend {
         bool operator==(const Sizes&) const = default;
     };
 
+    void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     void enqueue(const Step& step);
-    CudaBins enqueue_forward(const CameraParams<float>& camera, Vec3<float> background, RenderMode mode, bool for_backward);
+    CudaBins enqueue_forward(const PreprocessArgs& args, Vec3<float> background, bool for_backward);
     /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
-    PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode) const;
+    PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
-    CudaDensify densify();
+    /// Runs a densification; rows have then taken all steps.
+    template <class Fn> auto densify(Fn fn);
+    /// Waits, and takes the steps that residuals have missed.
+    void settle();
 
     const ModelKernels kernels_;
     const BackendOptions options_;
     cudaStream_t stream_ = nullptr;
     CudaModel model_;
+    CudaLazyResiduals lazy_;
     Gaussians meta_; ///< all but count and arrays
 
     Scratch scratch_;
     Sizes sizes_;
     std::int64_t capacity_ = 0; ///< instances
+    int largest_width_ = 0, largest_height_ = 0; ///< of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;
     float *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;

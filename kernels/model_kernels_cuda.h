@@ -3,9 +3,20 @@
 #pragma once
 
 #include "kernels/blend/blend_cuda.h"
+#include "kernels/optimizer/lazy_adam.h"
 #include "kernels/optimizer/update_device.h"
 
 namespace gs {
+
+/// How far the residuals of Gaussians are behind (lazy_adam.h).
+struct LazyArgs {
+    std::uint32_t* last_step; ///< (n) Adam's step up to which a residual is caught up; null: all are
+    std::uint32_t step;       ///< the step to be taken
+    const float *m, *v;       ///< moments of the residuals
+    LazyTable table;
+
+    __device__ int lag(std::int64_t i) const { return last_step ? int(step - 1 - last_step[i]) : 0; }
+};
 
 struct PreprocessArgs {
     ParameterView<float> params;
@@ -13,6 +24,7 @@ struct PreprocessArgs {
     int degree, width_padded, height_padded; ///< padded to whole tiles
     RenderMode mode;
     DepthKey depth_key;
+    LazyArgs lazy;
 };
 
 struct ModelKernels {

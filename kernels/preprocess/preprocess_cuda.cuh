@@ -44,10 +44,11 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
 }
 
 template <class Model>
-__global__ void __launch_bounds__(kForwardBlock)
+__global__ void __launch_bounds__(kForwardBlock, 7)
     preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out, StepControl* __restrict__ control) {
     constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
     __shared__ alignas(16) float rows[kForwardBlock / 32][32 * kWidth];
+    __shared__ float sums[kForwardBlock / 32][32];
     __shared__ std::uint8_t lists[kForwardBlock / 32][32];
     __shared__ unsigned long long block_instances;
     __shared__ unsigned block_visible;
@@ -71,7 +72,14 @@ __global__ void __launch_bounds__(kForwardBlock)
     if constexpr (Model::kMaxResidual > 0) {
         if (warp_visible && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
             const int width = a.params.residual_width;
-            load_rows(warp_visible, width, lists[warp], a.params.residual(i - lane), rows[warp]);
+            const std::int64_t first = (i - lane) * width;
+            load_rows(warp_visible, width, lists[warp], a.params.residuals + first, rows[warp]);
+            const int lag = visible ? a.lazy.lag(i) : 0;
+            const unsigned stale = __ballot_sync(~0u, lag > 0);
+            if (stale) {
+                sums[warp][lane] = a.lazy.table.sums[lag];
+                catch_up_rows(stale, width, lists[warp], sums[warp], a.lazy.table.epsilon, a.lazy.m + first, a.lazy.v + first, rows[warp]);
+            }
             residual = rows[warp] + lane * width;
         }
     }
@@ -96,12 +104,64 @@ __global__ void __launch_bounds__(kForwardBlock)
     }
 }
 
+/// From this many visible Gaussians in a warp on, the step is taken for all 32 of them: whole rows in a row move faster.
+constexpr int kManyVisible = 12;
+
+/// Adam on the selected residual rows of a warp, whose parameters (caught up) and gradients are in shared memory; the moments
+/// are multiplied by the factors of their row first.
+__device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list, const float* parameters, const float* gradients, const float* decay_m,
+                                   const float* decay_v, const UpdateArgs& update, float* __restrict__ p, float* __restrict__ m, float* __restrict__ v) {
+    constexpr int kGroup = int(Group::kResidual);
+    RowElements elements(mask, width, list);
+    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
+        int at[kRowUnroll], row[kRowUnroll], column[kRowUnroll];
+        float mm[kRowUnroll], vv[kRowUnroll];
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            at[u] = elements.next(row[u], column[u]);
+            if (at[u] >= 0) mm[u] = m[at[u]], vv[u] = v[at[u]];
+        }
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            if (at[u] < 0) continue;
+            float x = parameters[at[u]];
+            mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
+            adam_update(x, mm[u], vv[u], gradients[at[u]], update.per_column ? update.residual_steps[column[u]] : update.steps[kGroup]);
+            p[at[u]] = x, m[at[u]] = mm[u], v[at[u]] = vv[u];
+        }
+    }
+}
+
+/// The same for all 32 rows, none of which has missed a step: four values at a time.
+__device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const AdamStep<float>& step, float* __restrict__ p,
+                                       float* __restrict__ m, float* __restrict__ v) {
+    constexpr int kUnroll = 3;
+    const int lane = threadIdx.x & 31, size = 8 * width;
+    for (int e = lane; e < size; e += 32 * kUnroll) {
+        float4 mm[kUnroll], vv[kUnroll];
+#pragma unroll
+        for (int u = 0; u < kUnroll; ++u)
+            if (e + 32 * u < size) mm[u] = reinterpret_cast<const float4*>(m)[e + 32 * u], vv[u] = reinterpret_cast<const float4*>(v)[e + 32 * u];
+#pragma unroll
+        for (int u = 0; u < kUnroll; ++u) {
+            const int at = e + 32 * u;
+            if (at >= size) break;
+            float4 x = reinterpret_cast<const float4*>(parameters)[at];
+            const float4 g = reinterpret_cast<const float4*>(gradients)[at];
+            adam_update(x.x, mm[u].x, vv[u].x, g.x, step), adam_update(x.y, mm[u].y, vv[u].y, g.y, step);
+            adam_update(x.z, mm[u].z, vv[u].z, g.z, step), adam_update(x.w, mm[u].w, vv[u].w, g.w, step);
+            reinterpret_cast<float4*>(p)[at] = x, reinterpret_cast<float4*>(m)[at] = mm[u], reinterpret_cast<float4*>(v)[at] = vv[u];
+        }
+    }
+}
+
 template <class Model>
-__global__ void __launch_bounds__(kUpdateBlock)
+__global__ void __launch_bounds__(kUpdateBlock, 9)
     preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
                         StepControl* __restrict__ control) {
     constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
-    __shared__ alignas(16) float parameters[kUpdateBlock / 32][32 * kWidth], gradients[kUpdateBlock / 32][32 * kWidth];
+    __shared__ alignas(16) float all_parameters[kUpdateBlock / 32][32 * kWidth], all_gradients[kUpdateBlock / 32][32 * kWidth];
+    __shared__ float factors[kUpdateBlock / 32][3][32]; // of a row that has missed steps: sum of the steps, decay of m, decay of v
     __shared__ std::uint8_t lists[kUpdateBlock / 32][32];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     const std::int64_t i = std::int64_t(blockIdx.x) * kUpdateBlock + threadIdx.x;
@@ -109,64 +169,46 @@ __global__ void __launch_bounds__(kUpdateBlock)
     const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
     const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // without a degree yet, gradients and moments are zero
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
-    const unsigned rows = __ballot_sync(~0u, valid);
-    if (with_residual && rows) {
-        load_rows(rows, width, lists[warp], a.params.residual(i - lane), parameters[warp]);
-        for (int k = lane; k < 32 * width; k += 32) gradients[warp][k] = 0;
+    float *parameters = all_parameters[warp], *gradients = all_gradients[warp];
+    unsigned rows = 0, stale = 0;
+    if (with_residual) {
+        rows = __ballot_sync(~0u, visible);
+        if (!a.lazy.last_step || __popc(rows) >= kManyVisible) rows = __ballot_sync(~0u, valid);
+        const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
+        stale = __ballot_sync(~0u, lag > 0);
+        if (rows) load_rows(rows, width, lists[warp], a.params.residual(i - lane), parameters);
+        if (stale) {
+            factors[warp][0][lane] = a.lazy.table.sums[lag];
+            factors[warp][1][lane] = first_moment_decay(lag);
+            factors[warp][2][lane] = second_moment_decay(lag);
+            catch_up_rows(stale, width, lists[warp], factors[warp][0], a.lazy.table.epsilon, a.lazy.m + (i - lane) * width, a.lazy.v + (i - lane) * width, parameters);
+        }
+        if (rows)
+            for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
+        if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
     }
-    GaussianGradient<float> gradient{};
     if (valid) {
-        float* dL_dresidual = gradients[warp] + lane * width;
+        GaussianGradient<float> gradient{};
+        float* dL_dresidual = gradients + lane * width;
         if (visible) {
-            gaussian_backward<Model>(a.params.geometry(i), a.params.base(i), parameters[warp] + lane * width, a.params.activation, a.camera, a.degree, sums[i].sums(),
-                                     gradient, dL_dresidual);
+            gaussian_backward<Model>(a.params.geometry(i), a.params.base(i), parameters + lane * width, a.params.activation, a.camera, a.degree, sums[i].sums(), gradient,
+                                     dL_dresidual);
             if (!drop_nonfinite(gradient, dL_dresidual, width)) atomicAdd(&control->num_nonfinite, 1u);
         }
         update_gaussian(arrays, update, i, gradient);
     }
-    if (!with_residual || !rows) return;
+    if (!rows) return;
     __syncwarp();
-    const std::int64_t first = (i - lane) * width;
     constexpr int k = int(Group::kResidual);
+    const std::int64_t first = (i - lane) * width;
     float *p = arrays.param[k] + first, *m = arrays.m[k] + first, *v = arrays.v[k] + first;
-    if (rows == ~0u && !update.per_column) { // whole rows of whole warps: four values at a time
-        constexpr int kUnroll = 3;
-        for (int e = lane; e < 8 * width; e += 32 * kUnroll) {
-            float4 mm[kUnroll], vv[kUnroll];
-#pragma unroll
-            for (int u = 0; u < kUnroll; ++u)
-                if (e + 32 * u < 8 * width) mm[u] = reinterpret_cast<const float4*>(m)[e + 32 * u], vv[u] = reinterpret_cast<const float4*>(v)[e + 32 * u];
-#pragma unroll
-            for (int u = 0; u < kUnroll; ++u) {
-                const int at = e + 32 * u;
-                if (at >= 8 * width) break;
-                float4 x = reinterpret_cast<const float4*>(parameters[warp])[at];
-                const float4 g = reinterpret_cast<const float4*>(gradients[warp])[at];
-                adam_update(x.x, mm[u].x, vv[u].x, g.x, update.steps[k]), adam_update(x.y, mm[u].y, vv[u].y, g.y, update.steps[k]);
-                adam_update(x.z, mm[u].z, vv[u].z, g.z, update.steps[k]), adam_update(x.w, mm[u].w, vv[u].w, g.w, update.steps[k]);
-                reinterpret_cast<float4*>(p)[at] = x, reinterpret_cast<float4*>(m)[at] = mm[u], reinterpret_cast<float4*>(v)[at] = vv[u];
-            }
-        }
+    if (rows == ~0u && !stale && !update.per_column) {
+        update_all_rows(width, parameters, gradients, update.steps[k], p, m, v);
         return;
     }
-    RowElements elements(rows, width, lists[warp]);
-    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
-        int at[kRowUnroll], column[kRowUnroll];
-        float mm[kRowUnroll], vv[kRowUnroll];
-#pragma unroll
-        for (int u = 0; u < kRowUnroll; ++u) {
-            at[u] = elements.next(column[u]);
-            if (at[u] >= 0) mm[u] = m[at[u]], vv[u] = v[at[u]];
-        }
-#pragma unroll
-        for (int u = 0; u < kRowUnroll; ++u) {
-            if (at[u] < 0) continue;
-            float x = parameters[warp][at[u]];
-            adam_update(x, mm[u], vv[u], gradients[warp][at[u]], update.per_column ? update.residual_steps[column[u]] : update.steps[k]);
-            p[at[u]] = x, m[at[u]] = mm[u], v[at[u]] = vv[u];
-        }
-    }
+    if (!stale) factors[warp][1][lane] = factors[warp][2][lane] = 1;
+    update_rows(rows, width, lists[warp], parameters, gradients, factors[warp][1], factors[warp][2], update, p, m, v);
 }
 
 template <class Model>

@@ -20,9 +20,10 @@ class RowElements {
         step_rows_ = 32 / width, step_columns_ = 32 - step_rows_ * width;
     }
     __device__ int rounds() const { return (rows_ * width_ + 31) / 32; }
-    /// Offset of this lane's next element from the warp's first row, or -1; `column` is its column.
-    __device__ int next(int& column) {
-        const int at = row_ < rows_ ? list_[row_] * width_ + column_ : -1;
+    /// Offset of this lane's next element from the warp's first row, or -1; `row` and `column` say where that is.
+    __device__ int next(int& row, int& column) {
+        row = row_ < rows_ ? list_[row_] : 0;
+        const int at = row_ < rows_ ? row * width_ + column_ : -1;
         column = column_;
         row_ += step_rows_, column_ += step_columns_;
         if (column_ >= width_) column_ -= width_, ++row_;
@@ -46,16 +47,37 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
     }
     RowElements elements(mask, width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
-        int at[kRowUnroll], column;
+        int at[kRowUnroll], row, column;
         float x[kRowUnroll];
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
-            at[u] = elements.next(column);
+            at[u] = elements.next(row, column);
             if (at[u] >= 0) x[u] = from[at[u]];
         }
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u)
             if (at[u] >= 0) to[at[u]] = x[u];
+    }
+    __syncwarp();
+}
+
+/// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums`: of the rows, in shared
+/// memory.
+__device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon, const float* __restrict__ m, const float* __restrict__ v,
+                                     float* parameters) {
+    constexpr int kUnroll = 4;
+    RowElements elements(mask, width, list);
+    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kUnroll) {
+        int at[kUnroll], row[kUnroll], column;
+        float mm[kUnroll], vv[kUnroll];
+#pragma unroll
+        for (int u = 0; u < kUnroll; ++u) {
+            at[u] = elements.next(row[u], column);
+            if (at[u] >= 0) mm[u] = m[at[u]], vv[u] = v[at[u]];
+        }
+#pragma unroll
+        for (int u = 0; u < kUnroll; ++u)
+            if (at[u] >= 0) parameters[at[u]] = catch_up_parameter(parameters[at[u]], mm[u], vv[u], sums[row[u]], epsilon);
     }
     __syncwarp();
 }

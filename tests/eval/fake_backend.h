@@ -28,7 +28,7 @@ class FakeBackend : public Backend {
     void measure_stages(bool) override {}
     std::vector<StageCost> take_stage_costs() override { return {}; }
     Ceilings measure_ceilings() override { return {1e9, 1e9}; }
-    MemoryUse memory() const override { return {}; }
+    MemoryUse memory() override { return {}; }
     DensifyStats densify_mcmc(const McmcParams&, std::int64_t, std::uint64_t) override { return {}; }
     DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override { return {}; }
     void reset_opacity() override {}

@@ -12,7 +12,7 @@ class ForwardingBackend : public Backend {
     explicit ForwardingBackend(const AppearanceSpec& appearance) : inner_(make_cpu_backend(appearance)) {}
     std::string describe() const override { return inner_->describe(); }
     void upload(const Gaussians& state) override { inner_->upload(state); }
-    Gaussians download(bool with_moments) const override { return inner_->download(with_moments); }
+    Gaussians download(bool with_moments) override { return inner_->download(with_moments); }
     std::int64_t count() const override { return inner_->count(); }
     void set_active_degree(int degree) override { inner_->set_active_degree(degree); }
     void render(const RenderRequest& request, RenderedImage& out) override { inner_->render(request, out); }
@@ -23,7 +23,7 @@ class ForwardingBackend : public Backend {
     void measure_stages(bool on) override { inner_->measure_stages(on); }
     std::vector<StageCost> take_stage_costs() override { return inner_->take_stage_costs(); }
     Ceilings measure_ceilings() override { return inner_->measure_ceilings(); }
-    MemoryUse memory() const override { return inner_->memory(); }
+    MemoryUse memory() override { return inner_->memory(); }
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
         return inner_->densify_mcmc(params, iteration, seed);
     }

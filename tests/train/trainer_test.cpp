@@ -220,7 +220,7 @@ class FailingBackend : public test::ForwardingBackend {
         if (failed_) throw DeviceError("out of device memory: asked for 8 MiB, free 3 MiB");
         ForwardingBackend::step(request);
     }
-    Gaussians download(bool with_moments) const override {
+    Gaussians download(bool with_moments) override {
         if (failed_ && !readable_) throw DeviceError("the device is gone");
         return ForwardingBackend::download(with_moments);
     }
@@ -292,7 +292,7 @@ class LaggingBackend : public test::ForwardingBackend {
         return sum;
     }
     void synchronize() override { waited_ = true; }
-    MemoryUse memory() const override { return {{{"model", 600, "Gaussian", 3}}, 600, 700}; }
+    MemoryUse memory() override { return {{{"model", 600, "Gaussian", 3}}, 600, 700}; }
     std::size_t num_images() const { return kept_.size(); }
 
   private:
