@@ -279,7 +279,7 @@ void CudaBackend::finish_oldest() {
         }
         return;
     }
-    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ += capacity_ / 4; // ahead of need
+    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances)); // ahead of need
     const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
     stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
     stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;

@@ -37,8 +37,12 @@ constexpr std::int64_t kLogInterval = 100;
 /// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the statistics:
 /// a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
-/// Views decoded ahead of the one in use.
-constexpr int kPrefetch = 3;
+/// Views decoded ahead of the one in use, and threads that decode them. A GPU is done with a view in a fraction of the time that
+/// decoding takes, and leaves the processor free; the CPU backend needs all of it.
+int views_ahead(const std::string& device) { return uses_cuda(device) ? 24 : 3; }
+int decode_threads(const std::string& device) {
+    return uses_cuda(device) ? std::clamp(int(std::thread::hardware_concurrency()) / 2, 1, views_ahead(device)) : 1;
+}
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -57,7 +61,8 @@ class Run {
           rates_(options, appearance_, scene),
           schedule_(options_, appearance_, scene.extent, options.background == "black"),
           order_(scene.train.size(), options.seed),
-          images_(scene.train, parse_bytes(options.image_cache), 1) {
+          prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
+          images_(scene.train, parse_bytes(options.image_cache), decode_threads(options.device)) {
         set_num_threads(options.threads);
         if (start.checkpoint)
             resume(std::move(*start.checkpoint));
@@ -69,7 +74,7 @@ class Run {
 
     TrainSummary run() {
         progress_.start(options_.iterations, iteration_);
-        for (std::int64_t k = iteration_; k < std::min(options_.iterations, iteration_ + kPrefetch); ++k) images_.prefetch(order_.at(k));
+        for (std::int64_t k = iteration_; k < std::min(options_.iterations, iteration_ + prefetch_); ++k) images_.prefetch(order_.at(k));
         const std::int64_t first = iteration_;
         try {
             loop();
@@ -167,7 +172,7 @@ class Run {
                          {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned}, {"num_gaussians", change.count}});
         const std::size_t index = order_.at(iteration_);
         const auto image = images_.get(index);
-        if (iteration_ + kPrefetch < options_.iterations) images_.prefetch(ahead_.at(iteration_ + kPrefetch));
+        if (iteration_ + prefetch_ < options_.iterations) images_.prefetch(ahead_.at(iteration_ + prefetch_));
         StepRequest request;
         request.camera = camera_params(scene_.train[index].camera);
         request.background = background_at(iteration_);
@@ -301,7 +306,8 @@ class Run {
     LearningRates rates_;
     DensificationSchedule schedule_;
     ViewOrder order_;
-    ViewOrder ahead_{order_}; ///< asked kPrefetch iterations ahead, where the next epoch may have begun
+    const std::int64_t prefetch_; ///< views asked for ahead; not the same view twice
+    ViewOrder ahead_{order_}; ///< asked prefetch_ iterations ahead, where the next epoch may have begun
     ImageCache images_;
     std::unique_ptr<Backend> backend_;
     std::optional<TrainLog> log_;
