@@ -49,7 +49,7 @@ struct StepRequest {
     float scale_reg = 0.01f;             ///< weight of mean(exp(raw_scale))
     float noise = 0;                     ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
-    bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm
+    bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm, per view in which a tile is touched
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
 };
@@ -124,7 +124,7 @@ class Backend {
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
     /// May return before the step is done. What `request` points to is not needed any more on return.
     virtual void step(const StepRequest& request) = 0;
-    /// Of the steps known to be done: up to two steps late on a device, unless `synchronize` was called.
+    /// Of the steps known to be done: up to three steps late on a device, unless `synchronize` was called.
     virtual StepStats take_stats() = 0;
     virtual void synchronize() = 0;
 

@@ -171,6 +171,19 @@ template <class Model> class CpuBackend final : public Backend {
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
     }
 
+    /// One step of the residual of Gaussian i.
+    static void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, const float* dL_dresidual) {
+        const int k = int(Group::kResidual), width = a.width[k];
+        float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
+        if (u.per_column) {
+            for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c]);
+            return;
+        }
+        const AdamStep<float> t = u.steps[k];
+#pragma omp simd
+        for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], t);
+    }
+
     Gaussians state_;
     CpuRasterizer<float, Model> raster_;
     ImageLoss<float> loss_;

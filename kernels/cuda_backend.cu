@@ -38,7 +38,7 @@ CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& opti
     : kernels_(kernels), options_(options), stream_(make_stream()), lazy_(model_, stream_), images_(options.image_budget, kInFlight) {
     GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
     for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
-    GS_CUDA(cudaMemset(control_.reserve(1), 0, sizeof(StepControl)));
+    GS_CUDA(cudaMemsetAsync(control_.reserve(1), 0, sizeof(StepControl), stream_));
 }
 
 CudaBackend::~CudaBackend() {
@@ -59,10 +59,11 @@ std::string CudaBackend::describe() const {
 // --- the model ------------------------------------------------------------------------------------------------------
 
 void CudaBackend::upload(const Gaussians& state) {
-    synchronize();
+    abandon_steps(); // of the model that goes
+    stats_ = {};
+    model_.count = 0; // stays so if there is no memory
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
-    model_.count = state.count;
     for (int g = 0; g < kNumGroups; ++g) {
         const auto& group = state.groups[g];
         meta_.groups[g].width = model_.width[g] = group.width;
@@ -77,6 +78,7 @@ void CudaBackend::upload(const Gaussians& state) {
     model_.has_statistic = !state.gradient_sum.empty();
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
+    model_.count = state.count;
     lazy_.reset(meta_.step);
     GS_CUDA(cudaDeviceSynchronize());
 }
@@ -152,7 +154,13 @@ CudaBins CudaBackend::enqueue_forward(const PreprocessArgs& args, Vec3<float> ba
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) + " pixels: the CUDA backend takes up to " +
                           std::to_string(kMaxSide) + " a side");
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * model_.count, 1 << 16);
-    lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    try {
+        lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    } catch (const DeviceError&) {
+        if (needed_ >= capacity_) throw;
+        capacity_ = std::max<std::int64_t>(needed_, 1); // room ahead of need was too much to ask
+        lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    }
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
@@ -170,11 +178,21 @@ void CudaBackend::make_room(unsigned long long num_instances) {
     if (num_instances > kMaxInstances)
         throw DeviceError("more than " + std::to_string(kMaxInstances) + " Gaussian-tile instances in one view (" + std::to_string(num_instances) +
                           "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower --resolution");
+    needed_ = std::max(needed_, std::int64_t(num_instances));
     capacity_ = std::int64_t(std::min(kMaxInstances, num_instances + num_instances / 4 + 1024));
+}
+
+void CudaBackend::abandon_steps() {
+    cudaStreamSynchronize(stream_);
+    meta_.step -= std::int64_t(in_flight_.size());
+    lazy_.rewind(meta_.step);
+    in_flight_.clear();
+    cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
 }
 
 void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
     settle();
+    const std::int64_t for_steps = capacity_;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
         enqueue_forward(preprocess_args(r.camera, r.mode, {}), r.background, false);
@@ -182,6 +200,7 @@ void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
     } while (statuses_->stopped);
+    if (for_steps) capacity_ = for_steps; // a single close view must not slow down the training that goes on
     const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
     out.width = r.camera.width, out.height = r.camera.height;
     out.rgb.resize(3 * pixels), out.alpha.resize(pixels);
@@ -192,7 +211,13 @@ void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
 
 double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
     RenderedImage image;
-    for (const RenderRequest& view : views) render(view, image); // warms up, and makes room for every view
+    const std::int64_t for_steps = capacity_;
+    std::int64_t most = 1;
+    for (const RenderRequest& view : views) {
+        render(view, image); // warms up, and tells how much room a view needs
+        most = std::max(most, std::int64_t(statuses_->num_instances));
+    }
+    capacity_ = most;
     cudaEvent_t begin, end;
     GS_CUDA(cudaEventCreate(&begin));
     GS_CUDA(cudaEventCreate(&end));
@@ -205,6 +230,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     GS_CUDA(cudaEventElapsedTime(&ms, begin, end));
     cudaEventDestroy(begin);
     cudaEventDestroy(end);
+    capacity_ = for_steps;
     return 1e-3 * ms / (double(repeats) * double(views.size()));
 }
 
@@ -212,22 +238,28 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 
 void CudaBackend::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
-    if (lazy_.due(meta_.step + 1)) settle(); // not before it is known that no step in flight has to be repeated
+    const bool lazily = r.residual_rates.empty();
+    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) { // not before it is known that no step in flight has to be repeated
+        settle();
+        lazy_.reset(meta_.step);
+    }
+    lazily_ = lazily;
     Step s;
     s.request = r;
     s.slot = next_slot_;
-    next_slot_ = (next_slot_ + 1) % kInFlight;
     s.target = images_.get(r.target, s.slot, stream_);
     s.request.target = {};
     s.adam_step = ++meta_.step;
-    s.lazy = lazy_.begin_step(s.adam_step, r.residual_rates.empty(), r.rates[int(Group::kResidual)]);
+    s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates[int(Group::kResidual)]);
     in_flight_.push_back(std::move(s));
     try {
         enqueue(in_flight_.back());
     } catch (...) {
         in_flight_.pop_back();
+        lazy_.rewind(--meta_.step);
         throw;
     }
+    next_slot_ = (next_slot_ + 1) % kInFlight;
     if (!times_.on) return;
     synchronize();
     times_.add();
@@ -241,14 +273,14 @@ void CudaBackend::enqueue(const Step& s) {
     const CudaBins bins = enqueue_forward(args, r.background, true);
     loss_.compute({image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
     times_.end(CudaStage::kLoss, stream_);
-    GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
+    if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     const SlotMap slots = binning_.slots();
     blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
         ModelArrays arrays = model_.arrays();
         if (r.gather_gradient_stats) {
-            if (!model_.has_statistic) { // first step since the last densification
+            if (!model_.has_statistic) { // the first step of a statistic
                 GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
                 GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
                 model_.has_statistic = true;
@@ -274,11 +306,12 @@ void CudaBackend::finish_oldest() {
             make_room(status.num_instances);
             for (const Step& again : in_flight_) enqueue(again);
         } catch (...) {
-            in_flight_.clear();
+            abandon_steps();
             throw;
         }
         return;
     }
+    needed_ = std::max(needed_, std::int64_t(status.num_instances));
     if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances)); // ahead of need
     const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
     stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
@@ -327,9 +360,10 @@ Ceilings CudaBackend::measure_ceilings() {
 
 MemoryUse CudaBackend::memory() {
     synchronize();
+    sizes_ = {}; // counting leaves null pointers behind
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
-    use.rows = {{"parameters, Adam moments, lags", model_.bytes() + lazy_.bytes(), "Gaussian", double(model_.count)},
+    use.rows = {{"parameters, Adam moments, indices", model_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
                 {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     // The scratch block of a step: how much of it goes with what. Stages share places, so the parts need not add up to it.
@@ -345,7 +379,6 @@ MemoryUse CudaBackend::memory() {
     use.rows.push_back({"scratch with the instances", bytes(all) - bytes(no_instances), "instance", double(all.capacity)});
     use.rows.push_back({"scratch with the view", bytes(all) - bytes(no_pixels), "pixel", double(all.width) * all.height});
     use.rows.push_back({"scratch block", scratch_.bytes(), "block", 1});
-    sizes_ = {}; // counting has left null pointers behind
     return use;
 }
 

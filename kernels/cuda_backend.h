@@ -2,7 +2,7 @@
 // The CUDA backend: one stream of steps that the host runs ahead of. Included by .cu files only.
 //
 // The host never waits inside a step. Sizes it cannot know (how many instances a view has) are bounded by a capacity; a step
-// that does not fit changes nothing and neither do those after it, until the host, a step or two later, reads so in the
+// that does not fit changes nothing and neither do those after it, until the host, up to three steps later, reads so in the
 // step's status, makes room and repeats them.
 #pragma once
 
@@ -24,6 +24,7 @@ struct StepStatus {
     unsigned num_visible, num_nonfinite, stopped;
 };
 
+/// The backend of one model on the current device. Used by one thread.
 class CudaBackend final : public Backend {
   public:
     CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
@@ -72,6 +73,7 @@ class CudaBackend final : public Backend {
         bool operator==(const Sizes&) const = default;
     };
 
+    /// Takes all of a step from the scratch block.
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     void enqueue(const Step& step);
@@ -79,6 +81,8 @@ class CudaBackend final : public Backend {
     /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
+    /// Forgets all steps in flight, none of which has changed anything.
+    void abandon_steps();
     PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
     /// Runs a densification; rows have then taken all steps.
@@ -95,7 +99,7 @@ class CudaBackend final : public Backend {
 
     Scratch scratch_;
     Sizes sizes_;
-    std::int64_t capacity_ = 0; ///< instances
+    std::int64_t capacity_ = 0, needed_ = 0; ///< instances: laid out for, and seen
     int largest_width_ = 0, largest_height_ = 0; ///< of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;
@@ -110,6 +114,7 @@ class CudaBackend final : public Backend {
     std::deque<Step> in_flight_;
     int next_slot_ = 0;
     CudaImages images_;
+    bool lazily_ = true; ///< how the last step treated residuals
     StepStats stats_;
     StageTimes times_;
 };

@@ -47,16 +47,18 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
         out.weight_sum = 0;
         for (std::size_t i = 0; i < pixels; ++i) out.weight_sum += t.mask[i] / 255.0;
     }
-    const bool keep = t.id >= 0 && kept_bytes_ + std::int64_t(bytes) <= budget_;
     unsigned char* device = nullptr;
-    Kept* kept = nullptr;
-    if (keep) {
-        kept = (kept_[t.id] = std::make_unique<Kept>()).get();
-        device = kept->memory.reserve(bytes);
-        kept_bytes_ += std::int64_t(bytes);
-    } else {
-        device = slot.device.reserve(bytes);
+    std::unique_ptr<Kept> kept;
+    if (t.id >= 0 && kept_bytes_ + std::int64_t(bytes) <= budget_) {
+        kept = std::make_unique<Kept>();
+        try {
+            device = kept->memory.reserve(bytes);
+        } catch (const DeviceError&) { // keeping images is a convenience: from here on they are uploaded
+            kept.reset();
+            budget_ = kept_bytes_;
+        }
     }
+    if (!device) device = slot.device.reserve(bytes);
     GS_CUDA(cudaMemcpyAsync(device, host, bytes, cudaMemcpyHostToDevice, stream_));
     GS_CUDA(cudaEventRecord(slot.uploaded, stream_));
     GS_CUDA(cudaStreamWaitEvent(stream, slot.uploaded));
@@ -65,7 +67,11 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
     else
         out.image.f32 = reinterpret_cast<const float*>(device);
     if (t.mask) out.image.mask = device + mask_at;
-    if (kept) kept->target = out;
+    if (kept) {
+        kept->target = out;
+        kept_bytes_ += std::int64_t(bytes);
+        kept_[t.id] = std::move(kept);
+    }
     return out;
 }
 

@@ -55,7 +55,7 @@ class CudaImages {
         DeviceTarget target;
     };
 
-    const std::int64_t budget_;
+    std::int64_t budget_;
     std::int64_t kept_bytes_ = 0;
     std::vector<std::unique_ptr<Slot>> slots_;
     std::unordered_map<std::int64_t, std::unique_ptr<Kept>> kept_;

@@ -18,6 +18,7 @@ struct LazyArgs {
     __device__ int lag(std::int64_t i) const { return last_step ? int(step - 1 - last_step[i]) : 0; }
 };
 
+/// One view of one model.
 struct PreprocessArgs {
     ParameterView<float> params;
     CameraParams<float> camera;
@@ -28,7 +29,7 @@ struct PreprocessArgs {
 };
 
 struct ModelKernels {
-    bool directional;
+    bool directional; ///< has a residual at all
     /// Splats, spans and keys of visible Gaussians, counts of all; adds to control->num_instances and ->num_visible.
     void (*preprocess)(const PreprocessArgs&, PackedSplat*, const CudaBinningInput&, StepControl*, cudaStream_t);
     /// Gradients of all parameters from the sums, and the optimizer's step. Does nothing if the step was stopped or its

@@ -180,9 +180,10 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
 }
 
 /// One thread per Gaussian: adds up its instances in their order, and the sub-tiles of each in theirs.
-__global__ void add_partial_sums(std::int64_t n, SlotMap slots, const PackedSums* __restrict__ partial, PackedSums* __restrict__ sums) {
+__global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepControl* __restrict__ control, const PackedSums* __restrict__ partial,
+                                 PackedSums* __restrict__ sums) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;
-    if (k >= n) return;
+    if (k >= n || control->stopped) return; // slots beyond the capacity do not exist
     const std::size_t begin = k ? slots.slot_ends[k - 1] : 0, end = slots.slot_ends[k];
     PackedSums s{};
     for (std::size_t i = begin * kSubTiles; i < end * kSubTiles; ++i) {
@@ -198,7 +199,7 @@ __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const PackedSums
 
 void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) { partial_ = c.take<PackedSums>(std::size_t(capacity) * kSubTiles); }
 
-void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, StepControl* control, PackedSums* sums,
+void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, const StepControl* control, PackedSums* sums,
                          std::int64_t n, const SlotMap* slots, cudaStream_t stream) {
     // Surplus blocks see that there are fewer chunks and leave.
     const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
@@ -211,7 +212,7 @@ void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const 
     blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;
-    add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, partial_, sums);
+    add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, control, partial_, sums);
     GS_CUDA_LAUNCHED("add_partial_sums");
 }
 

@@ -24,12 +24,13 @@ struct alignas(16) PackedSums {
     __device__ SplatSums<float> sums() const { return {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x}; }
 };
 
-/// Part of a tile's list for one block of the backward pass.
+/// Part of a tile's list. Each of the tile's sub-tiles walks it with a warp of its own.
 struct BlendChunk {
     std::uint32_t tile, first;  ///< instances first .. first+kChunk of the tile
     std::uint32_t checkpoint;   ///< state before `first`; unused for the first chunk
 };
 
+/// What a view is blended into.
 struct BlendImage {
     int width, height;
     Vec3<float> background;
@@ -45,9 +46,9 @@ class CudaBlend {
 
     /// With `for_backward` it keeps what backward() needs.
     void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream);
-    /// Adds to sums (n), which the caller zeroed. Float atomics: the order of additions varies from run to run, unless
-    /// `slots` is given: then sums are written, each in the order of its instances.
-    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, StepControl* control, PackedSums* sums,
+    /// Adds to sums (n), which the caller zeroed. Float atomics: the order of additions varies from run to run. With `slots`
+    /// sums are written instead, each added up in the order of its instances; those of invisible Gaussians are left alone.
+    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, const StepControl* control, PackedSums* sums,
                   std::int64_t n, const SlotMap* slots, cudaStream_t stream);
 
   private:

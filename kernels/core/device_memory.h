@@ -33,7 +33,7 @@ template <class T> class DeviceBuffer {
         if (n > capacity_) {
             const std::size_t wanted = std::max(n, capacity_ + capacity_ / 4);
             release();
-            allocate(wanted);
+            if (wanted == n || !try_allocate(wanted)) allocate(n);
         }
         return data_;
     }
@@ -42,6 +42,7 @@ template <class T> class DeviceBuffer {
         if (n <= capacity_) return data_;
         DeviceBuffer bigger;
         bigger.allocate(n);
+        // Ordered with the streams that use the old memory by its release, which waits for the device.
         if (used) GS_CUDA(cudaMemcpy(bigger.data_, data_, used * sizeof(T), cudaMemcpyDeviceToDevice));
         std::swap(data_, bigger.data_);
         std::swap(capacity_, bigger.capacity_);
@@ -51,13 +52,9 @@ template <class T> class DeviceBuffer {
     std::int64_t bytes() const { return std::int64_t(capacity_ * sizeof(T)); }
     std::size_t capacity() const { return capacity_; }
 
-    void release() {
-        cudaFree(data_);
-        device_memory_count().now -= bytes();
-        data_ = nullptr, capacity_ = 0;
-    }
-    void upload(const std::vector<T>& host, cudaStream_t stream = nullptr) {
-        if (!host.empty()) GS_CUDA(cudaMemcpyAsync(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice, stream));
+    /// Blocking copies.
+    void upload(const std::vector<T>& host) {
+        if (!host.empty()) GS_CUDA(cudaMemcpy(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice));
     }
     std::vector<T> download(std::size_t n) const {
         std::vector<T> host(n);
@@ -66,19 +63,30 @@ template <class T> class DeviceBuffer {
     }
 
   private:
-    void allocate(std::size_t n) {
+    void release() {
+        cudaFree(data_);
+        device_memory_count().now -= bytes();
+        data_ = nullptr, capacity_ = 0;
+    }
+    bool try_allocate(std::size_t n) {
         if (cudaMalloc(&data_, n * sizeof(T)) != cudaSuccess) {
             cudaGetLastError();
             data_ = nullptr;
-            std::size_t free = 0, total = 0;
-            cudaMemGetInfo(&free, &total);
-            throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) + " MiB, free " + std::to_string(free >> 20) + " of " +
-                              std::to_string(total >> 20) + " MiB; lower --cap-max, --resolution or --image-cache");
+            return false;
         }
         capacity_ = n;
         auto& count = device_memory_count();
         count.now += bytes();
         count.peak = std::max(count.peak, count.now);
+        return true;
+    }
+    void allocate(std::size_t n) {
+        if (!try_allocate(n)) {
+            std::size_t free = 0, total = 0;
+            cudaMemGetInfo(&free, &total);
+            throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) + " MiB, free " + std::to_string(free >> 20) + " of " +
+                              std::to_string(total >> 20) + " MiB; lower --cap-max, --resolution or --image-cache");
+        }
     }
 
     T* data_ = nullptr;

@@ -199,14 +199,14 @@ void CudaLoss::take(Carver& c, int width, int height) {
 }
 
 void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream) {
-    static const bool taps_uploaded = [] {
+    if (!has_taps_) {
         const SsimTaps<float> taps;
         float all[kTapCount];
         for (int k = 0; k < kTapCount; ++k) all[k] = taps.g[std::abs(k - kSsimRadius)];
-        GS_CUDA(cudaMemcpyToSymbol(kTaps, all, sizeof all));
-        return true;
-    }();
-    (void)taps_uploaded;
+        GS_CUDA(cudaMemcpyToSymbolAsync(kTaps, all, sizeof all, 0, cudaMemcpyHostToDevice, stream));
+        GS_CUDA(cudaStreamSynchronize(stream)); // `all` goes out of scope
+        has_taps_ = true;
+    }
     if (!(in.weight_sum > 0)) { // nothing is looked at
         GS_CUDA(cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
         return;

@@ -19,12 +19,14 @@ struct CudaLossInput {
 
 class CudaLoss {
   public:
+    /// Takes what compute() needs for a view of this size.
     void take(Carver& c, int width, int height);
     /// Writes dL_dimage (3,H,W), and to control->l1 and ->ssim the sums of weighted |difference| and weighted SSIM, not yet
     /// divided by 3 weight_sum. All sums have a fixed order.
     void compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream);
 
   private:
+    bool has_taps_ = false;     ///< the filter is on the device
     float* maps_ = nullptr;     ///< (3 maps, 3, H, W)
     float2* partials_ = nullptr; ///< by block: sums of |difference| and of SSIM
 };

@@ -52,12 +52,13 @@ LazyArgs CudaLazyResiduals::begin_step(std::int64_t step, bool lazy, double rate
 void CudaLazyResiduals::catch_up() {
     const int width = model_.width[int(Group::kResidual)];
     const std::int64_t n = model_.count;
-    if (step_ == caught_up_ || n == 0 || width == 0) return;
+    const bool behind = step_ != caught_up_ && n > 0 && width > 0;
+    caught_up_ = step_;
+    if (!behind) return;
     constexpr int k = int(Group::kResidual);
     const LazyArgs args{last_step_.get(), std::uint32_t(step_ + 1), model_.m[k].get(), model_.v[k].get(), schedule_.table()};
     catch_up_all<<<num_blocks(32 * n, kBlock), kBlock, 0, stream_>>>(n, width, args, model_.param[k].get(), model_.m[k].get(), model_.v[k].get());
     GS_CUDA_LAUNCHED("catch_up_all");
-    caught_up_ = step_;
 }
 
 }  // namespace gs

@@ -2,6 +2,8 @@
 // Which residuals are behind by how many steps, on the device (lazy_adam.h).
 #pragma once
 
+#include <algorithm>
+
 #include "kernels/model_cuda.h"
 #include "kernels/model_kernels_cuda.h"
 
@@ -18,6 +20,8 @@ class CudaLazyResiduals {
     bool due(std::int64_t step) const { return step - caught_up_ > kMaxLag; }
     /// What the next step needs to know. Columns with rates of their own are not updated lazily: all rows are, in each step.
     LazyArgs begin_step(std::int64_t step, bool lazy, double rate);
+    /// Steps after `step` were begun but never took place.
+    void rewind(std::int64_t step) { step_ = step, caught_up_ = std::min(caught_up_, step); }
     /// Takes all missed steps. Those in flight must be done.
     void catch_up();
 

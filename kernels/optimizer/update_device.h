@@ -110,21 +110,6 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     mean.write(a, i), scale.write(a, i), rotation.write(a, i), opacity.write(a, i), base.write(a, i);
 }
 
-/// One step of the residual of Gaussian i.
-GS_HD void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, const float* dL_dresidual) {
-    const int k = int(Group::kResidual), width = a.width[k];
-    float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
-    if (u.per_column) {
-        for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c]);
-        return;
-    }
-    const AdamStep<float> t = u.steps[k];
-#if !defined(__CUDACC__)
-#pragma omp simd
-#endif
-    for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], t);
-}
-
 /// The factors of Adam's step `t` for a request.
 inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians) {
     UpdateArgs u{};

@@ -163,11 +163,15 @@ __global__ void __launch_bounds__(kUpdateBlock, 9)
     __shared__ alignas(16) float all_parameters[kUpdateBlock / 32][32 * kWidth], all_gradients[kUpdateBlock / 32][32 * kWidth];
     __shared__ float factors[kUpdateBlock / 32][3][32]; // of a row that has missed steps: sum of the steps, decay of m, decay of v
     __shared__ std::uint8_t lists[kUpdateBlock / 32][32];
-    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    if (control->stopped) return;
     const std::int64_t i = std::int64_t(blockIdx.x) * kUpdateBlock + threadIdx.x;
+    if (!isfinite(control->l1 + control->ssim)) { // a skipped step moves nothing, residuals that are behind no more than others
+        if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
+        return;
+    }
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
-    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // without a degree yet, gradients and moments are zero
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 there is no gradient
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     float *parameters = all_parameters[warp], *gradients = all_gradients[warp];
     unsigned rows = 0, stale = 0;

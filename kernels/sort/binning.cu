@@ -77,13 +77,20 @@ __global__ void __launch_bounds__(kBlock)
 }
 constexpr int kLargeBlocks = 512; ///< enough to fill a large device once
 
-/// offsets[t] = first instance of a tile >= t: the thread at a change of tile fills all tiles in between. Keys beyond the
-/// last instance are larger than any tile.
-template <class Key> __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles, std::uint32_t* __restrict__ offsets) {
-    const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
-    if (i > capacity) return;
-    const std::uint32_t from = i == 0 ? 0 : min(std::uint32_t(tiles[i - 1]), num_tiles) + 1, to = i == capacity ? num_tiles : min(std::uint32_t(tiles[i]), num_tiles);
-    for (std::uint32_t t = from; t <= to; ++t) offsets[t] = i;
+/// offsets[t] = first instance of a tile >= t, by bisection. Keys beyond the last instance are larger than any tile.
+template <class Key>
+__global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles, std::uint32_t* __restrict__ offsets) {
+    const std::uint32_t t = blockIdx.x * kBlock + threadIdx.x;
+    if (t > num_tiles) return;
+    std::uint32_t low = 0, high = capacity;
+    while (low < high) {
+        const std::uint32_t middle = low + (high - low) / 2;
+        if (tiles[middle] < t)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    offsets[t] = low;
 }
 
 /// One block: a counting sort of the tiles by length, in steps of 16 instances.
@@ -158,7 +165,9 @@ void CudaBinning::take_temporaries(Carver& c) {
 
 template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
+    // What is beyond the last instance is sorted along.
     GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
+    GS_CUDA(cudaMemsetAsync(unsorted_, 0, capacity_ * sizeof(std::uint32_t), stream));
     if (n_ > 0) {
         write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(std::uint32_t(n_), std::uint32_t(capacity_), order_, offsets_, input_.spans,
                                                                             bins_.tiles_x, control, keys, unsorted_, sorted_keys_);
@@ -169,7 +178,7 @@ template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats,
     }
     std::size_t bytes = workspace_bytes_;
     GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys, keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0, tile_bits(), stream));
-    find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock), kBlock, 0, stream>>>(std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
+    find_tile_offsets<Key><<<num_blocks(bins_.num_tiles() + 1, kBlock), kBlock, 0, stream>>>(std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
     order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), tile_offsets_, longest_first_);
     GS_CUDA_LAUNCHED("order_tiles");

@@ -41,6 +41,7 @@ class CudaBinning {
     /// Sorts at most `capacity` instances. Beyond it nothing is written, and control->stopped is set.
     CudaBins build(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
     SlotMap slots() const { return {order_, offsets_}; }
+    std::int64_t bytes() const { return identity_.bytes(); }
 
   private:
     template <class Key> void sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream);

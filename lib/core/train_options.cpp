@@ -113,7 +113,7 @@ void add_run_options(Table& table) {
     table.push_back({.key = "deterministic",
                      .field = &O::deterministic,
                      .group = group,
-                     .help = "on the GPU: add in a fixed order, slower, so that equal runs give equal bytes on one GPU; the CPU always does"});
+                     .help = "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; the CPU always does"});
     table.push_back({.key = "test-iterations",
                      .field = &O::test_iterations,
                      .group = group,

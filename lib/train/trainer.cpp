@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <chrono>
 #include <new>
+#include <optional>
+#include <thread>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
@@ -115,11 +117,15 @@ class Run {
         train_seconds_ += now() - start;
     }
 
-    /// After an error of the device: saves the model as the last finished iteration left it, if there is one and the device
-    /// still gives it out. Returns what the message should say about it.
+    /// After an error of the device: saves the model as the last finished step left it, if there is one and the device still
+    /// gives it out. Up to three steps that it had not finished are missing. Returns what the message should say about it.
     std::string rescue(std::int64_t first) {
         progress_.finish();
         if (iteration_ == first) return "";
+        try {
+            backend_->synchronize(); // gives up steps that do not fit
+        } catch (const std::exception&) {
+        }
         try {
             save_checkpoint();
         } catch (const std::exception& e) { // the error that brought us here is the one to report
