@@ -23,10 +23,10 @@ function(gs_add_library name)
   target_link_libraries(${name} PUBLIC gsapp_flags ${ARG_LINK})
 endfunction()
 
-# gs_add_tests(LABEL LINK target...): every *_test.cpp of the current folder becomes one test program whose cases
-# ctest lists one by one under LABEL.
+# gs_add_tests(LABEL [SERIAL] LINK target...): every *_test.cpp of the current folder becomes one test program whose cases
+# ctest lists one by one under LABEL; SERIAL ones never run beside others.
 function(gs_add_tests label)
-  cmake_parse_arguments(ARG "" "" "LINK;SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "" "LINK;SOURCES" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*_test.cpp)
   if(NOT sources AND NOT ARG_SOURCES)
     return()
@@ -36,5 +36,5 @@ function(gs_add_tests label)
   add_executable(${name} ${sources} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest GTest::gtest_main)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES
-    LABELS ${label})
+    LABELS ${label} RUN_SERIAL ${ARG_SERIAL})
 endfunction()

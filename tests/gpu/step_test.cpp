@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// One optimizer step of the CUDA backend against the reference in double: loss, every gradient as moments, parameters,
+// statistic. Skipped where there is no device.
+#include "tests/gpu/agreement.h"
+
+namespace gs::test {
+namespace {
+
+class GpuStep : public ::testing::TestWithParam<NamedScene> {
+  protected:
+    void SetUp() override { skip_without_device(); }
+};
+INSTANTIATE_TEST_SUITE_P(Scenes, GpuStep, ::testing::ValuesIn(test_scenes()), scene_name);
+
+TEST_P(GpuStep, LiesWithinItsErrorBounds) {
+    const TestScene scene = GetParam().make();
+    const auto fast = make_cuda_backend(scene.model.appearance), fixed_order = make_cuda_backend(scene.model.appearance, {.deterministic = true});
+    expect_step_within_bounds({fast.get(), fixed_order.get()}, scene);
+}
+
+class GpuSteps : public Gpu {};
+
+TEST_F(GpuSteps, WithoutAnythingInFrontMoveNothing) {
+    const TestScene scene = behind_scene();
+    const RandomTarget target(50, 40, 3);
+    StepRequest r = step_request(scene.camera, target.image());
+    r.opacity_reg = r.scale_reg = 0;
+    const auto gpu = make_cuda_backend(scene.model.appearance);
+    gpu->upload(scene.model);
+    gpu->step(r);
+    const Gaussians after = gpu->download(true);
+    for (int g = 0; g < kNumGroups; ++g) {
+        EXPECT_EQ(after.groups[g].param, scene.model.groups[g].param);
+        EXPECT_EQ(after.groups[g].m, std::vector<float>(after.groups[g].m.size()));
+    }
+    EXPECT_EQ(after.gradient_count, std::vector<float>(std::size_t(after.count)));
+}
+
+TEST_F(GpuSteps, UnderAMaskOfZerosOnlyRegularise) {
+    const TestScene scene = random_scene(200, 3, 64, 48, -0.5, 7);
+    RandomTarget target(64, 48, 3, true);
+    std::fill(target.mask.begin(), target.mask.end(), std::uint8_t(0));
+    const auto gpu = make_cuda_backend(scene.model.appearance);
+    gpu->upload(scene.model);
+    gpu->step(step_request(scene.camera, target.image()));
+    gpu->synchronize();
+    EXPECT_EQ(gpu->take_stats().loss, 0);
+    const Gaussians after = gpu->download(true);
+    for (const Group g : {Group::kMean, Group::kRotation, Group::kBase, Group::kResidual}) EXPECT_EQ(after[g].param, scene.model[g].param) << kGroupNames[int(g)];
+    for (const float m : after[Group::kScale].m) EXPECT_GT(m, 0);
+    for (const float m : after[Group::kOpacity].m) EXPECT_GT(m, 0);
+}
+
+/// Five steps on two views, noise and rates per residual column included: float on both sides, so each may be a few roundings
+/// off per step, which Adam turns into parts of a rate where gradients are near zero.
+TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
+    const TestScene scene = random_scene(2000, 3, 160, 120, -1.5, 8);
+    const auto cpu = make_cpu_backend(scene.model.appearance), gpu = make_cuda_backend(scene.model.appearance);
+    cpu->upload(scene.model), gpu->upload(scene.model);
+    const RandomTarget targets[] = {{160, 120, 3, false, false, 1}, {160, 120, 4, true, false, 2}};
+    for (int k = 0; k < 5; ++k) {
+        StepRequest r = step_request(scene.camera, targets[k % 2].image(k % 2));
+        r.iteration = k, r.seed = 3, r.noise = 80;
+        for (int c = 0; c < 45; ++c) r.residual_rates.push_back(1e-4 * (1 + c));
+        cpu->step(r), gpu->step(r);
+    }
+    const Gaussians a = cpu->download(true), b = gpu->download(true);
+    const StepRequest rates = step_request(scene.camera, targets[0].image());
+    for (int g = 0; g < kNumGroups; ++g) {
+        double sum = 0, squares = 0;
+        const auto& before = scene.model.groups[g].param;
+        for (std::size_t i = 0; i < before.size(); ++i) {
+            const double moved = double(a.groups[g].param[i]) - before[i], difference = double(a.groups[g].param[i]) - b.groups[g].param[i];
+            ASSERT_TRUE(std::isfinite(b.groups[g].param[i]));
+            sum += difference * difference, squares += moved * moved;
+        }
+        std::printf("  %-14s difference after five steps: %.1e of the way\n", kGroupNames[g], std::sqrt(sum / squares));
+        EXPECT_LE(std::sqrt(sum), 0.05 * std::sqrt(squares)) << kGroupNames[g]; // parameters moved by an ulp give up to 7e-3
+    }
+}
+
+/// As for images: the CPU in float is the measure, and the root mean square tells about all Gaussians but those whose order
+/// rounding swapped.
+TEST_F(GpuSteps, OfAMillionGaussiansHaveTheGradientsOfTheCpu) {
+    auto s = random_gaussians(1000000, 0, 22);
+    for (double& x : s[Group::kScale].param) x -= 3.5;
+    const Gaussians model = float_model(s);
+    const RandomTarget target(640, 480, 3);
+    const StepRequest r = step_request(cast<float>(test_camera(640, 480)), target.image());
+    Gaussians after[2];
+    for (int k = 0; k < 2; ++k) {
+        const auto backend = k ? make_cuda_backend(model.appearance) : make_cpu_backend(model.appearance);
+        backend->upload(model);
+        backend->step(r);
+        after[k] = backend->download(true);
+    }
+    for (int g = 0; g < kNumGroups; ++g) {
+        double sum = 0, squares = 0;
+        for (std::size_t i = 0; i < after[0].groups[g].m.size(); ++i) {
+            const double a = after[0].groups[g].m[i], b = after[1].groups[g].m[i];
+            ASSERT_TRUE(std::isfinite(b));
+            sum += (a - b) * (a - b), squares += a * a;
+        }
+        if (squares == 0) continue;
+        std::printf("  %-14s relative difference %.1e\n", kGroupNames[g], std::sqrt(sum / squares));
+        EXPECT_LE(std::sqrt(sum), 5e-3 * std::sqrt(squares)) // parameters moved by an ulp give up to 4e-4
+            << kGroupNames[g];
+    }
+}
+
+}  // namespace
+}  // namespace gs::test
