@@ -55,6 +55,7 @@ TEST_F(GpuOutOfMemory, AStepThatDoesNotFitLeavesTheModelAsItWas) {
     hog.release();
     small_steps(*gpu, 3), small_steps(*untouched, 3);
     expect_same_bits(gpu->download(true), untouched->download(true));
+    gpu->synchronize();
     gpu->take_stats();
     gpu->step(too_large);
     gpu->synchronize();
@@ -70,6 +71,7 @@ TEST_F(GpuOutOfMemory, AnImageThatDoesNotFitIsNotRememberedAsKept) {
     DeviceHog hog(kLeft);
     expect_out_of_memory(*gpu, too_large);
     hog.release();
+    gpu->synchronize();
     gpu->take_stats();
     gpu->step(too_large);
     gpu->synchronize();
