@@ -73,9 +73,9 @@ TYPED_TEST(Conformance, InactiveParametersShowNothingAndLearnNothing) {
         auto p = this->parameters();
         p.resize(p.size() + 1); // a valid pointer for models without parameters
         auto q = p;
-        for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) q[k] += 1;
+        for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) q[k] = std::nan("");
         const Vec3<double> d = this->direction(), r = TypeParam::residual(p.data(), d, degree), other = TypeParam::residual(q.data(), d, degree);
-        EXPECT_EQ(dot(r - other, r - other), 0);
+        EXPECT_LT(dot(r - other, r - other), 1e-28) << "inactive parameters are not read";
         std::vector<double> dp(p.size(), 0);
         Vec3<double> dd{7, 7, 7};
         TypeParam::residual_backward(p.data(), d, degree, {1, 1, 1}, dp.data(), dd);
