@@ -13,7 +13,8 @@
 //     only entries of active parameters are written;
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
-//  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`.
+//  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family: one
+//     such line and one info function each, the structs all in the header named like the folder.
 //
 // CMake finds the folder and generates the registry; command line, checkpoints, PLY columns, docs and the conformance
 // tests follow from it.

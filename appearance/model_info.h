@@ -25,7 +25,7 @@ struct AppearanceRates {
 };
 
 struct ModelInfo {
-    std::string name;          ///< as on the command line, in files and as folder name
+    std::string name;          ///< as on the command line and in files
     std::string summary;       ///< one line for help and docs
     int default_max_degree = 0;
     int max_degree_limit = 0;

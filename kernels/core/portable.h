@@ -33,6 +33,12 @@ GS_HD float gs_log1p(float x) { return ::log1pf(x); }
 GS_HD double gs_log1p(double x) { return ::log1p(x); }
 GS_HD float gs_abs(float x) { return ::fabsf(x); }
 GS_HD double gs_abs(double x) { return ::fabs(x); }
+GS_HD float gs_tanh(float x) { return ::tanhf(x); }
+GS_HD double gs_tanh(double x) { return ::tanh(x); }
+GS_HD float gs_sin(float x) { return ::sinf(x); }
+GS_HD double gs_sin(double x) { return ::sin(x); }
+GS_HD float gs_cos(float x) { return ::cosf(x); }
+GS_HD double gs_cos(double x) { return ::cos(x); }
 GS_HD float gs_fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 GS_HD double gs_fma(double a, double b, double c) { return ::fma(a, b, c); }
 GS_HD float gs_floor(float x) { return ::floorf(x); }
@@ -43,5 +49,11 @@ template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) 
 
 /// Logistic function, stable for every finite x.
 template <class T> GS_HD T sigmoid(T x) { return T(1) / (T(1) + gs_exp(-x)); }
+
+/// Derivative of tanh. 1 - tanh^2 would be exactly 0 in float from |x| = 9 on; this is not up to 43.
+template <class T> GS_HD T tanh_derivative(T x) {
+    const T e = gs_exp(T(-2) * gs_abs(x));
+    return T(4) * e / ((T(1) + e) * (T(1) + e));
+}
 
 }  // namespace gs

@@ -1,9 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lib/train/learning_rates.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
 namespace gs {
+namespace {
+
+/// The camera spacing decides some models' rates, in the scene's unit: worth seeing where a scene trains oddly.
+AppearanceRates appearance_rates(const AppearanceSpec& appearance, const Scene& scene) {
+    const double spacing = camera_spacing(scene.train);
+    AppearanceRates rates = appearance_model(appearance.model).rates(appearance.max_degree, {spacing});
+    double residual = 0;
+    for (const Schedule& column : rates.residual) residual = std::max(residual, column.initial);
+    if (residual > 0) {
+        spdlog::info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", appearance.model, rates.base.initial, residual,
+                     rates.residual.size() > 1 ? ", fastest column" : "", spacing);
+    }
+    return rates;
+}
+
+}  // namespace
 
 LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene)
     : means_(Schedule::log_linear(options.position_lr_init * scene.extent, options.position_lr_final * scene.extent,
@@ -11,7 +29,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
       opacities_(Schedule::constant(options.opacity_lr)),
-      appearance_(appearance_model(appearance.model).rates(appearance.max_degree, {camera_spacing(scene.train)})),
+      appearance_(appearance_rates(appearance, scene)),
       noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {}
 
 void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {

@@ -17,6 +17,8 @@ using AllModels = ::testing::Types<GS_ALL_APPEARANCE_MODELS>;
 
 template <class Model> class Conformance : public ::testing::Test {
   protected:
+    const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
+    const int max_degree = info.max_degree_limit;
     std::mt19937 rng{11};
     std::normal_distribution<double> normal;
 
@@ -39,7 +41,7 @@ TYPED_TEST(Conformance, BackwardMatchesFiniteDifferences) {
     for (int trial = 0; trial < 200; ++trial) {
         auto p = this->parameters();
         const Vec3<double> d = this->direction(), g = this->vector();
-        const int degree = 1 + trial % 3;
+        const int degree = 1 + trial % this->max_degree;
         std::vector<double> dp(p.size());
         Vec3<double> dd;
         TypeParam::residual_backward(p.data(), d, degree, g, dp.data(), dd);
@@ -65,38 +67,63 @@ TYPED_TEST(Conformance, BackwardMatchesFiniteDifferences) {
     EXPECT_LT(worst, 1e-6);
 }
 
-TYPED_TEST(Conformance, DegreeZeroShowsNothingAndLearnsNothing) {
-    auto p = this->parameters();
-    p.resize(p.size() + 1); // a valid pointer for models without parameters
-    std::vector<double> dp(p.size(), 0);
-    Vec3<double> dd{7, 7, 7};
-    const Vec3<double> r = TypeParam::residual(p.data(), this->direction(), 0);
-    EXPECT_EQ(dot(r, r), 0);
-    TypeParam::residual_backward(p.data(), this->direction(), 0, {1, 1, 1}, dp.data(), dd);
-    for (int k = 0; k < TypeParam::kMaxResidual; ++k) EXPECT_EQ(dp[k], 0);
-    EXPECT_EQ(dot(dd, dd), 0);
+TYPED_TEST(Conformance, InactiveParametersShowNothingAndLearnNothing) {
+    for (int degree = 0; degree <= this->max_degree; ++degree) {
+        const std::size_t active = this->info.residual_width(degree);
+        auto p = this->parameters();
+        p.resize(p.size() + 1); // a valid pointer for models without parameters
+        auto q = p;
+        for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) q[k] = std::nan("");
+        const Vec3<double> d = this->direction(), r = TypeParam::residual(p.data(), d, degree), other = TypeParam::residual(q.data(), d, degree);
+        EXPECT_LT(dot(r - other, r - other), 1e-28) << "inactive parameters are not read";
+        std::vector<double> dp(p.size(), 0);
+        Vec3<double> dd{7, 7, 7};
+        TypeParam::residual_backward(p.data(), d, degree, {1, 1, 1}, dp.data(), dd);
+        for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) EXPECT_EQ(dp[k], 0);
+        if (degree > 0) continue;
+        EXPECT_EQ(dot(r, r), 0);
+        EXPECT_EQ(dot(dd, dd), 0);
+    }
+}
+
+TYPED_TEST(Conformance, TheInitialModelShowsItsBaseColor) {
+    EXPECT_EQ(this->info.residual_width(this->max_degree), TypeParam::kMaxResidual);
+    for (int degree = 0; degree <= this->max_degree; ++degree) {
+        std::vector<double> p(TypeParam::kMaxResidual + 1);
+        std::vector<float> row(p.size(), 9.0f);
+        this->info.init_residual(degree, row.data());
+        for (std::size_t k = this->info.residual_width(degree); k < row.size(); ++k) EXPECT_EQ(row[k], 9.0f) << "beyond the row";
+        p.assign(row.begin(), row.end());
+        const Vec3<double> r = TypeParam::residual(p.data(), this->direction(), std::min(this->info.initial_degree, degree));
+        EXPECT_EQ(dot(r, r), 0);
+    }
 }
 
 TYPED_TEST(Conformance, FloatFollowsDouble) {
     if (!TypeParam::kDirectional) GTEST_SKIP() << "no residual";
     for (int trial = 0; trial < 200; ++trial) {
-        const auto p = this->parameters();
+        auto p = this->parameters();
         const std::vector<float> q(p.begin(), p.end());
-        const Vec3<double> d = this->direction(), g = this->vector();
-        const Vec3<float> df{float(d.x), float(d.y), float(d.z)}, gf{float(g.x), float(g.y), float(g.z)};
-        const Vec3<double> a = TypeParam::residual(p.data(), d, 3);
-        const Vec3<float> b = TypeParam::residual(q.data(), df, 3);
-        EXPECT_NEAR(a.x, b.x, 1e-5);
-        EXPECT_NEAR(a.y, b.y, 1e-5);
-        EXPECT_NEAR(a.z, b.z, 1e-5);
+        p.assign(q.begin(), q.end()); // the same inputs: what is compared is the computation
+        const Vec3<double> e = this->direction(), h = this->vector();
+        const Vec3<float> df{float(e.x), float(e.y), float(e.z)}, gf{float(h.x), float(h.y), float(h.z)};
+        const Vec3<double> d{df.x, df.y, df.z}, g{gf.x, gf.y, gf.z};
+        const auto expect_near = [](const Vec3<double>& a, const Vec3<float>& b, double relative) {
+            const double tolerance = 1e-5 + relative * std::sqrt(dot(a, a));
+            EXPECT_NEAR(a.x, b.x, tolerance);
+            EXPECT_NEAR(a.y, b.y, tolerance);
+            EXPECT_NEAR(a.z, b.z, tolerance);
+        };
+        // Below 1 the absolute bound is the tighter one; a lobe's density is unbounded.
+        expect_near(TypeParam::residual(p.data(), d, this->max_degree), TypeParam::residual(q.data(), df, this->max_degree), 1e-5);
         std::vector<double> dp(p.size());
         std::vector<float> dq(p.size());
         Vec3<double> dd;
         Vec3<float> ddf;
-        TypeParam::residual_backward(p.data(), d, 3, g, dp.data(), dd);
-        TypeParam::residual_backward(q.data(), df, 3, gf, dq.data(), ddf);
-        for (std::size_t k = 0; k < p.size(); ++k) EXPECT_NEAR(dp[k], dq[k], 1e-4 * std::abs(dp[k]) + 1e-6);
-        EXPECT_NEAR(dd.x, ddf.x, 1e-4 * std::abs(dd.x) + 1e-5);
+        TypeParam::residual_backward(p.data(), d, this->max_degree, g, dp.data(), dd);
+        TypeParam::residual_backward(q.data(), df, this->max_degree, gf, dq.data(), ddf);
+        for (std::size_t k = 0; k < p.size(); ++k) EXPECT_NEAR(dp[k], dq[k], 1e-4 * std::abs(dp[k]) + 1e-6) << k;
+        expect_near(dd, ddf, 1e-4);
     }
 }
 
@@ -109,8 +136,8 @@ TYPED_TEST(Conformance, ExtremeParametersStayFinite) {
             std::vector<float> dq(q.size());
             const Vec3<float> axes[] = {{1, 0, 0}, {0, 0, 1}, {0, -1, 0}};
             Vec3<float> dd;
-            const Vec3<float> r = TypeParam::residual(q.data(), axes[trial % 3], 3);
-            TypeParam::residual_backward(q.data(), axes[trial % 3], 3, {1, 1, 1}, dq.data(), dd);
+            const Vec3<float> r = TypeParam::residual(q.data(), axes[trial % 3], this->max_degree);
+            TypeParam::residual_backward(q.data(), axes[trial % 3], this->max_degree, {1, 1, 1}, dq.data(), dd);
             EXPECT_TRUE(std::isfinite(r.x + r.y + r.z + dd.x + dd.y + dd.z));
             for (int k = 0; k < TypeParam::kMaxResidual; ++k) EXPECT_TRUE(std::isfinite(dq[k]));
         }
@@ -170,6 +197,9 @@ TEST(Registry, ListsModelsAndRejectsUnknownOnes) {
         m->init_residual(m->default_max_degree, row.data());
         for (float x : row) EXPECT_TRUE(std::isfinite(x));
         EXPECT_LE(m->default_max_degree, m->max_degree_limit);
+        EXPECT_LE(m->initial_degree, m->max_degree_limit);
+        const std::size_t columns = m->rates(m->default_max_degree, {}).residual.size();
+        EXPECT_TRUE(width == 0 || columns == 1 || columns == std::size_t(width));
         EXPECT_GT(m->rates(m->default_max_degree, {}).base.at(1), 0);
     }
     EXPECT_THROW(appearance_model("shh"), UsageError);

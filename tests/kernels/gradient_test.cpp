@@ -2,8 +2,10 @@
 // Every analytic gradient of the renderer against central differences in double.
 #include <gtest/gtest.h>
 
-#include "appearance/none/none.h"
+#include "appearance/model_info.h"
 #include "tests/kernels/random_scene.h"
+
+#include "appearance_types.inc"
 
 namespace gs::test {
 namespace {
@@ -58,6 +60,27 @@ TEST(RenderGradient, MatchesFiniteDifferencesForEveryParameter) {
         EXPECT_EQ(check.checked, 16 * (11 + 3 + 45));
         std::printf("seed %u: worst relative error %.2e over %d parameters\n", seed, check.worst, check.checked);
     }
+}
+
+template <class Model> class EveryModel : public ::testing::Test {};
+using AllModels = ::testing::Types<GS_ALL_APPEARANCE_MODELS>;
+TYPED_TEST_SUITE(EveryModel, AllModels);
+
+TYPED_TEST(EveryModel, RendersWithMatchingGradients) {
+    const auto camera = test_camera(20, 18);
+    const ModelInfo& info = appearance_model(appearance_name(static_cast<const TypeParam*>(nullptr)));
+    auto s = random_gaussians(6, 0, 31);
+    s.appearance.model = info.name;
+    s.appearance.max_degree = s.active_degree = info.max_degree_limit;
+    auto& residuals = s[Group::kResidual];
+    residuals.width = info.residual_width(info.max_degree_limit);
+    std::mt19937 rng(32);
+    std::normal_distribution<double> normal;
+    residuals.param.resize(s.count * residuals.width);
+    for (double& x : residuals.param) x = normal(rng);
+    GradientCheck check;
+    check.run<TypeParam>(s, camera, {0.1, 0.5, 0.9}, random_weights(3 * 20 * 18, 33));
+    EXPECT_EQ(check.checked, s.count * (14 + residuals.width));
 }
 
 TEST(RenderGradient, MatchesForEachShDegreeAndActivation) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -97,27 +98,53 @@ const bool quiet = (spdlog::set_level(spdlog::level::err), true); // the runs' m
 class TrainStrategies : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(All, TrainStrategies, ::testing::Values("mcmc", "adc", "none"));
 
-// 37 is between two densifications, so the ADC statistic has to survive too.
-TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
-    const test::TemporaryFolder tmp;
+/// A run stopped at `stop` and resumed has to end like one that was not.
+void expect_resuming_equals_not_stopping(TrainOptions whole, std::int64_t stop, const fs::path& folder) {
     const Scene scene = small_scene();
-    TrainOptions whole = small_options(tmp.path() / "whole", GetParam());
     run(whole, scene);
-    TrainOptions part = small_options(tmp.path() / "part", GetParam());
-    part.iterations = 37;
+    TrainOptions part = whole;
+    part.model = folder.string();
+    part.iterations = stop;
     run(part, scene);
-    part.iterations = 60;
+    part.iterations = whole.iterations;
     part.resume = "latest";
-    const TrainSummary resumed = run(part, scene);
-    EXPECT_EQ(resumed.iterations, 60);
-    EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(60)), bytes_of(RunFolder{part.model}.point_cloud(60)));
-    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(60)), b = read_checkpoint(RunFolder{part.model}.checkpoint(60));
+    EXPECT_EQ(run(part, scene).iterations, whole.iterations);
+    const std::int64_t end = whole.iterations;
+    EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(end)), bytes_of(RunFolder{part.model}.point_cloud(end)));
+    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(end)), b = read_checkpoint(RunFolder{part.model}.checkpoint(end));
     for (int g = 0; g < kNumGroups; ++g) {
         EXPECT_EQ(a.state.groups[g].param, b.state.groups[g].param) << kGroupNames[g];
         EXPECT_EQ(a.state.groups[g].m, b.state.groups[g].m) << kGroupNames[g];
         EXPECT_EQ(a.state.groups[g].v, b.state.groups[g].v) << kGroupNames[g];
     }
-    EXPECT_EQ(a.state.step, 60);
+    EXPECT_EQ(a.state.active_degree, b.state.active_degree);
+    EXPECT_EQ(a.state.step, end);
+}
+
+// 37 is between two densifications, so the ADC statistic has to survive too.
+TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
+    const test::TemporaryFolder tmp;
+    expect_resuming_equals_not_stopping(small_options(tmp.path() / "whole", GetParam()), 37, tmp.path() / "part");
+}
+
+class TrainModels : public ::testing::TestWithParam<const ModelInfo*> {};
+INSTANTIATE_TEST_SUITE_P(All, TrainModels, ::testing::ValuesIn(appearance_models()), [](const auto& info) { return info.param->name; });
+
+// Degree 1 begins at 1000.
+TEST_P(TrainModels, ResumingWithAnActiveResidualEqualsNotStopping) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "whole", "mcmc");
+    o.appearance = GetParam()->name;
+    o.iterations = 1012;
+    expect_resuming_equals_not_stopping(o, 1006, tmp.path() / "part");
+    const Checkpoint c = read_checkpoint(RunFolder{o.model}.checkpoint(1012));
+    EXPECT_EQ(c.state.active_degree, std::min(GetParam()->max_degree_limit, GetParam()->initial_degree + 1));
+    const auto& residuals = c.state[Group::kResidual];
+    std::vector<float> initial(std::size_t(residuals.width), 0);
+    GetParam()->init_residual(c.state.appearance.max_degree, initial.data());
+    std::size_t moved = 0;
+    for (std::size_t k = 0; k < residuals.param.size(); ++k) moved += residuals.param[k] != initial[k % initial.size()];
+    EXPECT_TRUE(residuals.width == 0 || moved > 0) << "the residual learns";
 }
 
 TEST_P(TrainStrategies, DoesNotDependOnTheNumberOfThreads) {

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// One normalized anisotropic spherical Gaussian: its frame, and its density with the derivatives (appearance spec
+// sections 5.1 to 5.4). The density is written with ln K where K = (1 + v_z)/2; README.md has the equations.
+#pragma once
+
+#include "appearance/clamps.h"
+#include "kernels/core/vec.h"
+
+namespace gs::appearance {
+
+/// |tanh| of an angle parameter stays below 0.999999 = tanh(7.254...): every angle is in (0, pi) with a sine of 1.4e-3.
+inline constexpr double kLargestRawAngle = 7.254328619247669;
+/// ln 1e4: sharpness and anisotropy stay below 1e4, beyond which a lobe is narrower than any pixel.
+inline constexpr double kLargestRawShape = 9.210340371976184;
+/// Below it the density is uniform to float's precision, and its terms would be 0/0 at 0.
+inline constexpr double kSmallestSharpness = 1e-6;
+/// Added to the exponent of K (reference implementation).
+inline constexpr double kExponentFloor = 5e-6;
+/// Floor of the squared sine to the axis: a tenth of float's resolution of a direction.
+inline constexpr double kSmallestSine2 = 1e-14;
+/// At the antipode the density has no limit (it depends on the azimuth) and its gradient is unbounded: within 4.9e-4 radians
+/// the unbounded terms are left out. The reference cuts at the same radius.
+inline constexpr double kAntipodeSine2 = 2.4e-7;
+
+/// An angle whose cosine is tanh(raw), kept off 0 and pi.
+template <class T> struct LobeAngle {
+    T cos, sin;
+
+    static GS_HD LobeAngle of(T raw) {
+        const T r = at_least(at_most(raw, T(kLargestRawAngle)), T(-kLargestRawAngle));
+        const T e = gs_exp(-gs_abs(r)), inverse = T(1) / (T(1) + e * e);
+        const T c = (T(1) - e * e) * inverse;
+        return {r < T(0) ? -c : c, T(2) * e * inverse};
+    }
+    /// dL/draw from dL/dangle; d angle/d raw = -sin.
+    GS_HD T raw_gradient(T raw, T dL_dangle) const {
+        const T g = -sin * dL_dangle;
+        return gradient_at_least(gradient_at_most(g, raw, T(kLargestRawAngle)), raw, T(-kLargestRawAngle));
+    }
+};
+
+/// Orthonormal frame R_z(theta) R_y(phi) R_z(psi); z is the lobe's axis, x the direction of its faster fall.
+template <class T> struct LobeFrame {
+    LobeAngle<T> theta, phi, psi;
+    Vec3<T> x, y, z;
+
+    static GS_HD LobeFrame of(const T* raw) {
+        LobeFrame f;
+        f.theta = LobeAngle<T>::of(raw[0]), f.phi = LobeAngle<T>::of(raw[1]), f.psi = LobeAngle<T>::of(raw[2]);
+        const T ct = f.theta.cos, st = f.theta.sin, cp = f.phi.cos, sp = f.phi.sin, cs = f.psi.cos, ss = f.psi.sin;
+        f.x = {ct * cp * cs - st * ss, st * cp * cs + ct * ss, -sp * cs};
+        f.y = {-ct * cp * ss - st * cs, -st * cp * ss + ct * cs, sp * ss};
+        f.z = {ct * sp, st * sp, cp};
+        return f;
+    }
+    GS_HD Vec3<T> local(const Vec3<T>& d) const { return {dot(x, d), dot(y, d), dot(z, d)}; }
+    GS_HD Vec3<T> world(const Vec3<T>& v) const { return x * v.x + y * v.y + z * v.z; }
+
+    /// Gradient of the three raw angles, from the gradient `g` of the local direction `v`. Turning the frame about an axis e
+    /// changes L by e . (g x v), so no sine is divided by; the axes are world z, (-sin theta, cos theta, 0) and the lobe's.
+    GS_HD void raw_gradient(const T* raw, const Vec3<T>& g, const Vec3<T>& v, T* dL_draw) const {
+        const Vec3<T> local_torque = cross(g, v), torque = world(local_torque);
+        dL_draw[0] = theta.raw_gradient(raw[0], torque.z);
+        dL_draw[1] = phi.raw_gradient(raw[1], theta.cos * torque.y - theta.sin * torque.x);
+        dL_draw[2] = psi.raw_gradient(raw[2], local_torque.z);
+    }
+};
+
+/// Density B = N K^kappa exp(2 lambda (K^(1+kappa) - 1)) in local direction v, and what its derivatives share.
+template <class T> struct LobeDensity {
+    T t, a;        ///< 2 lambda, anisotropy
+    T s2, q;       ///< squared sine to the axis; squared cosine of the azimuth
+    T log_k, kappa;
+    T decay;       ///< K^(1+kappa) - 1, without cancellation
+    T value;
+
+    static GS_HD LobeDensity of(const Vec3<T>& v, T raw_sharpness, T raw_anisotropy) {
+        LobeDensity b;
+        b.t = T(2) * at_least(gs_exp(at_most(raw_sharpness, T(kLargestRawShape))), T(kSmallestSharpness));
+        b.a = gs_exp(at_most(raw_anisotropy, T(kLargestRawShape)));
+        b.s2 = at_least(v.x * v.x + v.y * v.y, T(kSmallestSine2));
+        b.q = v.x * v.x / b.s2;
+        // From the sine: 1 - v_z cancels on one side of the sphere, 1 + v_z on the other.
+        b.log_k = v.z >= T(0) ? gs_log1p(-b.s2 / (T(2) * (T(1) + v.z))) : gs_log(b.s2 / (T(2) * (T(1) - v.z)));
+        b.kappa = T(kExponentFloor) + b.a * b.q;
+        b.decay = gs_expm1((T(1) + b.kappa) * b.log_k);
+        const T norm = gs_sqrt(T(1) + b.a) * T(0.07957747154594767) * b.t / -gs_expm1(-b.t); // 1/(4 pi)
+        b.value = norm * gs_exp(b.kappa * b.log_k + b.t * b.decay);
+        return b;
+    }
+
+    /// d ln B / d kappa.
+    GS_HD T slope_kappa() const { return log_k * (T(1) + t * (T(1) + decay)); }
+    /// d ln B / d ln lambda, also at the limits of lambda.
+    GS_HD T slope_sharpness() const { return t * decay + T(1) - t / gs_expm1(t); }
+    /// d ln B / d ln a.
+    GS_HD T slope_anisotropy() const { return a * (q * slope_kappa() + T(0.5) / (T(1) + a)); }
+    /// d ln B / d v, one of many extensions off the sphere: only its tangential part means something. 1 - v_z^2 is taken as
+    /// v_x^2 + v_y^2, which keeps every term as small as their sum.
+    GS_HD Vec3<T> slope_direction(const Vec3<T>& v) const {
+        const bool cut = v.z < T(0) && s2 < T(kAntipodeSine2);
+        const T turn = cut ? T(0) : T(2) * a * (slope_kappa() / s2) * v.x * v.y / s2;
+        const T pull = cut ? T(0) : kappa * gs_exp(-log_k);
+        return {turn * v.y, -turn * v.x, T(0.5) * (pull + t * (T(1) + kappa) * gs_exp(kappa * log_k))};
+    }
+};
+
+}  // namespace gs::appearance

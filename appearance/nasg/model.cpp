@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "appearance/model_info.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "appearance/nasg/nasg.h"
+
+namespace gs::appearance {
+namespace {
+
+/// The rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its square. It depends on the scene's
+/// unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still trains.
+double lobe_rate(double camera_spacing) { return 0.0025 * std::clamp(std::pow(0.3536 / camera_spacing, 2), 1e-3, 1e3); }
+
+template <class Model> ModelInfo lobe_info(int num_lobes) {
+    ModelInfo m;
+    m.default_max_degree = m.max_degree_limit = num_lobes;
+    m.residual_width = [](int lobes) { return Model::kPerLobe * lobes; };
+    m.rates = [](int, const RateContext& context) {
+        // Constant to iteration 7000, then half a cosine that would reach 0 at 37 000.
+        const auto decaying = [](double rate) { return Schedule::cosine(rate, 7000, 37000, 0, 1); };
+        return AppearanceRates{decaying(0.00025), {decaying(lobe_rate(context.camera_spacing))}};
+    };
+    m.init_residual = [](int lobes, float* row) {
+        for (int lobe = 0; lobe < lobes; ++lobe, row += Model::kPerLobe) {
+            std::fill_n(row, 3, 0.0f);                    // every angle 90 degrees: the axis is +y
+            std::fill_n(row + 3, 2, float(std::log(0.5))); // sharpness and anisotropy 0.5
+            if (Model::kAmplitude == 6) row[5] = -1.6f;    // carrier frequency 1.57
+            std::fill_n(row + Model::kAmplitude, 3, 0.5f);
+        }
+    };
+    return m;
+}
+
+}  // namespace
+
+const ModelInfo& nasg_info() {
+    static const ModelInfo info = [] {
+        ModelInfo m = lobe_info<Nasg>(Nasg::kMaxResidual / Nasg::kPerLobe);
+        m.name = "nasg";
+        m.summary = "one normalized anisotropic spherical Gaussian";
+        return m;
+    }();
+    return info;
+}
+
+const ModelInfo& nasgabor_info() {
+    static const ModelInfo info = [] {
+        ModelInfo m = lobe_info<Nasgabor>(Nasgabor::kMaxResidual / Nasgabor::kPerLobe);
+        m.name = "nasgabor";
+        m.summary = "one normalized anisotropic spherical Gaussian with a cosine carrier";
+        return m;
+    }();
+    return info;
+}
+
+}  // namespace gs::appearance

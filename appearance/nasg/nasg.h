@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// NASG: normalized anisotropic spherical Gaussian lobes; NASGabor: the same with a cosine carrier.
+#pragma once
+
+#include "appearance/contract.h"
+#include "appearance/nasg/lobe.h"
+
+namespace gs::appearance {
+
+/// Largest angular frequency of the carrier is twice this.
+inline constexpr double kCarrierScale = 20;
+
+/// (1 + cos(k v_x))/2 with k = 20 (1 + tanh(raw)); without carrier 1.
+template <class T> struct Carrier {
+    T frequency, phase;
+    static GS_HD Carrier of(T raw, T v_x) {
+        const T k = T(2 * kCarrierScale) * sigmoid(T(2) * raw); // 1 + tanh(x) = 2 sigmoid(2x), without cancellation
+        return {k, k * v_x};
+    }
+    GS_HD T value() const { return T(0.5) + T(0.5) * gs_cos(phase); }
+    /// Derivative by k v_x.
+    GS_HD T slope() const { return T(-0.5) * gs_sin(phase); }
+};
+
+/// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude).
+/// Rows of one lobe: raw theta, phi, psi, sharpness, anisotropy, with a carrier raw frequency, raw amplitude (rgb).
+template <bool kWithCarrier, int kLobes = 1> struct NasgLobes {
+    static constexpr int kPerLobe = kWithCarrier ? 9 : 8, kAmplitude = kPerLobe - 3;
+    static constexpr int kMaxResidual = kLobes * kPerLobe;
+    static constexpr bool kDirectional = true;
+
+    template <class T> static GS_HD Vec3<T> amplitude(const T* raw) {
+        return {gs_tanh(raw[kAmplitude]), gs_tanh(raw[kAmplitude + 1]), gs_tanh(raw[kAmplitude + 2])};
+    }
+
+    template <class T> static GS_HD Vec3<T> residual(const T* params, const Vec3<T>& direction, int degree) {
+        Vec3<T> sum{T(0), T(0), T(0)};
+        GS_UNROLL
+        for (int lobe = 0; lobe < kLobes; ++lobe) {
+            if (lobe >= degree) break;
+            const T* raw = params + lobe * kPerLobe;
+            const Vec3<T> v = LobeFrame<T>::of(raw).local(direction);
+            T value = LobeDensity<T>::of(v, raw[3], raw[4]).value;
+            if constexpr (kWithCarrier) value = value * Carrier<T>::of(raw[5], v.x).value();
+            sum += amplitude(raw) * value;
+        }
+        return sum;
+    }
+
+    template <class T>
+    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
+                                        Vec3<T>& dL_ddirection) {
+        dL_ddirection = {T(0), T(0), T(0)};
+        GS_UNROLL
+        for (int lobe = 0; lobe < kLobes; ++lobe) {
+            if (lobe >= degree) break;
+            const T* raw = params + lobe * kPerLobe;
+            T* out = dL_dparams + lobe * kPerLobe;
+            const LobeFrame<T> frame = LobeFrame<T>::of(raw);
+            const Vec3<T> v = frame.local(direction);
+            const LobeDensity<T> density = LobeDensity<T>::of(v, raw[3], raw[4]);
+            const T g_density = dot(amplitude(raw), dL_dresidual) * density.value; // times the carrier: dL/d ln density
+            T carrier = T(1), dL_dphase_x = T(0);
+            if constexpr (kWithCarrier) {
+                const Carrier<T> c = Carrier<T>::of(raw[5], v.x);
+                carrier = c.value();
+                const T g_phase = g_density * c.slope();
+                dL_dphase_x = g_phase * c.frequency;
+                out[5] = g_phase * v.x * T(kCarrierScale) * tanh_derivative(raw[5]);
+            }
+            const T g = g_density * carrier, value = density.value * carrier;
+            out[3] = gradient_at_most(g * density.slope_sharpness(), raw[3], T(kLargestRawShape));
+            out[4] = gradient_at_most(g * density.slope_anisotropy(), raw[4], T(kLargestRawShape));
+            out[kAmplitude] = value * dL_dresidual.x * tanh_derivative(raw[kAmplitude]);
+            out[kAmplitude + 1] = value * dL_dresidual.y * tanh_derivative(raw[kAmplitude + 1]);
+            out[kAmplitude + 2] = value * dL_dresidual.z * tanh_derivative(raw[kAmplitude + 2]);
+            Vec3<T> g_local = density.slope_direction(v) * g;
+            g_local.x = g_local.x + dL_dphase_x;
+            frame.raw_gradient(raw, g_local, v, out);
+            dL_ddirection += frame.world(g_local);
+        }
+    }
+};
+
+using Nasg = NasgLobes<false>;
+using Nasgabor = NasgLobes<true>;
+
+}  // namespace gs::appearance
