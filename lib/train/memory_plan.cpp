@@ -9,6 +9,7 @@
 
 #include "appearance/model_info.h"
 #include "lib/core/bytes.h"
+#include "lib/train/choose_backend.h"
 
 namespace gs {
 
@@ -21,16 +22,17 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     }
     const double budget = double(parse_bytes(options.image_cache));
     const int floats = 3 + 3 + 4 + 1 + 3 + appearance_model(appearance.model).residual_width(appearance.max_degree);
-    // Parameter and two Adam moments, and what preprocessing keeps: splat 40, tile list and counts 8, depth key 8 bytes.
-    const double per_gaussian = 12.0 * floats + 56;
-    // Image, transmittance, gradient, target, nine SSIM derivative maps.
-    const double per_pixel = 4.0 * (3 + 1 + 3 + 3 + 9);
+    // Parameter and two Adam moments, and what a step keeps. CPU: splat 40, tile list and counts 8, depth key 8 bytes; image,
+    // transmittance, gradient, target, nine SSIM derivative maps. CUDA: as `gsapp bench` prints it.
+    const bool cuda = uses_cuda(options.device);
+    const double per_gaussian = 12.0 * floats + (cuda ? 104 : 56), per_pixel = cuda ? 60 : 4.0 * (3 + 1 + 3 + 3 + 9);
+    const int per_instance = (cuda ? 21 : 58) + (cuda && options.deterministic ? 288 : 0);
     const std::int64_t most = options.strategy == "none" ? num_gaussians : std::max(num_gaussians, options.cap_max);
     spdlog::info("memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for a view of {:.1f} Mpx, plus "
-                 "58 B per Gaussian-tile instance",
+                 "{} B per Gaussian-tile instance",
                  std::min(images, budget) / kMiB, images > budget ? " (all: " + std::to_string(std::int64_t(images / kMiB)) + " MiB, re-read beyond --image-cache)" : "",
                  num_gaussians, per_gaussian, per_gaussian * double(num_gaussians) / kMiB, per_gaussian * double(most) / kMiB, most, per_pixel * pixels / kMiB,
-                 pixels / 1e6);
+                 pixels / 1e6, per_instance);
     const double total = std::min(images, budget) + per_gaussian * double(most) + per_pixel * pixels;
     const double memory = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
     if (total > memory)
