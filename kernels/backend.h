@@ -52,6 +52,7 @@ struct StepRequest {
     bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm, per view in which a tile is touched
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
+    double shared_rate = 0;              ///< learning rate of the shared weights
 };
 
 /// What happened since the last call of `take_stats`.
@@ -77,6 +78,7 @@ struct MemoryUse {
 
 struct BackendOptions {
     bool deterministic = false;                      ///< fixed order of all sums: bitwise repeatable on one device, slower
+    bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, through memory; for comparison
     std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
 };
 

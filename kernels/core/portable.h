@@ -39,6 +39,8 @@ GS_HD float gs_sin(float x) { return ::sinf(x); }
 GS_HD double gs_sin(double x) { return ::sin(x); }
 GS_HD float gs_cos(float x) { return ::cosf(x); }
 GS_HD double gs_cos(double x) { return ::cos(x); }
+GS_HD void gs_sincos(float x, float& s, float& c) { ::sincosf(x, &s, &c); }
+GS_HD void gs_sincos(double x, double& s, double& c) { ::sincos(x, &s, &c); }
 GS_HD float gs_fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 GS_HD double gs_fma(double a, double b, double c) { return ::fma(a, b, c); }
 GS_HD float gs_floor(float x) { return ::floorf(x); }
