@@ -215,9 +215,11 @@ void add_rate_options(Table& table) {
     table.push_back({.key = "opacity-lr",
                      .field = &O::opacity_lr,
                      .group = group,
-                     .help = "rate of the opacity logits; 0: 0.05 with mcmc, 0.025 otherwise",
+                     .help = "rate of the opacity logits; 0: 0.05 with mcmc, 0.025 otherwise; auto: 0.025 to 0.05, the higher the "
+                             "farther apart the cameras are",
                      .min = 0,
-                     .max = 10});
+                     .max = 10,
+                     .nan_word = "auto"});
 }
 
 void add_densification_options(Table& table) {
