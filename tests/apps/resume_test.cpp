@@ -14,11 +14,14 @@ using test::Program;
 constexpr const char* kTrain = "train -s builtin:diffuse --device cpu -r 8 --iterations 1 ";
 
 /// Resumes the run in `folder` with other appearance options, which has to be refused in words that name file and both models.
-void expect_refusal(const Program& program, const std::string& folder, const std::string& options, const std::string& held, const std::string& asked) {
-    const std::string file = folder + "/checkpoints/iteration_1.safetensors", before = program.read(file), config = program.read(folder + "/config.yaml");
+void expect_refusal(const Program& program, const std::string& folder, const std::string& options, const std::string& held,
+                    const std::string& asked) {
+    const std::string file = folder + "/checkpoints/iteration_1.safetensors", before = program.read(file),
+                      config = program.read(folder + "/config.yaml");
     const Outcome outcome = program.run("train -m " + folder + " --resume latest --iterations 2 " + options);
     EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
-    for (const std::string& part : {file, "(" + held, "(" + asked}) EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " is not in\n" << outcome.err;
+    for (const std::string& part : {file, "(" + held, "(" + asked})
+        EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " is not in\n" << outcome.err;
     EXPECT_EQ(outcome.out, "");
     EXPECT_EQ(program.read(file), before);
     EXPECT_EQ(program.read(folder + "/config.yaml"), config);

@@ -20,7 +20,9 @@ class FakeBackend : public Backend {
         out.rgb.assign(3 * pixels, 0);
         out.alpha.assign(pixels, 1);
         const float blue = request.mode == RenderMode::kBaseOnly ? 0.2f : request.mode == RenderMode::kResidualOnly ? 0.5f : 0.0f;
-        for (std::size_t i = 0; i < pixels; ++i) out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y, out.rgb[2 * pixels + i] = blue;
+        for (std::size_t i = 0; i < pixels; ++i) {
+            out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y, out.rgb[2 * pixels + i] = blue;
+        }
     }
     void step(const StepRequest&) override {}
     StepStats take_stats() override { return {}; }

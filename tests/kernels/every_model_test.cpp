@@ -15,7 +15,8 @@
 namespace gs::test {
 namespace {
 
-constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
+                                            ColorActivation::kHardSigmoid};
 
 /// Whether phi has a kink near y: closer than a parameter that is moved by a finite difference's step can carry it.
 bool near_kink(ColorActivation activation, double y) {
@@ -25,7 +26,8 @@ bool near_kink(ColorActivation activation, double y) {
     return (low && std::abs(y + 0.5) < kMargin) || (high && std::abs(y - 0.5) < kMargin);
 }
 
-template <class Model> class EveryModel : public ::testing::Test {
+template <class Model>
+class EveryModel : public ::testing::Test {
   protected:
     const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
 

@@ -72,12 +72,15 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
     validate(o);
     std::vector<double> losses;
     TrainHooks hooks;
-    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) { return std::make_unique<WatchedBackend>(appearance, losses); };
+    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
+        return std::make_unique<WatchedBackend>(appearance, losses);
+    };
     Progress progress(ProgressStyle::kSilent);
     train(o, glossy_scene(), open_run(o), progress, hooks);
     ASSERT_EQ(losses.size(), kEpochs * kViews);
     // An epoch shows every view once, so that epochs compare.
-    const double first = std::accumulate(losses.begin(), losses.begin() + kViews, 0.0), last = std::accumulate(losses.end() - kViews, losses.end(), 0.0);
+    const double first = std::accumulate(losses.begin(), losses.begin() + kViews, 0.0),
+                 last = std::accumulate(losses.end() - kViews, losses.end(), 0.0);
     EXPECT_LT(last, 0.8 * first);
     const Gaussians trained = read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations)).state;
     for (int k = 0; k < kNumGroups; ++k) {
