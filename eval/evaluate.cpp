@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "eval/decompose.h"
 #include "eval/psnr.h"
 #include "eval/quantize.h"
 #include "kernels/core/error.h"
@@ -38,6 +39,20 @@ Pair render_pair(Backend& backend, const View& view, const Vec3<float>& backgrou
     return pair;
 }
 
+/// Renders the parts beside the full picture, writes them where pictures are wanted, and returns the residual's mean.
+double decompose(Backend& backend, const View& view, int index, const Vec3<float>& background, const EvalOptions& options) {
+    double residual_mean = 0;
+    for (const auto& [mode, name] : kPictureParts) {
+        if (mode == RenderMode::kFull) continue;
+        RenderedImage image;
+        backend.render(part_request(camera_params(view.camera), background, mode), image);
+        if (mode == RenderMode::kResidualOnly) residual_mean = mean_value(image);
+        if (!options.run_folder.empty())
+            write_image(RunFolder{options.run_folder}.picture_part(options.split, options.iteration, name, index), quantized_render(image));
+    }
+    return residual_mean;
+}
+
 void paste(const Image& from, Image& to, int left, int top) {
     for (int y = 0; y < from.height; ++y) {
         std::copy_n(&from.u8[std::size_t(y) * from.width * 3], std::size_t(from.width) * 3,
@@ -51,11 +66,16 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
     if (views.empty())
         throw UsageError(fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
     EvalResult result;
+    if (options.decompose) result.residual_mean = 0;
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Pair pair = render_pair(backend, views[i], background);
         result.views.push_back(
             {views[i].name, psnr(pair.render, pair.truth), ssim(pair.render, pair.truth, options.ssim_border), pair.render_seconds});
-        const ViewScore& score = result.views.back();
+        ViewScore& score = result.views.back();
+        if (options.decompose) {
+            score.residual_mean = decompose(backend, views[i], int(i), background, options);
+            *result.residual_mean += *score.residual_mean / double(views.size());
+        }
         result.psnr += score.psnr / double(views.size());
         result.ssim += score.ssim / double(views.size());
         result.render_seconds += score.render_seconds;

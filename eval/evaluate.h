@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct EvalOptions {
     std::filesystem::path run_folder;  ///< pictures go to <run>/<split>/ours_<iteration>/{renders,gt}; empty = none are written
     std::int64_t iteration = 0;
     std::string split = "test";
+    bool decompose = false;  ///< also render base and residual of each view; pictures go beside renders, to {base,residual}
 };
 
 struct ViewScore {
@@ -24,12 +26,14 @@ struct ViewScore {
     double psnr = 0;   ///< dB; infinity for identical images
     double ssim = 0;
     double render_seconds = 0;
+    std::optional<double> residual_mean = {};  ///< mean_value of the residual picture, when decomposed
 };
 
 struct EvalResult {
     std::vector<ViewScore> views;
     double psnr = 0, ssim = 0;  ///< means over views
-    double render_seconds = 0;  ///< sum over views, without loading, metrics and writing
+    double render_seconds = 0;  ///< sum over views, without loading, metrics, writing and decomposition
+    std::optional<double> residual_mean = {};  ///< mean over views, when decomposed
 };
 
 /// Renders each view at the size of its camera, quantises render and photograph to 8 bits and compares these (protocol:

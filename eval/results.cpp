@@ -53,18 +53,21 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
     timing["render_seconds"] = result.render_seconds;
     if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
+    if (result.residual_mean) section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};
     section(results, "num_gaussians")[key] = facts.num_gaussians;
     section(results, "run")[key] = {{"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}};
 
     Json per_view = existing(folder.per_view());
-    Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object();
+    Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object(), residuals = Json::object();
     for (std::size_t i = 0; i < result.views.size(); ++i) {
         const std::string file = folder.render(options.split, options.iteration, int(i)).filename().string();
         scores["SSIM"][file] = result.views[i].ssim;
         scores["PSNR"][file] = finite_or_null(result.views[i].psnr);
         names[file] = result.views[i].name;
+        if (result.views[i].residual_mean) residuals[file] = finite_or_null(*result.views[i].residual_mean);
     }
     per_view[key] = scores;
+    if (result.residual_mean) section(per_view, "decomposition")[key] = {{"residual_mean", residuals}};
     section(per_view, "image_names")[key] = names;
     write_text_atomic(folder.per_view(), per_view.dump(1) + "\n");
     write_text_atomic(folder.results(), results.dump(1) + "\n");

@@ -26,8 +26,11 @@ struct RunFacts {
 
 /// Adds iteration `options.iteration` to results.json and per_view.json and keeps what they hold of other iterations:
 ///   {"ours_N": {"SSIM": .., "PSNR": ..}, "protocol": {"ours_N": {..}}, "timing": {"ours_N": {..}},
-///    "memory": {"ours_N": {..}}, "num_gaussians": {"ours_N": ..}, "run": {"ours_N": {..}}}
-///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}}, "image_names": {"ours_N": {"00000.png": ..}}}
+///    "memory": {"ours_N": {..}}, "decomposition": {"ours_N": {"residual_mean": ..}}, "num_gaussians": {"ours_N": ..},
+///    "run": {"ours_N": {..}}}
+///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}}, "decomposition": {"ours_N": {"residual_mean": {"00000.png": ..}}},
+///    "image_names": {"ours_N": {"00000.png": ..}}}
+/// "decomposition" is there once a view was decomposed.
 /// JSON knows no infinity: a PSNR of identical images is written as null. Atomic per file. Throws DataError when an
 /// existing file is no JSON object or cannot be written.
 void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts);

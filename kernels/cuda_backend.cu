@@ -145,7 +145,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     if (!sizes.for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
-    if (kernels_.shared.count > 0) shared_sums_ = c.take<float>(std::size_t(kernels_.shared.max_blocks()) * std::size_t(kernels_.shared.count));
+    if (kernels_.shared.count > 0) shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) * std::size_t(kernels_.shared.count));
     if (options_.separate_appearance && kernels_.directional) {
         separate_.dL_dresiduals = c.take<float>(std::size_t(sizes.n) * model_.width[int(Group::kResidual)]);
         separate_.dL_dmeans = c.take<Vec3<float>>(sizes.n);

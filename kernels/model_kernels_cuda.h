@@ -54,7 +54,7 @@ struct ModelKernels {
         int count = 0;          ///< weights that all Gaussians share
         int prepared_words = 0; ///< what the kernels read of them, 4-byte words, initially 0
         void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
-        int (*max_blocks)() = nullptr; ///< rows of SharedArgs::sums
+        int gaussians_per_sum = 0; ///< that a row of SharedArgs::sums is for
     } shared;
 };
 

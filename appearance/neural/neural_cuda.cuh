@@ -117,8 +117,8 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         put(prepared, backward_matrix(layer), layer == 0 ? kInColumns : kColumns, column, from, w);
     }
 
-    __device__ void add_sums(float* sums, bool first) const {
-        const auto add = [&](int at, float x) { sums[at] = first ? x : sums[at] + x; };
+    __device__ void add_sums(float* sums) const {
+        const auto add = [&](int at, float x) { sums[at] += x; };
         const int pair = 2 * (lane() & 3);
 #pragma unroll
         for (int m = 0; m < kTiles; ++m) {

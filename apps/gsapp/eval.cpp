@@ -19,13 +19,15 @@ struct EvalArguments {
     std::string format = "markdown";
     std::string ssim_border = "valid";
     bool skip_render = false;
+    bool decompose = false;
 };
 
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border) {
+void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, bool decompose) {
     SavedRun run = open_saved_run(folder, iteration);
     spdlog::info("{}: iteration {}, {} Gaussians, {} test views", folder, run.iteration, run.backend->count(), run.scene.test.size());
-    const EvalOptions options{border, run.folder, run.iteration, "test"};
+    const EvalOptions options{border, run.folder, run.iteration, "test", decompose};
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
+    if (result.residual_mean) spdlog::info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
     write_results(RunFolder{run.folder}, options, result, run_facts(run.options, run.scene, run.background, run.backend->count()));
 }
 
@@ -36,7 +38,7 @@ void run_eval(const EvalArguments& arguments) {
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, border);
+        if (!arguments.skip_render) evaluate_run(run, iteration, border, arguments.decompose);
         rows.push_back(read_table_row(run, iteration));
     }
     const auto other =
@@ -58,7 +60,9 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_option("--format", arguments->format, "Table as markdown, csv or latex")->capture_default_str();
     command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
         ->capture_default_str();
-    command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
+        ->excludes(skip);
     command->callback([arguments, &selected] { selected = [arguments] { run_eval(*arguments); }; });
 }
 

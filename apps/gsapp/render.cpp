@@ -8,6 +8,7 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/camera_path.h"
+#include "eval/decompose.h"
 #include "eval/quantize.h"
 #include "eval/saved_run.h"
 #include "kernels/core/error.h"
@@ -20,6 +21,7 @@ struct RenderArguments {
     std::string run, views = "test", path, output;
     int orbit = 0;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
+    bool decompose = false;
 };
 
 std::vector<Camera> wanted_cameras(const RenderArguments& arguments, const Scene& scene) {
@@ -42,15 +44,17 @@ void run_render(const RenderArguments& arguments) {
     const std::vector<Camera> cameras = wanted_cameras(arguments, run.scene);
     const std::filesystem::path folder = arguments.output.empty() ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
                                                                   : std::filesystem::path(arguments.output);
-    RenderRequest request;
-    request.background = run.background;
     RenderedImage image;
     for (std::size_t i = 0; i < cameras.size(); ++i) {
-        request.camera = camera_params(cameras[i]);
-        run.backend->render(request, image);
-        write_image(folder / fmt::format("{:05}.png", i), quantized_render(image));
+        const std::string file = fmt::format("{:05}.png", i);
+        for (const auto& [mode, name] : kPictureParts) {
+            if (!arguments.decompose && mode != RenderMode::kFull) continue;
+            run.backend->render(part_request(camera_params(cameras[i]), run.background, mode), image);
+            write_image(arguments.decompose ? folder / name / file : folder / file, quantized_render(image));
+        }
     }
-    spdlog::info("{} pictures in {}", cameras.size(), folder.string());
+    const char* what = arguments.decompose ? "pictures, each with base and residual," : "pictures";
+    spdlog::info("{} {} in {}", cameras.size(), what, folder.string());
 }
 
 }  // namespace
@@ -70,6 +74,8 @@ void add_render_command(CLI::App& app, Command& selected) {
     command->add_option("--iteration", arguments->iteration, "Saved iteration to render (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_option("-o,--output", arguments->output, "Folder for the pictures (default: RUN/renders/iteration_N)");
+    command->add_flag("--decompose", arguments->decompose,
+                      "Also the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
     command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
 }
 

@@ -3,15 +3,13 @@
 // with the appearance in kernels of its own, for comparison.
 #pragma once
 
-#include <algorithm>
-
 #include "kernels/model_kernels_cuda.h"
 #include "kernels/preprocess/appearance_cuda.cuh"
 #include "kernels/preprocess/rows_cuda.cuh"
 
 namespace gs {
 
-inline constexpr int kForwardBlock = 128, kUpdateBlock = 64;
+inline constexpr int kForwardBlock = 128;
 
 /// The tiles a lane's splat reaches. Up to 32 candidates each lane looks at its own; the rows of larger ones are shared by
 /// the warp.
@@ -196,137 +194,134 @@ __device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, c
     return is_finite(out);
 }
 
-/// What the warps of a block add to the gradient of the shared weights.
-template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, float* block, float* out) {
-    constexpr int kShared = kNumSharedOf<Model>;
-    for (int warp = 0; warp < kUpdateBlock / 32; ++warp) {
-        if (int(threadIdx.x) >> 5 == warp) appearance.add_sums(block, warp == 0);
-        __syncthreads();
-    }
-    for (int k = threadIdx.x; k < kShared; k += kUpdateBlock) out[k] = block[k];
+/// Gaussians of a block of the backward pass. With shared weights many, since each block writes a row of sums: as many as shared
+/// memory has room for.
+template <class Model> constexpr int update_block() {
+    if constexpr (kNumSharedOf<Model> == 0) return 64;
+    return 8 * int(sizeof(typename WarpAppearance<Model>::Memory) + 2 * sizeof(RowMemory<Model>)) + 4 * kNumSharedOf<Model> <= 47 * 1024 ? 256 : 128;
 }
+/// Blocks that a multiprocessor should hold: 16 warps at least, with 128 registers; 18 with 113.
+template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> > 0 ? 512 / update_block<Model>() : 9; }
 
-/// Gaussians of a block: one after another where a block adds up the gradient of shared weights, else one lot.
-template <bool kAddsUp, class Fn> __device__ void for_each_lot(std::int64_t count, Fn fn) {
-    const std::int64_t first = std::int64_t(blockIdx.x) * kUpdateBlock + threadIdx.x;
-    if constexpr (kAddsUp) {
-        for (std::int64_t i = first; i - threadIdx.x < count; i += std::int64_t(gridDim.x) * kUpdateBlock) fn(i);
-    } else {
-        fn(first);
+/// What the warps of a block add to the gradient of the shared weights, by their order.
+template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, float* block, float* out) {
+    constexpr int kShared = kNumSharedOf<Model>;
+    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) block[k] = 0;
+    for (int warp = 0; warp < update_block<Model>() / 32; ++warp) {
+        __syncthreads();
+        if (int(threadIdx.x) >> 5 == warp && any) appearance.add_sums(block);
     }
+    __syncthreads();
+    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) out[k] = block[k];
 }
 
 /// The separate pass: gradients of the residual parameters, of the means through the direction, and of the shared weights.
 template <class Model>
-__global__ void __launch_bounds__(kUpdateBlock, kNumSharedOf<Model> > 0 ? 8 : 9)
+__global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
     appearance_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, StepControl* __restrict__ control) {
-    constexpr int kShared = kNumSharedOf<Model>;
-    __shared__ RowMemory<Model> memory[kUpdateBlock / 32];
-    __shared__ typename WarpAppearance<Model>::Memory scratch[kUpdateBlock / 32];
-    __shared__ alignas(16) float all_gradients[kUpdateBlock / 32][32 * RowMemory<Model>::kWidth];
+    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
+    __shared__ RowMemory<Model> memory[kWarps];
+    __shared__ typename WarpAppearance<Model>::Memory scratch[kWarps];
+    __shared__ alignas(16) float all_gradients[kWarps][32 * RowMemory<Model>::kWidth];
     __shared__ float shared_sums[kShared > 0 ? kShared : 1];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
-    float* gradients = all_gradients[warp];
+    const bool visible = i < a.params.count && counts[i] > 0;
+    const unsigned seen = __ballot_sync(~0u, visible);
     WarpAppearance<Model> appearance(scratch[warp], a.shared.prepared);
-    for_each_lot<(kShared > 0)>(a.params.count, [&](std::int64_t i) {
-        const bool visible = i < a.params.count && counts[i] > 0;
-        const unsigned mask = __ballot_sync(~0u, visible);
-        if (!mask) return;
-        memory[warp].load(a, i - lane, mask, visible ? a.lazy.lag(i) : 0);
+    if (seen) {
+        float *parameters = memory[warp].rows, *gradients = all_gradients[warp];
+        memory[warp].load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
         const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
-        const Vec3<float> residual = appearance.residual(memory[warp].rows, width, direction.unit, a.degree, visible);
+        const Vec3<float> residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
         Vec3<float> dL_dy{0, 0, 0}, dL_ddirection;
         const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), dL_dy);
-        appearance.backward(memory[warp].rows, width, direction.unit, a.degree, finite, dL_dy, gradients, dL_ddirection);
+        appearance.backward(parameters, width, direction.unit, a.degree, finite, dL_dy, gradients, dL_ddirection);
         if (visible) a.separate.dL_dmeans[i] = direction_pullback(direction, dL_ddirection);
         __syncwarp();
-        store_rows(mask, width, memory[warp].list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
-    });
-    if constexpr (kShared > 0) store_shared_sums<Model>(appearance, shared_sums, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        store_rows(seen, width, memory[warp].list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
+    }
+    if constexpr (kShared > 0) store_shared_sums<Model>(appearance, seen, shared_sums, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
 /// kFused: with the gradients of the appearance. Otherwise they are where appearance_backward left them.
 template <class Model, bool kFused>
-__global__ void __launch_bounds__(kUpdateBlock, kFused && kNumSharedOf<Model> > 0 ? 8 : 9)
+__global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
     preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
                         StepControl* __restrict__ control) {
-    constexpr int kShared = kFused ? kNumSharedOf<Model> : 0;
-    __shared__ RowMemory<Model> memory[kUpdateBlock / 32];
-    __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kUpdateBlock / 32 : 1];
-    __shared__ alignas(16) float all_gradients[kUpdateBlock / 32][32 * RowMemory<Model>::kWidth];
-    __shared__ float decays[kUpdateBlock / 32][2][32]; // of the moments m and v of a row that has missed steps
+    constexpr int kShared = kFused ? kNumSharedOf<Model> : 0, kWarps = update_block<Model>() / 32;
+    __shared__ RowMemory<Model> memory[kWarps];
+    __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kWarps : 1];
+    __shared__ alignas(16) float all_gradients[kWarps][32 * RowMemory<Model>::kWidth];
+    __shared__ float decays[kWarps][2][32]; // of the moments m and v of a row that has missed steps
     __shared__ float shared_sums[kShared > 0 ? kShared : 1];
     if (control->stopped) return;
+    const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     if (!isfinite(control->l1 + control->ssim)) { // a skipped step moves nothing, residuals that are behind no more than others
-        for_each_lot<(kShared > 0)>(a.params.count, [&](std::int64_t i) {
-            if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
-        });
+        if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
     const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 there is no gradient
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     float *parameters = memory[warp].rows, *gradients = all_gradients[warp], *decay_m = decays[warp][0], *decay_v = decays[warp][1];
+    const unsigned seen = with_residual ? __ballot_sync(~0u, visible) : 0;
+    unsigned rows = 0, stale = 0;
+    GaussianGradient<float> gradient{};
+    Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
     WarpAppearance<Model> appearance(scratch[kFused ? warp : 0], a.shared.prepared);
-    for_each_lot<(kShared > 0)>(a.params.count, [&](std::int64_t i) {
-        const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
-        unsigned rows = 0, stale = 0;
-        GaussianGradient<float> gradient{};
-        Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
-        bool finite = visible;
-        if (with_residual) {
-            const unsigned seen = __ballot_sync(~0u, visible);
-            rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, valid) : seen;
-            const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
-            __syncwarp(); // the lot before is done with its rows
-            if (rows) {
-                stale = memory[warp].load(a, i - lane, rows, lag);
-                for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
-            }
-            if (stale) decay_m[lane] = first_moment_decay(lag), decay_v[lane] = second_moment_decay(lag);
-            __syncwarp();
-            if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
-            if (seen) {
-                if constexpr (kFused) {
-                    const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
-                    residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
-                    if (visible) finite = color_gradient(a, i, residual, sums[i].sums(), gradient.base);
-                    Vec3<float> dL_ddirection;
-                    appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients, dL_ddirection);
-                    dL_dmean = direction_pullback(direction, dL_ddirection);
-                } else {
-                    load_rows(seen, width, memory[warp].list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
-                    if (visible) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
-                }
+    if (with_residual) {
+        rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, valid) : seen;
+        const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
+        if (rows) {
+            stale = memory[warp].load(a, i - lane, rows, lag);
+            for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+        }
+        if (stale) decay_m[lane] = first_moment_decay(lag), decay_v[lane] = second_moment_decay(lag);
+        __syncwarp();
+        if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
+        if (seen) {
+            if constexpr (kFused) {
+                const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+                residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
+                const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
+                Vec3<float> dL_ddirection;
+                appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients, dL_ddirection);
+                dL_dmean = direction_pullback(direction, dL_ddirection);
+            } else {
+                load_rows(seen, width, memory[warp].list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
+                if (visible) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
             }
         }
-        if (valid) {
-            if (visible) {
-                const SplatSums<float> s = sums[i].sums();
-                if (!(kFused && with_residual)) finite = color_gradient(a, i, residual, s, gradient.base);
-                geometry_backward(a.params.geometry(i), a.camera, s, gradient);
-                gradient.geometry.mean += dL_dmean;
-                if (!drop_nonfinite(gradient, gradients + lane * width, width)) atomicAdd(&control->num_nonfinite, 1u);
-            }
-            update_gaussian(arrays, update, i, gradient);
+    }
+    if (valid) {
+        if (visible) {
+            const SplatSums<float> s = sums[i].sums();
+            if (!(kFused && with_residual)) color_gradient(a, i, residual, s, gradient.base);
+            geometry_backward(a.params.geometry(i), a.camera, s, gradient);
+            gradient.geometry.mean += dL_dmean;
+            if (!drop_nonfinite(gradient, gradients + lane * width, width)) atomicAdd(&control->num_nonfinite, 1u);
         }
-        if (!rows) return;
+        update_gaussian(arrays, update, i, gradient);
+    }
+    if (rows) {
         __syncwarp();
         constexpr int k = int(Group::kResidual);
         const std::int64_t first = (i - lane) * width;
         float *p = arrays.param[k] + first, *m = arrays.m[k] + first, *v = arrays.v[k] + first;
         if (rows == ~0u && !stale && !update.per_column) {
             update_all_rows(width, parameters, gradients, update.steps[k], p, m, v);
-            return;
+        } else {
+            if (!stale) decay_m[lane] = decay_v[lane] = 1;
+            update_rows(rows, width, memory[warp].list, parameters, gradients, decay_m, decay_v, update, p, m, v);
         }
-        if (!stale) decay_m[lane] = decay_v[lane] = 1;
-        update_rows(rows, width, memory[warp].list, parameters, gradients, decay_m, decay_v, update, p, m, v);
-    });
+    }
     if constexpr (kShared > 0) {
-        if (with_residual) store_shared_sums<Model>(appearance, shared_sums, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        if (with_residual) store_shared_sums<Model>(appearance, seen, shared_sums, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
     }
 }
 
@@ -375,35 +370,21 @@ void launch_preprocess(const PreprocessArgs& args, PackedSplat* splats, const Cu
     GS_CUDA_LAUNCHED("evaluate_colors");
 }
 
-/// Blocks that the kernels with shared weights run: as many as the device holds at a time.
-template <class Model> int shared_blocks() {
-    static const int blocks = [] {
-        int device = 0, multiprocessors = 0, fused = 0, separate = 0;
-        GS_CUDA(cudaGetDevice(&device));
-        GS_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device));
-        GS_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&fused, preprocess_backward<Model, true>, kUpdateBlock, 0));
-        GS_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&separate, appearance_backward<Model>, kUpdateBlock, 0));
-        return multiprocessors * std::max(fused, separate);
-    }();
-    return blocks;
-}
-
 template <class Model>
 void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums, const ModelArrays& arrays, const UpdateArgs& update,
                    StepControl* control, cudaStream_t stream) {
-    const unsigned all = num_blocks(args.params.count, kUpdateBlock);
-    unsigned blocks = all;
-    if constexpr (kNumSharedOf<Model> > 0) blocks = std::min(all, unsigned(shared_blocks<Model>()));
+    constexpr int kBlock = update_block<Model>();
+    const unsigned blocks = num_blocks(args.params.count, kBlock);
     const bool with_residual = Model::kMaxResidual > 0 && args.degree > 0;
     if (!args.separate.residuals) {
-        preprocess_backward<Model, true><<<blocks, kUpdateBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
+        preprocess_backward<Model, true><<<blocks, kBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
         GS_CUDA_LAUNCHED("preprocess_backward");
     } else {
         if (with_residual) {
-            appearance_backward<Model><<<blocks, kUpdateBlock, 0, stream>>>(args, counts, sums, control);
+            appearance_backward<Model><<<blocks, kBlock, 0, stream>>>(args, counts, sums, control);
             GS_CUDA_LAUNCHED("appearance_backward");
         }
-        preprocess_backward<Model, false><<<all, kUpdateBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
+        preprocess_backward<Model, false><<<blocks, kBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
         GS_CUDA_LAUNCHED("preprocess_backward");
     }
     if constexpr (kNumSharedOf<Model> > 0) {
@@ -421,7 +402,7 @@ template <class Model> void launch_prepare(const float* weights, unsigned* prepa
 
 template <class Model> ModelKernels model_kernels() {
     ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, {}};
-    if constexpr (kNumSharedOf<Model> > 0) kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>, &shared_blocks<Model>};
+    if constexpr (kNumSharedOf<Model> > 0) kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>, update_block<Model>()};
     return kernels;
 }
 

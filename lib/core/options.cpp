@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/fmt/ranges.h>
@@ -119,7 +120,10 @@ std::vector<std::string> option_groups() {
 std::string option_range(const Option& option) {
     if (!option.values.empty()) return option.values;
     if (!option.choices.empty()) return fmt::format("{}", fmt::join(option.choices, ", "));
-    if (option.min && option.max) return fmt::format("{}..{}", number_text(*option.min), number_text(*option.max));
+    if (option.min && option.max) {
+        const std::string word = option.nan_word.empty() ? "" : " or " + option.nan_word;
+        return fmt::format("{}..{}{}", number_text(*option.min), number_text(*option.max), word);
+    }
     return "true or false";
 }
 
@@ -134,6 +138,8 @@ std::string option_text(const Option& option, const TrainOptions& options) {
                 return value ? "true" : "false";
             else if constexpr (is_list<T>)
                 return fmt::format("[{}]", fmt::join(value, ", "));
+            else if constexpr (std::is_same_v<T, double>)
+                return std::isnan(value) ? option.nan_word : number_text(value);
             else
                 return number_text(value);
         },
@@ -151,6 +157,12 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
                 field = list;
             } else {
                 if (values.size() != 1) throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
+                if constexpr (std::is_same_v<T, double>) {
+                    if (!option.nan_word.empty() && values.front() == option.nan_word) {
+                        field = std::numeric_limits<double>::quiet_NaN();
+                        return;
+                    }
+                }
                 parse_into(field, values.front(), where);
             }
         },

@@ -26,6 +26,7 @@ struct Option {
     std::string help;                            ///< what it does, one sentence
     std::string unit = {};                       ///< empty for pure numbers and words
     std::optional<double> min = {}, max = {};    ///< of numbers, inclusive; of each element of a list
+    std::string nan_word = {};                   ///< of doubles: a word that may stand in place of a number, stored as NaN
     std::vector<std::string> choices = {};       ///< of words; empty = see `values`
     std::string values = {};                     ///< allowed values in words, where neither range nor choices say it
     std::vector<std::string> names = {};         ///< further spellings shown in the help ("-s", "--output")
@@ -39,7 +40,7 @@ const std::vector<Option>& train_option_table();
 /// Headings in the order of the table.
 std::vector<std::string> option_groups();
 
-/// "1..8", "relu, softplus", ...: the allowed values of an option in words.
+/// "1..8", "0..10 or auto", "relu, softplus", ...: the allowed values of an option in words.
 std::string option_range(const Option& option);
 
 /// The value of `option` in `options` as it is written in YAML and shown in help ("true", "0.2", "[7000, 30000]").

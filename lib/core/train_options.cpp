@@ -114,6 +114,10 @@ void add_run_options(Table& table) {
                      .field = &O::deterministic,
                      .group = group,
                      .help = "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; the CPU always does"});
+    table.push_back({.key = "separate-appearance",
+                     .field = &O::separate_appearance,
+                     .group = group,
+                     .help = "on the GPU: evaluate appearance in kernels of its own instead of within projection and update; slower, to compare and to check"});
     table.push_back({.key = "test-iterations",
                      .field = &O::test_iterations,
                      .group = group,
@@ -215,9 +219,11 @@ void add_rate_options(Table& table) {
     table.push_back({.key = "opacity-lr",
                      .field = &O::opacity_lr,
                      .group = group,
-                     .help = "rate of the opacity logits; 0: 0.05 with mcmc, 0.025 otherwise",
+                     .help = "rate of the opacity logits; 0: 0.05 with mcmc, 0.025 otherwise; auto: 0.025 to 0.05, the higher the "
+                             "farther apart the cameras are",
                      .min = 0,
-                     .max = 10});
+                     .max = 10,
+                     .nan_word = "auto"});
 }
 
 void add_densification_options(Table& table) {

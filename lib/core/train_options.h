@@ -29,6 +29,7 @@ struct TrainOptions {
     std::uint64_t seed = 0;
     std::string device = "auto";          ///< auto | cpu | cuda
     int threads = 0;                      ///< 0 = all cores
+    bool separate_appearance = false;     ///< GPU only: appearance in kernels of its own
     bool deterministic = false;           ///< GPU only: fixed order of all sums
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
     std::int64_t preview_every = 0;       ///< 0 = off
@@ -47,7 +48,7 @@ struct TrainOptions {
     double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
     std::int64_t position_lr_max_steps = 30000;
     double scaling_lr = 0.005, rotation_lr = 0.001;
-    double opacity_lr = 0;                ///< 0 = 0.05 with mcmc, 0.025 with adc
+    double opacity_lr = 0;                ///< 0 = 0.05 with mcmc, 0.025 with adc; NaN = auto, from the camera spacing
     // Densification
     std::string strategy = "mcmc";        ///< mcmc | adc | none
     std::int64_t cap_max = 1000000;

@@ -78,7 +78,7 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* split : {"test", "train"}) {
         for (const auto& [n, path] : list_numbered(folder.root / split, "ours_", "")) {
             if (n <= after) continue;
-            for (const char* kind : {"renders", "gt"}) {
+            for (const char* kind : {"renders", "gt", "base", "residual"}) {
                 for (const auto& [index, image] : list_numbered(path / kind, "", ".png")) remove_file(image);
                 remove_if_empty(path / kind);
             }
@@ -103,7 +103,7 @@ std::string quoted(const std::string& text) {
     return out + "'";
 }
 
-fs::path view_image(const fs::path& root, const std::string& split, std::int64_t iteration, const char* kind, int index) {
+fs::path view_image(const fs::path& root, const std::string& split, std::int64_t iteration, const std::string& kind, int index) {
     return root / split / fmt::format("ours_{}", iteration) / kind / fmt::format("{:05}.png", index);
 }
 
@@ -125,6 +125,10 @@ fs::path RunFolder::render(const std::string& split, std::int64_t iteration, int
 
 fs::path RunFolder::ground_truth(const std::string& split, std::int64_t iteration, int index) const {
     return view_image(root, split, iteration, "gt", index);
+}
+
+fs::path RunFolder::picture_part(const std::string& split, std::int64_t iteration, const std::string& part, int index) const {
+    return view_image(root, split, iteration, part, index);
 }
 
 void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration) {

@@ -30,6 +30,8 @@ struct RunFolder {
     /// "test" or "train" views of an iteration: <split>/ours_N/renders/00007.png and .../gt/00007.png
     std::filesystem::path render(const std::string& split, std::int64_t iteration, int index) const;
     std::filesystem::path ground_truth(const std::string& split, std::int64_t iteration, int index) const;
+    /// Beside these the parts of the render: <split>/ours_N/base/00007.png and .../residual/00007.png
+    std::filesystem::path picture_part(const std::string& split, std::int64_t iteration, const std::string& part, int index) const;
 };
 
 /// Makes the folder ready before any work is spent: creates it, proves that files can be written, and protects earlier

@@ -11,7 +11,7 @@ namespace gs {
 bool uses_cuda(const std::string& device) { return device == "cuda" || (device == "auto" && cuda_available()); }
 
 BackendOptions backend_options(const TrainOptions& options) {
-    return {.deterministic = options.deterministic, .image_budget = std::int64_t(parse_bytes(options.image_cache))};
+    return {.deterministic = options.deterministic, .separate_appearance = options.separate_appearance, .image_budget = std::int64_t(parse_bytes(options.image_cache))};
 }
 
 std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {

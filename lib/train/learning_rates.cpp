@@ -4,13 +4,16 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace gs {
 namespace {
 
+/// The spacing, in world units, at which rates that depend on it have their plain values.
+constexpr double kNeutral = 0.3536;
+
 /// The camera spacing decides some models' rates, in the scene's unit: worth seeing where a scene trains oddly.
-AppearanceRates appearance_rates(const AppearanceSpec& appearance, const Scene& scene) {
-    const double spacing = camera_spacing(scene.train);
+AppearanceRates appearance_rates(const AppearanceSpec& appearance, double spacing) {
     AppearanceRates rates = appearance_model(appearance.model).rates(appearance.max_degree, {spacing});
     double residual = 0;
     for (const Schedule& column : rates.residual) residual = std::max(residual, column.initial);
@@ -28,9 +31,13 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
                                   double(options.position_lr_max_steps))),
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
-      opacities_(Schedule::constant(options.opacity_lr)),
-      appearance_(appearance_rates(appearance, scene)),
-      noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {}
+      noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {
+    const double spacing = camera_spacing(scene.train);
+    const double opacity = opacity_rate(options.opacity_lr, spacing);
+    if (std::isnan(options.opacity_lr)) spdlog::info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacity, spacing);
+    opacities_ = Schedule::constant(opacity);
+    appearance_ = appearance_rates(appearance, spacing);
+}
 
 void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {
     const double t = double(iteration + 1);
@@ -50,8 +57,13 @@ void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {
     request.noise = float(noise_ * means_.at(t));
 }
 
+double opacity_rate(double opacity_lr, double camera_spacing) {
+    if (!std::isnan(opacity_lr)) return opacity_lr;
+    return std::clamp(0.025 * std::pow(kNeutral / camera_spacing, -0.6), 0.025, 0.05);
+}
+
 double camera_spacing(const std::vector<View>& views) {
-    constexpr double kNeutral = 0.3536, kSmallest = 1e-6;
+    constexpr double kSmallest = 1e-6;
     if (views.size() < 2) return kNeutral;
     double sum = 0;
     std::vector<double> distances;

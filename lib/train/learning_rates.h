@@ -23,6 +23,10 @@ class LearningRates {
     double noise_ = 0;
 };
 
+/// Rate of the opacity logits: `opacity_lr`, or where that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras `camera_spacing` = d
+/// apart, kept in 0.025..0.05: close to the default of ADC in dense captures, to that of MCMC in sparse ones.
+double opacity_rate(double opacity_lr, double camera_spacing);
+
 /// Mean distance of a training camera to its 3 nearest neighbours, world units, at least 1e-6; 0.3536 (the distance that
 /// leaves rates as they are) for a single camera.
 double camera_spacing(const std::vector<View>& views);

@@ -159,7 +159,6 @@ class Run {
     }
 
     void resume(Checkpoint checkpoint) {
-        require_same_appearance(checkpoint.state.appearance, appearance_, folder_.root.string());
         if (checkpoint.seed != options_.seed)
             spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
@@ -337,7 +336,9 @@ AppearanceSpec appearance_spec(const TrainOptions& options) {
 RunStart open_run(const TrainOptions& options) {
     RunStart start{RunFolder{options.model}, std::nullopt};
     if (!options.resume.empty()) {
-        start.checkpoint = read_checkpoint(options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume));
+        const auto file = options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+        start.checkpoint = read_checkpoint(file);
+        require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
         prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);
     } else {
         prepare_run_folder(start.folder, options.overwrite);

@@ -22,7 +22,8 @@ struct RunStart {
 };
 
 /// Everything that can be refused before time is spent on loading a scene: reads the checkpoint that `resume` names,
-/// prepares the folder `options.model`. Throws UsageError or DataError.
+/// prepares the folder `options.model`. Throws DataError, or UsageError, also for a checkpoint of another appearance than the
+/// options name; the folder is then as it was.
 RunStart open_run(const TrainOptions& options);
 
 struct TrainHooks {

@@ -196,7 +196,7 @@ TEST(Contract, ColourActivationsMatchTheTable) {
 }
 
 TEST(Registry, ListsModelsAndRejectsUnknownOnes) {
-    ASSERT_GE(appearance_models().size(), 2u);
+    ASSERT_FALSE(appearance_models().empty());
     for (const ModelInfo* m : appearance_models()) {
         EXPECT_EQ(&appearance_model(m->name), m);
         EXPECT_FALSE(m->summary.empty());

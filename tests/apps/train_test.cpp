@@ -38,6 +38,27 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
     EXPECT_GT(results["timing"]["ours_20"]["train_seconds"], 0.0);
 }
 
+TEST(Render, DecomposeWritesFullBaseAndResidual) {
+    const Program program;
+    // SV's residual is active from the start.
+    ASSERT_EQ(program.run(std::string(kShort) + "-m run --appearance sv").exit_code, 0);
+    const Outcome rendered = program.run("render run --orbit 2 --decompose -o out");
+    ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
+    for (const char* part : {"full", "base", "residual"}) {
+        EXPECT_TRUE(std::filesystem::exists(program.path("out") / part / "00000.png")) << part;
+        EXPECT_TRUE(std::filesystem::exists(program.path("out") / part / "00001.png")) << part;
+    }
+    EXPECT_FALSE(std::filesystem::exists(program.path("out/00000.png")));
+    const Outcome scored = program.run("eval run --decompose");
+    ASSERT_EQ(scored.exit_code, 0) << scored.err;
+    for (const char* part : {"renders", "gt", "base", "residual"})
+        EXPECT_TRUE(std::filesystem::exists(program.path("run/test/ours_20") / part / "00000.png")) << part;
+    const auto results = nlohmann::json::parse(program.read("run/results.json"));
+    EXPECT_GT(results["decomposition"]["ours_20"]["residual_mean"], 0.0);
+    EXPECT_LT(results["decomposition"]["ours_20"]["residual_mean"], 1.0);
+    EXPECT_EQ(program.run("eval run --decompose --skip-render").exit_code, 2);
+}
+
 TEST(Train, StdoutOfAPipeIsJsonLines) {
     const Program program;
     const Outcome outcome = program.run(std::string(kShort) + "-m run");
@@ -72,7 +93,10 @@ TEST(Train, FolderIsChosenWhenNoneIsGiven) {
 
 TEST(Train, StoredConfigurationRepeatsTheRun) {
     const Program program;
-    ASSERT_EQ(program.run(std::string(kShort) + "-m a").exit_code, 0);
+    const Outcome first = program.run(std::string(kShort) + "-m a --opacity-lr auto");
+    ASSERT_EQ(first.exit_code, 0) << first.err;
+    EXPECT_NE(first.err.find("opacity-lr auto: 0.0"), std::string::npos) << "the number that was chosen\n" << first.err;
+    EXPECT_NE(program.read("a/config.yaml").find("opacity-lr: auto\n"), std::string::npos);
     const Outcome again = program.run("train -c a/config.yaml -m b");
     ASSERT_EQ(again.exit_code, 0) << again.err;
     const std::string ply = "/point_cloud/iteration_20/point_cloud.ply";

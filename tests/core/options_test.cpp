@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -158,6 +159,21 @@ TEST(Options, ValidationResolvesWhatDependsOnTheStrategy) {
     adc.opacity_lr = 0.01;
     validate(adc);
     EXPECT_EQ(adc.opacity_lr, 0.01);
+}
+
+TEST(Options, AWordMayStandInPlaceOfANumber) {
+    const Option& rate = find("opacity-lr");
+    TrainOptions options = with_source();
+    set_option(options, rate, {"auto"}, "--opacity-lr");
+    validate(options);
+    EXPECT_TRUE(std::isnan(options.opacity_lr)) << "not replaced by the strategy's number";
+    EXPECT_EQ(option_text(rate, options), "auto");
+    EXPECT_EQ(option_range(rate), "0..10 or auto");
+    EXPECT_EQ(complaint("opacity-lr", "0.03"), "");
+    EXPECT_EQ(complaint("opacity-lr", "11"), "option opacity-lr: 11 is out of range (0..10 or auto)");
+    EXPECT_EQ(complaint("opacity-lr", "Auto"), "--opacity-lr: 'Auto' is not a finite number");
+    EXPECT_EQ(complaint("opacity-lr", "nan"), "--opacity-lr: 'nan' is not a finite number");
+    EXPECT_EQ(complaint("scaling-lr", "auto"), "--scaling-lr: 'auto' is not a finite number");
 }
 
 TEST(Options, DocumentationPageIsTheGeneratedOne) {

@@ -48,6 +48,14 @@ TEST(OptionsYaml, EveryOptionSurvivesTheRoundTrip) {
     EXPECT_EQ(options_to_yaml(read), options_to_yaml(options));
 }
 
+TEST(OptionsYaml, AWordInPlaceOfANumberSurvivesTheRoundTrip) {
+    TemporaryFolder folder;
+    const TrainOptions options = load_options_yaml(folder.write("run.yaml", "opacity-lr: auto\n"));
+    const std::string text = options_to_yaml(options);
+    EXPECT_NE(text.find("opacity-lr: auto\n"), std::string::npos);
+    EXPECT_EQ(options_to_yaml(load_options_yaml(folder.write("again.yaml", text))), text);
+}
+
 TEST(OptionsYaml, DefaultsSurviveTheRoundTrip) {
     TemporaryFolder folder;
     const TrainOptions read = load_options_yaml(folder.write("run.yaml", options_to_yaml({})));

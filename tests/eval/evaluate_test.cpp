@@ -88,6 +88,26 @@ TEST(Evaluate, WritesPicturesWhereOtherToolsLookForThem) {
     EXPECT_EQ(truth.u8[2], 51);
 }
 
+TEST(Evaluate, DecompositionHasTheBaseOnTheBackgroundAndTheResidualOnBlack) {
+    const TemporaryFolder folder;
+    FakeBackend backend;
+    EvalOptions options;
+    EXPECT_FALSE(evaluate_views(backend, two_views(), {0, 1, 0}, options).residual_mean);
+    options.decompose = true;
+    const EvalResult result = evaluate_views(backend, two_views(), {0, 1, 0}, options);
+    EXPECT_NEAR(*result.views[0].residual_mean, (1 + 0 + 0.5) / 3, 1e-6);
+    EXPECT_NEAR(*result.views[1].residual_mean, (0.4 + 0 + 0.5) / 3, 1e-6);
+    EXPECT_NEAR(*result.residual_mean, (0.5 + 0.3) / 2, 1e-6);
+    options.run_folder = folder.path();
+    options.iteration = 300;
+    evaluate_views(backend, two_views(), {0, 1, 0}, options);
+    const Image base = read_image(folder.path() / "test/ours_300/base/00001.png"),
+                residual = read_image(folder.path() / "test/ours_300/residual/00001.png");
+    EXPECT_EQ(std::vector(base.u8.begin(), base.u8.begin() + 3), (std::vector<std::uint8_t>{102, 255, 51}));
+    EXPECT_EQ(std::vector(residual.u8.begin(), residual.u8.begin() + 3), (std::vector<std::uint8_t>{102, 0, 128}));
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "test/ours_300/renders/00001.png"));
+}
+
 TEST(Evaluate, ComparisonShowsPhotographLeftAndRenderRight) {
     const TemporaryFolder folder;
     FakeBackend backend;
@@ -153,6 +173,19 @@ TEST(Results, OtherIterationsAndTheTrainingTimeStay) {
     EXPECT_EQ(results["memory"]["ours_300"]["peak_device_bytes"], 1234567890);
     EXPECT_TRUE(results["ours_700"]["PSNR"].is_null()) << "JSON has no infinity";
     EXPECT_EQ(read_json(w.folder.path() / "per_view.json").count("ours_700"), 1u);
+}
+
+TEST(Results, DecompositionStandsBesideTheScores) {
+    Written w;
+    w.write();
+    EXPECT_FALSE(read_json(w.folder.path() / "results.json").contains("decomposition"));
+    w.result.residual_mean = 0.25;
+    w.result.views[0].residual_mean = 0.2, w.result.views[1].residual_mean = 0.3;
+    w.write();
+    const json results = read_json(w.folder.path() / "results.json"), per_view = read_json(w.folder.path() / "per_view.json");
+    EXPECT_EQ(results["ours_300"], (json{{"SSIM", 0.85}, {"PSNR", 31.0}}));
+    EXPECT_EQ(results["decomposition"]["ours_300"], (json{{"residual_mean", 0.25}}));
+    EXPECT_EQ(per_view["decomposition"]["ours_300"]["residual_mean"], (json{{"00000.png", 0.2}, {"00001.png", 0.3}}));
 }
 
 TEST(Results, ABrokenFileIsNamedAndKept) {

@@ -6,7 +6,7 @@
 
 namespace gs::test {
 
-/// Paints every pixel with the red value `camera.translation.x`, green = background, blue = 0.
+/// Paints every pixel with the red value `camera.translation.x`, green = background, blue = 0; base 0.2, residual 0.5.
 class FakeBackend : public Backend {
   public:
     std::string describe() const override { return "fake"; }
@@ -19,7 +19,10 @@ class FakeBackend : public Backend {
         const std::size_t pixels = std::size_t(out.width) * out.height;
         out.rgb.assign(3 * pixels, 0);
         out.alpha.assign(pixels, 1);
-        for (std::size_t i = 0; i < pixels; ++i) out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y;
+        const float blue = request.mode == RenderMode::kBaseOnly ? 0.2f : request.mode == RenderMode::kResidualOnly ? 0.5f : 0.0f;
+        for (std::size_t i = 0; i < pixels; ++i) {
+            out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y, out.rgb[2 * pixels + i] = blue;
+        }
     }
     void step(const StepRequest&) override {}
     StepStats take_stats() override { return {}; }

@@ -119,9 +119,10 @@ TYPED_TEST(GpuModel, LearnsTheSame) {
                 std::printf(" %s %.1e", name, error);
                 EXPECT_LE(error, limit) << name;
             };
-            // Geometry sums over thousands of fragments, some at the threshold; single precision leaves 1e-4 of it.
+            // Sums over thousands of fragments, some at the threshold, in single precision: 1e-4 at the most. Through halves
+            // each of a network's products is off by 2^-11, and a neuron near 0 may be on or off.
             for (int g = 0; g < kNumGroups; ++g)
-                check(now.groups[g].m, want.gradients.groups[g].param, kGroupNames[g], kHalf<TypeParam> && g >= int(Group::kBase) ? 1e-2 : kHalf<TypeParam> ? 5e-3 : 1e-3);
+                check(now.groups[g].m, want.gradients.groups[g].param, kGroupNames[g], kHalf<TypeParam> ? 2e-2 : 1e-3);
             check(now.shared.m, want.gradients.shared.param, "shared", 1e-2);
             std::printf("\n");
         }

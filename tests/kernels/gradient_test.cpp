@@ -1,56 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every analytic gradient of the renderer against central differences in double.
+// Every analytic gradient of the renderer against central differences in double. The models one by one: every_model_test.cpp.
 #include <gtest/gtest.h>
 
-#include "appearance/model_info.h"
-#include "tests/kernels/random_scene.h"
-
-#include "appearance_types.inc"
+#include "appearance/none/none.h"
+#include "tests/kernels/gradient_check.h"
 
 namespace gs::test {
 namespace {
-
-/// Relative to the largest gradient of the same group: entries that cancel to nearly nothing carry its rounding.
-struct GradientCheck {
-    double tolerance = 1e-6;
-    int checked = 0;
-    double worst = 0;
-
-    template <class Model>
-    void run(GaussianState<double> s, const CameraParams<double>& camera, const Vec3<double>& background, const std::vector<double>& weights) {
-        Pipeline<double, Model> pipe;
-        pipe.render(s, camera, background);
-        const GaussianState<double> analytic = pipe.gradients(s, weights);
-        const auto check = [&](std::vector<double>& values, const std::vector<double>& expected, const char* name) {
-            double scale = 0;
-            for (double x : expected) scale = std::max(scale, std::abs(x));
-            for (std::size_t k = 0; k < values.size(); ++k) {
-                // A fragment that crosses alpha = 1/255 between the two renders is a jump of the image, not a slope:
-                // another step size avoids it. A wrong gradient matches none.
-                double error = 1e9;
-                for (const double h : {1e-5, 2e-6, 4e-7}) {
-                    const double x = values[k];
-                    values[k] = x + h;
-                    pipe.render(s, camera, background);
-                    const double up = pipe.weighted_sum(weights);
-                    values[k] = x - h;
-                    pipe.render(s, camera, background);
-                    const double down = pipe.weighted_sum(weights);
-                    values[k] = x;
-                    const double fd = (up - down) / (2 * h);
-                    error = std::min(error, std::abs(fd - expected[k]) / std::max({std::abs(expected[k]), 1e-2 * scale, 1e-4}));
-                    if (error <= tolerance) break;
-                }
-                EXPECT_LE(error, tolerance) << name << "[" << k << "] analytic " << expected[k];
-                worst = std::max(worst, error);
-                ++checked;
-            }
-        };
-        for (int g = 0; g < kNumGroups; ++g) check(s.groups[g].param, analytic.groups[g].param, kGroupNames[g]);
-        check(s.shared.param, analytic.shared.param, "shared");
-        ::testing::Test::RecordProperty("worst_relative_error", std::to_string(worst));
-    }
-};
 
 TEST(RenderGradient, MatchesFiniteDifferencesForEveryParameter) {
     const auto camera = test_camera(33, 25);
@@ -60,29 +16,6 @@ TEST(RenderGradient, MatchesFiniteDifferencesForEveryParameter) {
         EXPECT_EQ(check.checked, 16 * (11 + 3 + 45));
         std::printf("seed %u: worst relative error %.2e over %d parameters\n", seed, check.worst, check.checked);
     }
-}
-
-template <class Model> class EveryModel : public ::testing::Test {};
-using AllModels = ::testing::Types<GS_ALL_APPEARANCE_MODELS>;
-TYPED_TEST_SUITE(EveryModel, AllModels);
-
-TYPED_TEST(EveryModel, RendersWithMatchingGradients) {
-    const auto camera = test_camera(20, 18);
-    const ModelInfo& info = appearance_model(appearance_name(static_cast<const TypeParam*>(nullptr)));
-    auto s = random_gaussians(6, 0, 31);
-    s.appearance.model = info.name;
-    s.appearance.max_degree = s.active_degree = info.max_degree_limit;
-    auto& residuals = s[Group::kResidual];
-    residuals.width = info.residual_width(info.max_degree_limit);
-    std::mt19937 rng(32);
-    std::normal_distribution<double> normal;
-    residuals.param.resize(s.count * residuals.width);
-    for (double& x : residuals.param) x = normal(rng);
-    s.shared.width = info.num_shared;
-    for (int k = 0; k < info.num_shared; ++k) s.shared.param.push_back(0.3 * normal(rng));
-    GradientCheck check;
-    check.run<TypeParam>(s, camera, {0.1, 0.5, 0.9}, random_weights(3 * 20 * 18, 33));
-    EXPECT_EQ(check.checked, s.count * (14 + residuals.width) + info.num_shared);
 }
 
 TEST(RenderGradient, MatchesForEachShDegreeAndActivation) {

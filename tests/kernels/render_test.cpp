@@ -216,22 +216,6 @@ TEST(Render, ManyGaussiansInOneTileStopAtTheTransmittanceLimit) {
     EXPECT_NEAR(pipe.image[8 * 16 + 7], c.x, 1e-9);
 }
 
-TEST(Render, ResidualAndBaseModesAreConsistentWithFull) {
-    // One opaque Gaussian over the image: its colour is the pixel.
-    auto d = random_gaussians(1, 3, 17);
-    for (double& x : d[Group::kMean].param) x = 0;
-    for (double& x : d[Group::kScale].param) x = 6;
-    d[Group::kOpacity].param[0] = 20;
-    const auto s = cast<float>(d);
-    const auto camera = cast<float>(test_camera(4, 4));
-    Pipeline<float, appearance::Sh> full, base, residual;
-    full.render(s, camera, {0, 0, 0});
-    base.render(s, camera, {0, 0, 0}, RenderMode::kBaseOnly);
-    residual.render(s, camera, {0, 0, 0}, RenderMode::kResidualOnly);
-    for (std::size_t i = 0; i < full.image.size(); ++i) EXPECT_NEAR(std::abs(full.image[i] - base.image[i]), residual.image[i], 1e-6f);
-    EXPECT_GT(residual.image[0] + residual.image[20] + residual.image[40], 1e-3f);
-}
-
 TEST(Render, IsIndependentOfTheNumberOfThreads) {
     const auto s = cast<float>(random_gaussians(5000, 3, 12));
     const auto camera = cast<float>(test_camera(150, 90));

@@ -7,7 +7,6 @@
 #include <limits>
 #include <sstream>
 
-#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
@@ -81,46 +80,6 @@ TEST(GaussianPly, Degree3MeetsTheFixedLayoutOfSibr) {
         }
         EXPECT_EQ(p.opacity, g[Group::kOpacity].param[i]);
         for (int k = 0; k < 4; ++k) EXPECT_EQ(p.rotation[k], float(q[k] / norm));
-    }
-}
-
-/// `back` equals `g` as far as a PLY can hold it: unit rotations, base colours to one rounding of f_dc.
-void expect_same_model(const Gaussians& back, const Gaussians& g) {
-    ASSERT_EQ(back.count, g.count);
-    EXPECT_EQ(describe(back.appearance), describe(g.appearance));
-    EXPECT_EQ(back.active_degree, g.active_degree);
-    const bool relu = g.appearance.activation == ColorActivation::kRelu;
-    for (int group = 0; group < kNumGroups; ++group) {
-        const auto &a = back.groups[group].param, &b = g.groups[group].param;
-        EXPECT_EQ(back.groups[group].width, g.groups[group].width);
-        ASSERT_EQ(a.size(), b.size()) << kGroupNames[group];
-        EXPECT_TRUE(back.groups[group].m.empty());
-        if (Group(group) == Group::kRotation) {
-            for (std::size_t i = 0; i < a.size(); i += 4) {
-                double dot = 0, norm2 = 0;
-                for (int k = 0; k < 4; ++k) dot += double(a[i + k]) * b[i + k], norm2 += double(b[i + k]) * b[i + k];
-                EXPECT_NEAR(dot, std::sqrt(norm2), 1e-6 * std::sqrt(norm2));
-            }
-        } else if (Group(group) == Group::kBase && relu) {
-            for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1.2e-7 * std::abs(b[i]));
-        } else {
-            EXPECT_EQ(a, b) << kGroupNames[group];
-        }
-    }
-}
-
-TEST(GaussianPly, RoundTripsEveryModelDegreeAndActivation) {
-    const TempFolder folder;
-    for (const ModelInfo* model : appearance_models()) {
-        for (int degree = 0; degree <= model->max_degree_limit; ++degree) {
-            for (int activation = 0; activation < 4; ++activation) {
-                Gaussians g = random_gaussians(9, {model->name, degree, ColorActivation(activation)});
-                g.active_degree = degree / 2;
-                SCOPED_TRACE(describe(g.appearance));
-                write_ply(folder / "p.ply", g, {});
-                expect_same_model(read_ply(folder / "p.ply"), g);
-            }
-        }
     }
 }
 

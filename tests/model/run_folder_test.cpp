@@ -28,7 +28,8 @@ std::string listing(const fs::path& root) {
 void write_run(const RunFolder& run, std::int64_t iteration) {
     for (const fs::path& path : {run.config(), run.cfg_args(), run.cameras(), run.input_points(), run.results(), run.per_view(),
                                  run.train_log(), run.point_cloud(iteration), run.checkpoint(iteration), run.preview(iteration),
-                                 run.render("test", iteration, 3), run.ground_truth("test", iteration, 3)}) {
+                                 run.render("test", iteration, 3), run.ground_truth("test", iteration, 3), run.picture_part("test", iteration, "base", 3),
+                                 run.picture_part("test", iteration, "residual", 3)}) {
         spit(path, "x");
     }
 }
@@ -39,6 +40,7 @@ TEST(RunFolder, PathsAreThoseOf3dgs) {
     EXPECT_EQ(run.checkpoint(7), "out/checkpoints/iteration_7.safetensors");
     EXPECT_EQ(run.render("test", 7000, 12), "out/test/ours_7000/renders/00012.png");
     EXPECT_EQ(run.ground_truth("train", 7000, 12), "out/train/ours_7000/gt/00012.png");
+    EXPECT_EQ(run.picture_part("test", 7000, "residual", 12), "out/test/ours_7000/residual/00012.png");
     EXPECT_EQ(run.preview(500), "out/preview/000500.png");
 }
 

@@ -207,8 +207,9 @@ TEST(Train, LaterResultsAreNotOverwritten) {
     TrainOptions other = small_options(tmp.path() / "run", "none");
     other.resume = RunFolder{o.model}.checkpoint(30).string();
     other.appearance = "none";
-    Progress progress(ProgressStyle::kSilent);
-    EXPECT_THROW(train(other, small_scene(), open_run(other), progress, {}), UsageError) << "a checkpoint of another model";
+    other.overwrite = true;
+    EXPECT_THROW(open_run(other), UsageError) << "a checkpoint of another model";
+    EXPECT_TRUE(fs::exists(RunFolder{o.model}.checkpoint(30)));
 }
 
 TEST(Train, PlyAndCheckpointHoldTheSameModel) {
@@ -392,6 +393,26 @@ TEST(LearningRates, FollowTheTable) {
     EXPECT_DOUBLE_EQ(adc.opacity_lr, 0.025);
     LearningRates(adc, appearance_spec(adc), scene).apply(0, r);
     EXPECT_EQ(r.noise, 0);
+}
+
+TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
+    const double automatic = std::nan("");
+    EXPECT_DOUBLE_EQ(opacity_rate(0.3, 5), 0.3);
+    EXPECT_DOUBLE_EQ(opacity_rate(automatic, 1e-6), 0.025);
+    EXPECT_DOUBLE_EQ(opacity_rate(automatic, 0.3536), 0.025);
+    EXPECT_NEAR(opacity_rate(automatic, 0.7), 0.025 * std::pow(0.7 / 0.3536, 0.6), 1e-12);
+    EXPECT_DOUBLE_EQ(opacity_rate(automatic, 1e9), 0.05);
+    Scene scene = small_scene();
+    for (View& v : scene.train) v.camera.translation *= 2; // neighbours 0.41 apart
+    TrainOptions o;
+    o.source = "x";
+    o.opacity_lr = automatic;
+    validate(o);
+    StepRequest r;
+    LearningRates(o, appearance_spec(o), scene).apply(0, r);
+    EXPECT_DOUBLE_EQ(r.rates[3], opacity_rate(automatic, camera_spacing(scene.train)));
+    EXPECT_GT(r.rates[3], 0.025);
+    EXPECT_LT(r.rates[3], 0.05);
 }
 
 TEST(DegreeSchedule, RaisesByOneEveryThousandIterations) {

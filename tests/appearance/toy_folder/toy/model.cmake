@@ -1,0 +1,1 @@
+gs_add_appearance(toy Toy)

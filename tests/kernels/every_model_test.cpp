@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows no
+// model by name, so that it runs on any registry.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "kernels/cuda_device.h"
+#include "tests/kernels/gradient_check.h"
+
+#include "appearance_types.inc"
+
+namespace gs::test {
+namespace {
+
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
+                                            ColorActivation::kHardSigmoid};
+
+/// Whether phi has a kink near y: closer than a parameter that is moved by a finite difference's step can carry it.
+bool near_kink(ColorActivation activation, double y) {
+    constexpr double kMargin = 1e-3;
+    const bool low = activation == ColorActivation::kRelu || activation == ColorActivation::kHardSigmoid;
+    const bool high = activation == ColorActivation::kHardSigmoid;
+    return (low && std::abs(y + 0.5) < kMargin) || (high && std::abs(y - 0.5) < kMargin);
+}
+
+template <class Model>
+class EveryModel : public ::testing::Test {
+  protected:
+    const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
+
+    /// Random Gaussians with the whole residual active and no colour near a kink from `camera`.
+    GaussianState<double> random_model(std::int64_t n, ColorActivation activation, const CameraParams<double>& camera) {
+        auto s = random_gaussians(n, 0, 31);
+        s.appearance = {info.name, info.max_degree_limit, activation};
+        s.active_degree = info.max_degree_limit;
+        std::mt19937 rng(32);
+        std::normal_distribution<double> normal;
+        const int width = info.residual_width(info.max_degree_limit);
+        s[Group::kResidual].width = width;
+        s[Group::kResidual].param.resize(n * width);
+        for (double& x : s[Group::kResidual].param) x = normal(rng);
+        s.shared.width = info.num_shared;
+        for (int k = 0; k < info.num_shared; ++k) s.shared.param.push_back(0.3 * normal(rng));
+        for (std::int64_t i = 0; i < n; ++i) {
+            const double* mean = &s[Group::kMean].param[3 * i];
+            const auto direction = view_direction(Vec3<double>{mean[0], mean[1], mean[2]}, camera.position);
+            const Vec3<double> r = model_residual<Model>(s.shared.param.data(), s[Group::kResidual].param.data() + i * width, direction.unit, s.active_degree);
+            const double residual[3] = {r.x, r.y, r.z};
+            for (int c = 0; c < 3; ++c) {
+                double& base = s[Group::kBase].param[3 * i + c];
+                while (near_kink(activation, base + residual[c])) base = 0.3 * normal(rng);
+            }
+        }
+        return s;
+    }
+};
+using AllModels = ::testing::Types<GS_ALL_APPEARANCE_MODELS>;
+TYPED_TEST_SUITE(EveryModel, AllModels);
+
+TYPED_TEST(EveryModel, RendersWithMatchingGradientsThroughEachActivation) {
+    const auto camera = test_camera(20, 18);
+    for (const ColorActivation activation : kActivations) {
+        SCOPED_TRACE(int(activation));
+        const auto s = this->random_model(6, activation, camera);
+        GradientCheck check;
+        check.run<TypeParam>(s, camera, {0.1, 0.5, 0.9}, random_weights(3 * 20 * 18, 33));
+        EXPECT_EQ(check.checked, s.count * (14 + s[Group::kResidual].width) + s.shared.width);
+        EXPECT_GT(check.nonzero, check.checked / 3) << "most Gaussians are seen, and not all colours saturated";
+    }
+}
+
+/// The picture of one mode; a residual, which is a difference, before black.
+std::vector<float> part(Backend& backend, const CameraParams<double>& camera, RenderMode mode) {
+    RenderRequest request;
+    request.camera = cast<float>(camera);
+    if (mode != RenderMode::kResidualOnly) request.background = {0.3f, 0.6f, 0.1f};
+    request.mode = mode;
+    RenderedImage image;
+    backend.render(request, image);
+    return image.rgb;
+}
+
+TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
+    const auto camera = test_camera(20, 18);
+    double moved = 0;
+    for (const ColorActivation activation : kActivations) {
+        std::vector<std::unique_ptr<Backend>> backends;
+        backends.push_back(make_cpu_backend({this->info.name, this->info.max_degree_limit, activation}));
+        if (cuda_available()) backends.push_back(make_cuda_backend({this->info.name, this->info.max_degree_limit, activation}));
+        for (auto& backend : backends) {
+            SCOPED_TRACE(backend->describe() + ", activation " + std::to_string(int(activation)));
+            // One opaque Gaussian over the whole picture: the same weight everywhere, so equality.
+            auto one = this->random_model(1, activation, camera);
+            for (double& x : one[Group::kMean].param) x = 0;
+            for (double& x : one[Group::kScale].param) x = 6;
+            for (double& x : one[Group::kOpacity].param) x = 20;
+            backend->upload(cast<float>(one));
+            auto full = part(*backend, camera, RenderMode::kFull), base = part(*backend, camera, RenderMode::kBaseOnly),
+                 residual = part(*backend, camera, RenderMode::kResidualOnly);
+            for (std::size_t i = 0; i < full.size(); ++i) {
+                EXPECT_NEAR(std::abs(full[i] - base[i]), residual[i], 2e-6f);
+                moved += residual[i];
+            }
+            // Of several the distances add up, while in the full picture opposite ones cancel.
+            backend->upload(cast<float>(this->random_model(6, activation, camera)));
+            full = part(*backend, camera, RenderMode::kFull), base = part(*backend, camera, RenderMode::kBaseOnly),
+            residual = part(*backend, camera, RenderMode::kResidualOnly);
+            for (std::size_t i = 0; i < full.size(); ++i) EXPECT_LE(std::abs(full[i] - base[i]), residual[i] + 2e-6f);
+            backend->set_active_degree(0);
+            full = part(*backend, camera, RenderMode::kFull);
+            for (std::size_t i = 0; i < full.size(); ++i) EXPECT_EQ(full[i], base[i]);
+            for (const float x : part(*backend, camera, RenderMode::kResidualOnly)) EXPECT_EQ(x, 0) << "degree 0 has no residual";
+        }
+    }
+    EXPECT_EQ(moved > 0.01, TypeParam::kDirectional);
+}
+
+}  // namespace
+}  // namespace gs::test
