@@ -17,6 +17,7 @@ class Backend;
 /// Facts about the scene that some learning rates depend on.
 struct RateContext {
     double camera_spacing = 1; ///< mean distance of a training camera to its 3 nearest, world units
+    double lobe_rate = 0.0025; ///< of the lobes of nasg and nasgabor; NaN: from the camera spacing
 };
 
 struct AppearanceRates {
@@ -36,6 +37,9 @@ struct ModelInfo {
     std::function<AppearanceRates(int max_degree, const RateContext&)> rates;
     /// Writes the initial residual parameters of one Gaussian.
     std::function<void(int max_degree, float* row)> init_residual;
+    /// Single-precision instructions of the residual and of its way back, all degrees active, for the floors that `gsapp bench`
+    /// prints: counted in the source, an FMA as one, a transcendental function as the ten to twenty it takes.
+    double operations = 0, operations_backward = 0;
     int num_shared = 0; ///< weights that all Gaussians share
     /// Writes their initial values; set where there are any.
     std::function<void(std::uint64_t seed, float* weights)> init_shared;

@@ -51,6 +51,7 @@ class Steps {
         rates_.apply(request_.iteration, request_);
         for (double& rate : request_.rates) rate *= kFrozen;
         for (double& rate : request_.residual_rates) rate *= kFrozen;
+        request_.shared_rate *= kFrozen;
         request_.noise *= float(kFrozen);
         backend_.step(request_);
         ++request_.iteration;
@@ -93,6 +94,20 @@ class Steps {
     std::vector<ViewImage> images_;
     StepRequest request_;
 };
+
+/// Costs of the stages per iteration; returns the mean time of one.
+double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<StageCost>& stages) {
+    backend.measure_stages(true);
+    steps.step();  // a backend may have to prepare for the marks
+    backend.synchronize();
+    backend.take_stage_costs();
+    const double seconds = steps.in_a_row(repeat);
+    stages = backend.take_stage_costs();
+    backend.measure_stages(false);
+    for (StageCost& s : stages)
+        for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= repeat;
+    return seconds;
+}
 
 FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
     std::vector<RenderRequest> requests(cameras.size());
@@ -138,15 +153,12 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
     Steps steps(backend, options, scene, model, bench.repeat);
     result.iteration_seconds = steps.in_a_row(bench.repeat);
     result.iteration_seconds_median = steps.median_alone(bench.repeat);
-    backend.measure_stages(true);
-    steps.step();  // a backend may have to prepare for the marks
-    backend.synchronize();
-    backend.take_stage_costs();
-    result.marked_iteration_seconds = steps.in_a_row(bench.repeat);
-    result.stages = backend.take_stage_costs();
-    backend.measure_stages(false);
-    for (StageCost& s : result.stages)
-        for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= bench.repeat;
+    result.marked_iteration_seconds = measure_stages(backend, steps, bench.repeat, result.stages);
+    if (model.active_degree > 0 && model[Group::kResidual].width > 0) {
+        backend.set_active_degree(0);
+        measure_stages(backend, steps, bench.repeat, result.without_residual);
+        backend.set_active_degree(model.active_degree);
+    }
     result.memory = backend.memory();
     return result;
 }
@@ -154,6 +166,14 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
 double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
     backend.upload(model);
     return Steps(backend, options, scene, model, bench.repeat).in_a_row(bench.repeat);
+}
+
+StageCost appearance_share(const BenchResult& result, std::size_t k) {
+    StageCost share = result.stages[k];
+    const StageCost& without = result.without_residual[k];
+    share.seconds -= without.seconds, share.bytes -= without.bytes, share.operations -= without.operations;
+    share.note.clear();
+    return share;
 }
 
 Camera with_size(Camera camera, int width, int height) {

@@ -35,6 +35,7 @@ struct BenchResult {
     double iteration_seconds_median = 0;        ///< of steps that are each waited for
     double marked_iteration_seconds = 0;        ///< mean of steps in a row while stages are timed
     std::vector<StageCost> stages;              ///< per iteration, of the marked steps
+    std::vector<StageCost> without_residual;    ///< the same at degree 0; empty for a model without a residual
     MemoryUse memory;                           ///< afterwards
     std::optional<double> default_seconds, deterministic_seconds;  ///< of an iteration, where both were measured to compare
 };
@@ -55,9 +56,13 @@ double iteration_seconds(Backend& backend, const TrainOptions& options, const Sc
 /// cx + (width - W)/2, cy + (height - H)/2. A larger image therefore shows more of the scene, at the same scale.
 Camera with_size(Camera camera, int width, int height);
 
+/// What the residual adds to stage `k`: the stage less the same stage at degree 0, in time, bytes and operations.
+StageCost appearance_share(const BenchResult& result, std::size_t k);
+
 /// Markdown: frames, iterations, and one line a stage with time, items, time per item, floor and measured/floor. The floor is
 /// the longer of least bytes / copy bandwidth and least operations / FMA rate. A stage above three times it is bold and
-/// carries the reason that the backend gives.
+/// carries the reason that the backend gives. Then the share of the appearance
+/// model in the stages that evaluate it.
 std::string format_bench(const BenchResult& result);
 
 }  // namespace gs

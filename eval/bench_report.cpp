@@ -51,6 +51,11 @@ std::string format_bench(const BenchResult& r) {
     out += frame_lines(r) + "\n" + iteration_lines(r) + "\n";
     out += "| stage | ms | items | ns per item | floor ms | bound by | measured/floor | reason |\n|---|---:|---:|---:|---:|---|---:|---|\n";
     for (const StageCost& s : r.stages) out += stage_line(s, r.ceilings);
+    if (!r.without_residual.empty()) {
+        out += "\n| appearance in | ms | items | ns per item | floor ms | bound by | measured/floor | reason |\n|---|---:|---:|---:|---:|---|---:|---|\n";
+        for (std::size_t k = 0; k < r.stages.size(); ++k)
+            if (StageCost share = appearance_share(r, k); share.bytes > 0 || share.operations > 0) out += stage_line(share, r.ceilings);
+    }
     if (r.memory.peak > 0) out += "\n" + memory_report(r.memory) + "\n";
     return out;
 }

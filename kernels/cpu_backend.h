@@ -94,12 +94,15 @@ template <class Model> class CpuBackend final : public Backend {
     std::vector<StageCost> take_stage_costs() override {
         auto& s = raster_.seconds;
         const double gaussians = work_.gaussians, pairs = work_.pairs;
-        const double values = 14.0 + state_[Group::kResidual].width; // parameters of a Gaussian
+        const ModelInfo& info = appearance_model(state_.appearance.model);
+        const bool residual = state_.active_degree > 0;
+        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0); // parameters of a Gaussian that are used
+        const double operations = residual ? info.operations : 0, operations_backward = residual ? info.operations_backward : 0;
         // Instructions are counted in the templates: fragment_alpha 17 (of these 10 for exp2) + blend_fragment 10;
         // backward fragment_alpha 17 + blend_fragment_backward 34. A splat is 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
-             work_.visible * (260 + 2 * values),
+             work_.visible * (260 + operations),
              "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles"},
             {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
              "a comparison sort of 8-byte keys, the floor assumes streaming"},
@@ -108,7 +111,7 @@ template <class Model> class CpuBackend final : public Backend {
              "each image row is read eleven times from the cache"},
             {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
-             work_.visible * (500 + 4 * values) + gaussians * 10 * values,
+             work_.visible * (500 + operations_backward) + gaussians * 10 * values,
              "one Gaussian at a time in scalar code, the floor assumes full vectors"}};
         s = {};
         loss_seconds_ = update_seconds_ = 0;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "appearance/model_info.h"
 #include "kernels/cuda_device.h"
 
 namespace gs {
@@ -383,7 +384,9 @@ void CudaBackend::measure_stages(bool on) {
 
 std::vector<StageCost> CudaBackend::take_stage_costs() {
     synchronize();
-    return times_.take(model_.width[int(Group::kResidual)]);
+    const ModelInfo& info = appearance_model(meta_.appearance.model);
+    const bool residual = meta_.active_degree > 0;
+    return times_.take(residual ? model_.width[int(Group::kResidual)] : 0, residual ? info.operations : 0, residual ? info.operations_backward : 0);
 }
 
 Ceilings CudaBackend::measure_ceilings() {

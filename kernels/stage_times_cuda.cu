@@ -5,15 +5,14 @@
 
 namespace gs {
 
-std::vector<StageCost> StageTimes::take(double residual_width) {
-    const double values = 14 + residual_width; // parameters of a Gaussian
+std::vector<StageCost> StageTimes::take(double residual_width, double operations, double operations_backward) {
     const auto seconds = [&](CudaStage s) { return seconds_[int(s)]; };
     // Bytes: what each stage must at least read and write once. A splat is 48 bytes, its sums 36 of 48; radix sorts move key
     // and value once a pass: three passes for the depth (8 bytes), two for the tile (6 bytes). Instructions are counted in
     // the templates: fragment_alpha 10 and blend_fragment 10; backward 10, fragment_gradient 16 and two stores.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian", gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8),
-         visible_ * (260 + 2 * values), ""},
+         visible_ * (260 + operations), ""},
         {"sort", seconds(CudaStage::kSort), instances_, "instance", gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2),
          visible_ * 20 + instances_ * 10,
          "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, whatever it moves"},
@@ -24,7 +23,7 @@ std::vector<StageCost> StageTimes::take(double residual_width) {
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28,
          "as blend; and what the tensor cores add up passes through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
-         visible_ * (500 + 14 * residual_width) + gaussians_ * 140, ""}};
+         visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, ""}};
     std::fill(seconds_, seconds_ + kNumCudaStages, 0);
     gaussians_ = visible_ = instances_ = pairs_ = pixels_ = 0;
     return costs;

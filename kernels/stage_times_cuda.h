@@ -36,8 +36,8 @@ class StageTimes {
     void count(double gaussians, double visible, double instances, double pairs, double pixels) {
         gaussians_ += gaussians, visible_ += visible, instances_ += instances, pairs_ += pairs, pixels_ += pixels;
     }
-    /// Costs since the last call, for a model with this many residual parameters.
-    std::vector<StageCost> take(double residual_width);
+    /// Costs since the last call, for a model with this many active residual parameters, whose residual takes so many operations.
+    std::vector<StageCost> take(double residual_width, double operations, double operations_backward);
 
   private:
     void record(int mark, cudaStream_t stream) {

@@ -9,18 +9,23 @@
 namespace gs::appearance {
 namespace {
 
-/// The rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its square. It depends on the scene's
-/// unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still trains.
-double lobe_rate(double camera_spacing) { return 0.0025 * std::clamp(std::pow(0.3536 / camera_spacing, 2), 1e-3, 1e3); }
+/// Where no rate is given, the rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its square. It
+/// depends on the scene's unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still trains.
+double lobe_rate(const RateContext& context) {
+    if (!std::isnan(context.lobe_rate)) return context.lobe_rate;
+    return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
+}
 
 template <class Model> ModelInfo lobe_info(int num_lobes) {
     ModelInfo m;
+    const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0; // tanh and cosine; sine on the way back
+    m.operations = num_lobes * 200 + carrier, m.operations_backward = num_lobes * 350 + 2 * carrier;
     m.default_max_degree = m.max_degree_limit = num_lobes;
     m.residual_width = [](int lobes) { return Model::kPerLobe * lobes; };
     m.rates = [](int, const RateContext& context) {
         // Constant to iteration 7000, then half a cosine that would reach 0 at 37 000.
         const auto decaying = [](double rate) { return Schedule::cosine(rate, 7000, 37000, 0, 1); };
-        return AppearanceRates{decaying(0.00025), {decaying(lobe_rate(context.camera_spacing))}};
+        return AppearanceRates{decaying(0.00025), {decaying(lobe_rate(context))}};
     };
     m.init_residual = [](int lobes, float* row) {
         for (int lobe = 0; lobe < lobes; ++lobe, row += Model::kPerLobe) {

@@ -27,6 +27,8 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     ModelInfo m;
     m.name = name;
     m.summary = summary;
+    // Without the products, for which GPUs have other units: encoding, activations, tanh; on the way back both and their chain rule.
+    m.operations = 20 * Model::kEncoded / 2 + 40 + Model::kLayers * Model::kNeurons + 60, m.operations_backward = 2 * m.operations;
     m.default_max_degree = m.max_degree_limit = 3;
     m.residual_width = [](int degree) { return degree > 0 ? Model::kFeatures : 0; };
     m.rates = [](int, const RateContext&) {

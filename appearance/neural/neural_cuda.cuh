@@ -156,13 +156,29 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         reinterpret_cast<__half*>(prepared)[((fragment * 32 + in_lane) * 2 + k % 16 / 8) * 2 + k % 2] = __float2half_rn(w);
     }
 
-    __device__ void stage_inputs(const float* features, const Vec3<float>& direction, int degree, bool active) {
-        float x[kInputs];
-        if (active) {
-            Model::encode(features, direction, degree, x);
+    /// Sine and cosine to 1e-6, which half rounds away, in a fifth of sincosf's instructions.
+    static __device__ void sincos_for_half(float x, float& s, float& c) {
+        if (fabsf(x) < 1e4f) {
+            const float turns = rintf(x * 0.159154943f);
+            const float r = fmaf(turns, 1.74845553e-7f, fmaf(turns, -6.28318548f, x)); // 2 pi = 6.28318548 - 1.74845553e-7
+            __sincosf(r, &s, &c);
         } else {
+            sincosf(x, &s, &c);
+        }
+    }
+
+    __device__ void stage_inputs(const float* features, const Vec3<float>& direction, int degree, bool active) {
+        float x[kInputs] = {};
+        if (active) {
 #pragma unroll
-            for (int k = 0; k < kInputs; ++k) x[k] = 0;
+            for (int i = 0; i < kFeatures; ++i) {
+                if constexpr (kFrequencies == 0)
+                    x[i] = features[i];
+                else
+                    sincos_for_half(features[i], x[2 * i], x[2 * i + 1]);
+            }
+            x[kEncoded] = float(Model::kY0);
+            appearance::Sh::basis(direction, degree, x + kEncoded + 1);
         }
         __syncwarp(); // all are done with what was there
         uint4* to = reinterpret_cast<uint4*>(stage_ + lane() * kStride);

@@ -10,6 +10,7 @@ const ModelInfo& sh_info() {
         ModelInfo m;
         m.name = "sh";
         m.summary = "spherical harmonics of bands 1 to 3, as in 3DGS";
+        m.operations = 85, m.operations_backward = 190;
         m.default_max_degree = 3;
         m.max_degree_limit = 3;
         m.residual_width = [](int degree) { return 3 * ((degree + 1) * (degree + 1) - 1); };

@@ -36,6 +36,7 @@ const ModelInfo& sv_info() {
         ModelInfo m;
         m.name = "sv";
         m.summary = "spherical Voronoi: seven colours on the sphere, blended by distance";
+        m.operations = 45 * kSites, m.operations_backward = 120 * kSites;
         m.default_max_degree = m.max_degree_limit = m.initial_degree = kSites;
         m.residual_width = [](int sites) { return Sv::kPerSite * sites; };
         m.rates = sv_rates;

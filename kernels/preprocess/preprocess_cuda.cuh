@@ -140,11 +140,18 @@ template <class Model> __global__ void __launch_bounds__(kForwardBlock, 7) evalu
 /// From this many visible Gaussians in a warp on, the step is taken for all 32 of them: whole rows in a row move faster.
 constexpr int kManyVisible = 12;
 
+/// Adam's step for each residual column: one for all, or in shared memory one for each. (Lanes need those of different columns
+/// at a time, which kernel parameters give out one after another.)
+struct ColumnSteps {
+    AdamStep<float> all;
+    const AdamStep<float>* each; ///< or null
+    __device__ AdamStep<float> of(int column) const { return each ? each[column] : all; }
+};
+
 /// Adam on the selected residual rows of a warp, whose parameters (caught up) and gradients are in shared memory; the moments
 /// are multiplied by the factors of their row first.
 __device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list, const float* parameters, const float* gradients, const float* decay_m,
-                                   const float* decay_v, const UpdateArgs& update, float* __restrict__ p, float* __restrict__ m, float* __restrict__ v) {
-    constexpr int kGroup = int(Group::kResidual);
+                                   const float* decay_v, const ColumnSteps& steps, float* __restrict__ p, float* __restrict__ m, float* __restrict__ v) {
     RowElements elements(mask, width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
         int at[kRowUnroll], row[kRowUnroll], column[kRowUnroll];
@@ -159,14 +166,14 @@ __device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list,
             if (at[u] < 0) continue;
             float x = parameters[at[u]];
             mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
-            adam_update(x, mm[u], vv[u], gradients[at[u]], update.per_column ? update.residual_steps[column[u]] : update.steps[kGroup]);
+            adam_update(x, mm[u], vv[u], gradients[at[u]], steps.of(column[u]));
             p[at[u]] = x, m[at[u]] = mm[u], v[at[u]] = vv[u];
         }
     }
 }
 
 /// The same for all 32 rows, none of which has missed a step: four values at a time.
-__device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const AdamStep<float>& step, float* __restrict__ p,
+__device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const ColumnSteps& steps, float* __restrict__ p,
                                        float* __restrict__ m, float* __restrict__ v) {
     constexpr int kUnroll = 3;
     const int lane = threadIdx.x & 31, size = 8 * width;
@@ -181,8 +188,9 @@ __device__ inline void update_all_rows(int width, const float* parameters, const
             if (at >= size) break;
             float4 x = reinterpret_cast<const float4*>(parameters)[at];
             const float4 g = reinterpret_cast<const float4*>(gradients)[at];
-            adam_update(x.x, mm[u].x, vv[u].x, g.x, step), adam_update(x.y, mm[u].y, vv[u].y, g.y, step);
-            adam_update(x.z, mm[u].z, vv[u].z, g.z, step), adam_update(x.w, mm[u].w, vv[u].w, g.w, step);
+            const auto step = [&](int k) { return steps.each ? steps.each[(4 * at + k) % width] : steps.all; };
+            adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0)), adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1));
+            adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2)), adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3));
             reinterpret_cast<float4*>(p)[at] = x, reinterpret_cast<float4*>(m)[at] = mm[u], reinterpret_cast<float4*>(v)[at] = vv[u];
         }
     }
@@ -258,7 +266,12 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     __shared__ alignas(16) float all_gradients[kWarps][32 * RowMemory<Model>::kWidth];
     __shared__ float decays[kWarps][2][32]; // of the moments m and v of a row that has missed steps
     __shared__ float shared_sums[kShared > 0 ? kShared : 1];
+    __shared__ AdamStep<float> column_steps[RowMemory<Model>::kWidth];
     if (control->stopped) return;
+    if (update.per_column) {
+        for (int k = threadIdx.x; k < RowMemory<Model>::kWidth; k += update_block<Model>()) column_steps[k] = update.residual_steps[k];
+        __syncthreads();
+    }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     if (!isfinite(control->l1 + control->ssim)) { // a skipped step moves nothing, residuals that are behind no more than others
         if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
@@ -313,11 +326,12 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         constexpr int k = int(Group::kResidual);
         const std::int64_t first = (i - lane) * width;
         float *p = arrays.param[k] + first, *m = arrays.m[k] + first, *v = arrays.v[k] + first;
-        if (rows == ~0u && !stale && !update.per_column) {
-            update_all_rows(width, parameters, gradients, update.steps[k], p, m, v);
+        const ColumnSteps steps{update.steps[k], update.per_column ? column_steps : nullptr};
+        if (rows == ~0u && !stale) {
+            update_all_rows(width, parameters, gradients, steps, p, m, v);
         } else {
             if (!stale) decay_m[lane] = decay_v[lane] = 1;
-            update_rows(rows, width, memory[warp].list, parameters, gradients, decay_m, decay_v, update, p, m, v);
+            update_rows(rows, width, memory[warp].list, parameters, gradients, decay_m, decay_v, steps, p, m, v);
         }
     }
     if constexpr (kShared > 0) {

@@ -224,6 +224,14 @@ void add_rate_options(Table& table) {
                      .min = 0,
                      .max = 10,
                      .nan_word = "auto"});
+    table.push_back({.key = "lobe-lr",
+                     .field = &O::lobe_lr,
+                     .group = group,
+                     .help = "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 scene units apart, "
+                             "falling with the square of their distance",
+                     .min = 0,
+                     .max = 10,
+                     .nan_word = "auto"});
 }
 
 void add_densification_options(Table& table) {

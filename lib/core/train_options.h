@@ -49,6 +49,7 @@ struct TrainOptions {
     std::int64_t position_lr_max_steps = 30000;
     double scaling_lr = 0.005, rotation_lr = 0.001;
     double opacity_lr = 0;                ///< 0 = 0.05 with mcmc, 0.025 with adc; NaN = auto, from the camera spacing
+    double lobe_lr = 0.0025;              ///< NASG, NASGabor; NaN = auto, from the camera spacing
     // Densification
     std::string strategy = "mcmc";        ///< mcmc | adc | none
     std::int64_t cap_max = 1000000;

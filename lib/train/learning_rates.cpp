@@ -13,8 +13,8 @@ namespace {
 constexpr double kNeutral = 0.3536;
 
 /// The camera spacing decides some models' rates, in the scene's unit: worth seeing where a scene trains oddly.
-AppearanceRates appearance_rates(const AppearanceSpec& appearance, double spacing) {
-    AppearanceRates rates = appearance_model(appearance.model).rates(appearance.max_degree, {spacing});
+AppearanceRates appearance_rates(const TrainOptions& options, const AppearanceSpec& appearance, double spacing) {
+    AppearanceRates rates = appearance_model(appearance.model).rates(appearance.max_degree, {spacing, options.lobe_lr});
     double residual = 0;
     for (const Schedule& column : rates.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
@@ -36,7 +36,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
     const double opacity = opacity_rate(options.opacity_lr, spacing);
     if (std::isnan(options.opacity_lr)) spdlog::info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacity, spacing);
     opacities_ = Schedule::constant(opacity);
-    appearance_ = appearance_rates(appearance, spacing);
+    appearance_ = appearance_rates(options, appearance, spacing);
 }
 
 void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {

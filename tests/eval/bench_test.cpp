@@ -73,7 +73,7 @@ TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
     const Gaussians model = generated_gaussians(60, 1, kSh);
     const Scene scene = small_scene(backend, model);
     const BenchResult result = run_bench(backend, some_options(), scene, model, {.repeat = 3, .frame_repeat = 7});
-    EXPECT_EQ(backend.steps, "sss." "sss." "s.s.s." "(s.sss.)") << "warm-up, in a row, one by one, with marks";
+    EXPECT_EQ(backend.steps, "sss." "sss." "s.s.s." "(s.sss.)" "(s.sss.)") << "warm-up, in a row, one by one, with marks, the same without residuals";
     EXPECT_EQ(backend.ids, (std::set<std::int64_t>{0, 2, 5})) << "three of eight views, spread";
     EXPECT_LT(backend.largest_rate, 1e-7);
     EXPECT_GT(backend.noise, 0) << "with noise the device has more to do";
@@ -86,6 +86,11 @@ TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
     EXPECT_EQ(result.width, 24);
     EXPECT_EQ(result.stages.size(), 6u);
     EXPECT_EQ(result.stages[0].items, 60) << "per iteration";
+    ASSERT_EQ(result.without_residual.size(), 6u);
+    EXPECT_LT(result.without_residual[0].bytes, result.stages[0].bytes) << "preprocessing reads residuals";
+    EXPECT_EQ(appearance_share(result, 0).bytes, result.stages[0].bytes - result.without_residual[0].bytes);
+    EXPECT_EQ(result.without_residual[2].bytes, result.stages[2].bytes) << "blending does not";
+    EXPECT_EQ(backend.download(false).active_degree, model.active_degree);
     const Gaussians after = backend.download(false);
     for (int g = 0; g < kNumGroups; ++g)
         for (std::size_t i = 0; i < after.groups[g].param.size(); ++i) ASSERT_NEAR(after.groups[g].param[i], model.groups[g].param[i], 1e-5f);
@@ -114,6 +119,7 @@ TEST(Bench, StagesFarAboveTheirFloorStandOutWithTheReason) {
     r.repeat = 10;
     r.iteration_seconds = 0.010, r.iteration_seconds_median = 0.011, r.marked_iteration_seconds = 0.0105;
     r.stages = {{"far", 0.004, 2e6, "pixel", 1e6, 1e6, "it waits"}, {"near", 0.003, 0, "pixel", 1e6, 4e6, "unused"}, {"bare", 0.001, 1, "pixel", 0, 0, ""}};
+    r.without_residual = {{"far", 0.003, 2e6, "pixel", 5e5, 1e6, "it waits"}, r.stages[1], r.stages[2]};
     r.memory = {{{"model", 3 << 20, "Gaussian", 1 << 20}}, 3 << 20, 4 << 20};
     r.default_seconds = 0.010, r.deterministic_seconds = 0.012;
     const std::string text = format_bench(r);
@@ -123,7 +129,7 @@ TEST(Bench, StagesFarAboveTheirFloorStandOutWithTheReason) {
           "with marks between the stages: 10.500 ms in a row, +5.0 %; the stages add up to 8.000 ms\n",
           "with --deterministic 12.000 ms, without 10.000 ms: 1.20 times\n", "| far | 4.000 | 2 M pixel | 2.000 | 1.000 | copy | **4.0** | it waits |\n",
           "| near | 3.000 | 0 M pixel | 0.000 | 2.000 | FMA | 1.5 |  |\n", "| bare | 1.000 | 1e-06 M pixel | 1000000.000 | 0.000 | - | - |  |\n",
-          "device memory: peak 4.0 MiB, now 3.0 MiB: model 3.0 MiB (3 B a Gaussian)\n"})
+          "| appearance in | ms |", "| far | 1.000 | 2 M pixel | 0.500 | 0.500 | copy | 2.0 |  |\n", "device memory: peak 4.0 MiB, now 3.0 MiB: model 3.0 MiB (3 B a Gaussian)\n"})
         EXPECT_NE(text.find(line), std::string::npos) << line << "is not in\n" << text;
 }
 
