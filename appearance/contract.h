@@ -11,7 +11,8 @@
 //       residual_backward(params, direction, active_degree, dL_dresidual, dL_dparams, dL_ddirection)
 //     both GS_HD templates over the scalar T; they allocate nothing and throw nothing. The caller zeroes `dL_dparams`;
 //     only entries of active parameters are written;
-//  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h);
+//  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h), among them the
+//     degenerate cases for the stability measurement (stability_case.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
 //  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family: one
 //     such line and one info function each, the structs all in the header named like the folder.
@@ -52,8 +53,8 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : y + T(0.5);
         case ColorActivation::kSoftplus: {
-            const T u = T(10) * (y + T(0.5));
-            return (gs_max(u, T(0)) + gs_log1p(gs_exp(-gs_abs(u)))) / T(10);
+            const T u = y + T(0.5); // divided by 10 term by term: 10 u may overflow, which only the exponential may see
+            return gs_max(u, T(0)) + gs_log1p(gs_exp(T(-10) * gs_abs(u))) / T(10);
         }
         case ColorActivation::kSigmoid: return sigmoid(T(4) * y);
         case ColorActivation::kHardSigmoid: {
