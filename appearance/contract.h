@@ -48,13 +48,17 @@ template <class T> GS_HD Vec3<T> direction_pullback(const ViewDirection<T>& d, c
     return (dL_ddirection - d.unit * dot(d.unit, dL_ddirection)) * d.inverse_distance;
 }
 
-/// phi(y): pre-activation colour to colour (spec section 1.3). NaN stays NaN.
+/// Brightest colour, far above what the faintest visible fragment (alpha 1/255) needs to show white. The loss squares colours
+/// twice: one Gaussian of 1e10 would make it, and with it every step of that view, infinite.
+inline constexpr double kLargestColor = 1e4;
+
+/// phi(y): pre-activation colour to colour (spec section 1.3), at most kLargestColor. NaN stays NaN.
 template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     switch (kind) {
-        case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : y + T(0.5);
+        case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : gs_min(T(kLargestColor), y + T(0.5));
         case ColorActivation::kSoftplus: {
             const T u = y + T(0.5); // divided by 10 term by term: 10 u may overflow, which only the exponential may see
-            return gs_max(u, T(0)) + gs_log1p(gs_exp(T(-10) * gs_abs(u))) / T(10);
+            return gs_min(T(kLargestColor), gs_max(u, T(0)) + gs_log1p(gs_exp(T(-10) * gs_abs(u))) / T(10));
         }
         case ColorActivation::kSigmoid: return sigmoid(T(4) * y);
         case ColorActivation::kHardSigmoid: {
@@ -65,7 +69,7 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     return y;
 }
 
-/// phi'(y), computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6).
+/// phi'(y); above kLargestColor as if there were no limit, so that a colour comes back from there. Computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6).
 template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu: return y > T(-0.5) ? T(1) : T(0);

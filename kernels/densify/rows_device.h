@@ -9,8 +9,8 @@ namespace gs {
 /// Raw value of an opacity. On the host only, so that all backends compare with the very same float.
 inline float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
-/// q: 4 values. Below this norm a rotation has no direction.
-GS_HD bool usable_rotation(const float* q) { return norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2); }
+/// q: 4 values.
+GS_HD bool usable_rotation(const float* q) { return usable_rotation(Vec4<float>{q[0], q[1], q[2], q[3]}); }
 
 /// False if no view can show the Gaussian.
 GS_HD bool is_visible(float raw_opacity, const float* q) { return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q); }

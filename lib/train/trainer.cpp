@@ -18,6 +18,7 @@
 #include "lib/io/atomic_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/cameras_json.h"
+#include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
@@ -147,6 +148,9 @@ class Run {
         init.random_points = options_.init_points;
         init.seed = options_.seed;
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
+        if (options_.hostile_start > 0)
+            spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
+                         make_hostile(state, options_.hostile_start, options_.seed), state.count);
         state.active_degree = schedule_.active_degree(0);
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);

@@ -188,7 +188,10 @@ TEST(Contract, ColourActivationsMatchTheTable) {
     }
     // Saturated in float, the slope is still the limit and not zero.
     EXPECT_GT(color_activation_derivative(ColorActivation::kSigmoid, 5.0f), 0);
-    EXPECT_EQ(color_activation(ColorActivation::kSoftplus, 3e38f), 3e38f) << "ten times that is no float";
+    for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus}) {
+        EXPECT_EQ(color_activation(kind, 3e38f), float(kLargestColor)) << "colours whose squares overflow end every step";
+        EXPECT_EQ(color_activation_derivative(kind, 3e38f), 1) << "and come back";
+    }
     EXPECT_TRUE(std::isnan(color_activation(ColorActivation::kRelu, std::nanf("")))) << "NaN must not be hidden";
     for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid}) {
         for (const double c : {0.0, 1.0 / 255, 0.25, 0.5, 1.0}) {
