@@ -11,6 +11,11 @@
 //       residual_backward(params, direction, active_degree, dL_dresidual, dL_dparams, dL_ddirection)
 //     both GS_HD templates over the scalar T; they allocate nothing and throw nothing. The caller zeroes `dL_dparams`;
 //     only entries of active parameters are written;
+//     A model whose Gaussians share weights (a small network) also has
+//       static constexpr int kNumShared;                   floats of all weights
+//     and its functions take `const T* shared` first and, backward, `T* dL_dshared` last, which they add to. Weights stay
+//     within +-kLargestSharedWeight. On CUDA such a model says itself how a warp evaluates it (`<name>_cuda.cuh`,
+//     kernels/preprocess/appearance_cuda.cuh);
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h), among them the
 //     degenerate cases for the stability measurement (stability_case.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
@@ -48,6 +53,44 @@ template <class T> GS_HD Vec3<T> direction_pullback(const ViewDirection<T>& d, c
     return (dL_ddirection - d.unit * dot(d.unit, dL_ddirection)) * d.inverse_distance;
 }
 
+/// The optimizer keeps shared weights within this. Far above any that training finds; products over a few layers stay finite.
+inline constexpr double kLargestSharedWeight = 1e4;
+
+/// How many weights the Gaussians of a model share.
+template <class Model> inline constexpr int kNumSharedOf = [] {
+    if constexpr (requires { Model::kNumShared; })
+        return Model::kNumShared;
+    else
+        return 0;
+}();
+
+/// The residual of any model: 0 below degree 1. `shared` and `params` may be null where the model has none.
+template <class Model, class T> GS_HD Vec3<T> model_residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
+    if constexpr (Model::kDirectional) {
+        if (degree > 0) {
+            if constexpr (kNumSharedOf<Model> > 0)
+                return Model::residual(shared, params, direction, degree);
+            else
+                return Model::residual(params, direction, degree);
+        }
+    }
+    return {T(0), T(0), T(0)};
+}
+
+/// Its way back. `dL_dparams` is zeroed by the caller, `dL_dshared` is added to.
+template <class Model, class T>
+GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
+                                   Vec3<T>& dL_ddirection, T* dL_dshared) {
+    dL_ddirection = {T(0), T(0), T(0)};
+    if constexpr (Model::kDirectional) {
+        if (degree <= 0) return;
+        if constexpr (kNumSharedOf<Model> > 0)
+            Model::residual_backward(shared, params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection, dL_dshared);
+        else
+            Model::residual_backward(params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection);
+    }
+}
+
 /// Brightest colour, far above what the faintest visible fragment (alpha 1/255) needs to show white. The loss squares colours
 /// twice: one Gaussian of 1e10 would make it, and with it every step of that view, infinite.
 inline constexpr double kLargestColor = 1e4;
@@ -69,7 +112,8 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     return y;
 }
 
-/// phi'(y); above kLargestColor as if there were no limit, so that a colour comes back from there. Computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6).
+/// phi'(y), computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6). Above kLargestColor
+/// as if there were no limit, so that a colour comes back from there.
 template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu: return y > T(-0.5) ? T(1) : T(0);

@@ -23,6 +23,7 @@ struct RateContext {
 struct AppearanceRates {
     Schedule base;
     std::vector<Schedule> residual; ///< one for all columns, or one per column
+    Schedule shared{};              ///< of the shared weights
 };
 
 struct ModelInfo {
@@ -36,6 +37,9 @@ struct ModelInfo {
     std::function<AppearanceRates(int max_degree, const RateContext&)> rates;
     /// Writes the initial residual parameters of one Gaussian.
     std::function<void(int max_degree, float* row)> init_residual;
+    int num_shared = 0; ///< weights that all Gaussians share
+    /// Writes their initial values; set where there are any.
+    std::function<void(std::uint64_t seed, float* weights)> init_shared;
     /// Names and degenerate cases for the stability measurement, at max_degree_limit. Without it all columns are one kind.
     std::function<StabilityPlan()> stability;
 };

@@ -13,7 +13,8 @@ namespace gs {
 /// One set of inputs. Everything is rounded to float first; float, double and the reference then compute from the same numbers.
 struct StabilityCase {
     std::string kind;                 ///< the row of the table it belongs to
-    std::vector<double> residual;     ///< raw parameters, as wide as the model's residual at its highest degree
+    /// Raw parameters, as wide as the model's residual at its highest degree; where a case sets them, the shared weights behind.
+    std::vector<double> residual;
     std::array<double, 3> view = {};  ///< mean minus camera centre, any length
     /// Exact residual where it is known without the model's own formulas, and what it is, e.g. "N".
     std::optional<std::array<double, 3>> limit;

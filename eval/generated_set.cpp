@@ -84,6 +84,10 @@ Gaussians generated_gaussians(std::int64_t count, std::uint64_t seed, const Appe
         g.groups[i].width = group_width(Group(i), appearance);
         g.groups[i].param.resize(std::size_t(count) * std::size_t(g.groups[i].width));
     }
+    g.shared.width = model.num_shared;
+    g.shared.param.resize(std::size_t(model.num_shared));
+    if (model.num_shared > 0) model.init_shared(seed, g.shared.param.data());
+    for (float& w : g.shared.param) w = w == 0 ? 0.1f : w; // an output layer that starts at 0 would show nothing
     const double log_scale = std::log(0.5 / std::cbrt(double(count)));
     parallel_for_rows(count, [&](std::int64_t i) {
         Draw draw(seed, std::uint64_t(i));

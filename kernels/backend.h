@@ -52,6 +52,7 @@ struct StepRequest {
     bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm, per view in which a tile is touched
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
+    double shared_rate = 0;              ///< learning rate of the shared weights
 };
 
 /// What happened since the last call of `take_stats`.
@@ -77,6 +78,7 @@ struct MemoryUse {
 
 struct BackendOptions {
     bool deterministic = false;                      ///< fixed order of all sums: bitwise repeatable on one device, slower
+    bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, through memory; for comparison
     std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
 };
 
@@ -143,7 +145,7 @@ class Backend {
     virtual void reset_opacity() = 0;
     /// Orders all rows by the Morton code of the mean (optimization spec section 6).
     virtual void morton_sort() = 0;
-    /// Removes Gaussians whose parameters are not finite; counts per group go to `by_group`.
+    /// Removes Gaussians whose parameters are not finite or beyond kLargestParameter (rows_device.h); counts per group go to `by_group`.
     virtual std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) = 0;
     /// Removes what can never be seen: opacity < 1/255 or |q|^2 < 1e-8. Returns how many.
     virtual std::int64_t prune_invisible() = 0;

@@ -23,12 +23,15 @@ template <class Model> class CpuBackend final : public Backend {
             group.m.resize(group.param.size(), 0.0f);
             group.v.resize(group.param.size(), 0.0f);
         }
+        state_.shared.m.resize(state_.shared.param.size(), 0.0f);
+        state_.shared.v.resize(state_.shared.param.size(), 0.0f);
     }
     Gaussians download(bool with_moments) override {
         if (with_moments) return state_;
         Gaussians out;
         out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree, out.step = state_.step;
         for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
+        out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
         return out;
     }
     std::int64_t count() const override { return state_.count; }
@@ -159,16 +162,23 @@ template <class Model> class CpuBackend final : public Backend {
         if (r.gather_gradient_stats) arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
         const std::int64_t parts = num_parts(state_.count);
         nonfinite_.assign(parts, 0);
+        dL_dshared_.assign(parts * kNumSharedOf<Model>, 0.0f);
         parallel_for(parts, [&](std::int64_t part) {
             typename CpuRasterizer<float, Model>::FullGradient gradient;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
-                raster_.gaussian_gradient(params, i, gradient);
+                raster_.gaussian_gradient(params, i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>);
                 if (!drop_nonfinite(gradient, gradient.residual, width)) ++nonfinite_[part];
                 update_gaussian(arrays, args, i, gradient);
                 update_residual(arrays, args, i, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
+        for (int k = 0; k < kNumSharedOf<Model>; ++k) {
+            double sum = 0;
+            for (std::int64_t part = 0; part < parts; ++part) sum += dL_dshared_[part * kNumSharedOf<Model> + k];
+            auto& shared = state_.shared;
+            if (!update_shared(shared.param[k], shared.m[k], shared.v[k], float(sum), args.shared_step)) ++stats_.num_nonfinite_gradients;
+        }
     }
 
     /// One step of the residual of Gaussian i.
@@ -188,6 +198,7 @@ template <class Model> class CpuBackend final : public Backend {
     CpuRasterizer<float, Model> raster_;
     ImageLoss<float> loss_;
     std::vector<float> image_, transmittance_, dL_dimage_;
+    std::vector<float> dL_dshared_; ///< a row for each part, so that the sum has a fixed order
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
     double loss_seconds_ = 0, update_seconds_ = 0;

@@ -73,8 +73,8 @@ template <class Real, class Model> class CpuRasterizer {
         Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
     };
 
-    /// Gradients of Gaussian i. `params` are those of forward(). Thread-safe.
-    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out) const {
+    /// Gradients of Gaussian i; those of shared weights are added. `params` are those of forward(). Thread-safe.
+    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out, Real* dL_dshared) const {
         out = {};
         if (bins_.count[i] == 0) return;
         SplatSums<Real> sum{};
@@ -83,8 +83,7 @@ template <class Real, class Model> class CpuRasterizer {
             sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy, sum.hyy += s[k].hyy;
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
-        gaussian_backward<Model>(params.geometry(i), params.base(i), params.residual(i), params.activation, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out),
-                                 out.residual);
+        gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
     }
 
     std::int64_t num_visible() const { return binning_.num_visible(); }
@@ -139,7 +138,9 @@ template <class Real, class Model> class CpuRasterizer {
                 if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
             }
         if (bin.tiles.size() == before) return;
-        s.color = gaussian_color<Model>(params.activation, params.base(i), params.residual(i), g.mean, camera_.position, degree_, mode);
+        const Vec3<Real> direction = params.direction(i, camera_.position).unit;
+        const int degree = mode == RenderMode::kBaseOnly ? 0 : degree_;
+        s.color = gaussian_color(params.activation, params.base(i), model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
         bin.depth_keys.push_back(std::uint64_t(depth_key_(float(z))) << 32 | std::uint32_t(i));
     }
 

@@ -53,7 +53,7 @@ std::string CudaBackend::describe() const {
     int device = 0;
     GS_CUDA(cudaGetDevice(&device));
     GS_CUDA(cudaGetDeviceProperties(&p, device));
-    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "");
+    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "") + (options_.separate_appearance ? ", separate appearance" : "");
 }
 
 // --- the model ------------------------------------------------------------------------------------------------------
@@ -75,6 +75,22 @@ void CudaBackend::upload(const Gaussians& state) {
                 GS_CUDA(cudaMemset(buffer->reserve(group.param.size()), 0, group.param.size() * sizeof(float)));
         }
     }
+    meta_.shared.width = state.shared.width;
+    if (state.shared.width != kernels_.shared.count)
+        throw UsageError("the model holds " + std::to_string(state.shared.width) + " shared weights, its appearance has " + std::to_string(kernels_.shared.count));
+    if (kernels_.shared.count > 0) {
+        const std::size_t n = std::size_t(kernels_.shared.count);
+        model_.shared_param.upload(state.shared.param);
+        for (auto [buffer, values] : {std::pair{&model_.shared_m, &state.shared.m}, {&model_.shared_v, &state.shared.v}}) {
+            if (!values->empty())
+                buffer->upload(*values);
+            else
+                GS_CUDA(cudaMemset(buffer->reserve(n), 0, n * sizeof(float)));
+        }
+        const std::size_t words = std::size_t(kernels_.shared.prepared_words);
+        GS_CUDA(cudaMemsetAsync(model_.shared_prepared.reserve(words), 0, words * sizeof(unsigned), stream_));
+        kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
+    }
     model_.has_statistic = !state.gradient_sum.empty();
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
@@ -95,6 +111,9 @@ Gaussians CudaBackend::download(bool with_moments) {
         out.groups[g].m = model_.m[g].download(n);
         out.groups[g].v = model_.v[g].download(n);
     }
+    const std::size_t shared = std::size_t(kernels_.shared.count);
+    out.shared.param = model_.shared_param.download(shared);
+    if (with_moments) out.shared.m = model_.shared_m.download(shared), out.shared.v = model_.shared_v.download(shared);
     if (with_moments && model_.has_statistic) {
         out.gradient_sum = model_.gradient_sum.download(model_.count);
         out.gradient_count = model_.gradient_count.download(model_.count);
@@ -114,6 +133,8 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     const std::size_t pixels = std::size_t(sizes.width) * sizes.height;
     const int tiles = padded(sizes.width, kCudaTileX) / kCudaTileX * (padded(sizes.height, kCudaTileY) / kCudaTileY);
     splats_ = c.take<PackedSplat>(sizes.n);
+    separate_ = {};
+    if (options_.separate_appearance && kernels_.directional) separate_.residuals = c.take<Vec3<float>>(sizes.n);
     image_ = c.take<float>(3 * pixels);
     transmittance_ = c.take<float>(pixels);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
@@ -124,6 +145,11 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     if (!sizes.for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
+    if (kernels_.shared.count > 0) shared_sums_ = c.take<float>(std::size_t(kernels_.shared.max_blocks()) * std::size_t(kernels_.shared.count));
+    if (options_.separate_appearance && kernels_.directional) {
+        separate_.dL_dresiduals = c.take<float>(std::size_t(sizes.n) * model_.width[int(Group::kResidual)]);
+        separate_.dL_dmeans = c.take<Vec3<float>>(sizes.n);
+    }
     dL_dimage_ = c.take<float>(3 * pixels);
     loss_.take(c, sizes.width, sizes.height);
     if (options_.deterministic) blend_.take_partial_sums(c, sizes.capacity);
@@ -139,16 +165,17 @@ void CudaBackend::lay_out(const Sizes& sizes) {
 PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const {
     const auto p = [&](Group g) { return model_.param[int(g)].get(); };
     const ParameterView<float> view{model_.count,       p(Group::kMean), p(Group::kScale),    p(Group::kRotation),
-                                    p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation};
+                                    p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation,
+                                    model_.shared_param.get()};
     return {view, camera, kernels_.directional ? meta_.active_degree : 0, padded(camera.width, kCudaTileX), padded(camera.height, kCudaTileY), mode,
-            DepthKey::of(camera.near_plane, camera.far_plane), lazy};
+            DepthKey::of(camera.near_plane, camera.far_plane), lazy, {}, {}};
 }
 
 BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
     return {camera.width, camera.height, background, image_, transmittance_};
 }
 
-CudaBins CudaBackend::enqueue_forward(const PreprocessArgs& args, Vec3<float> background, bool for_backward) {
+CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
     const CameraParams<float>& camera = args.camera;
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) + " pixels: the CUDA backend takes up to " +
@@ -161,6 +188,8 @@ CudaBins CudaBackend::enqueue_forward(const PreprocessArgs& args, Vec3<float> ba
         capacity_ = std::max<std::int64_t>(needed_, 1); // room ahead of need was too much to ask
         lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
     }
+    args.shared = {model_.shared_prepared.get(), shared_sums_};
+    args.separate = separate_;
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
@@ -195,7 +224,8 @@ void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
     const std::int64_t for_steps = capacity_;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
-        enqueue_forward(preprocess_args(r.camera, r.mode, {}), r.background, false);
+        PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+        enqueue_forward(args, r.background, false);
         report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -223,7 +253,10 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     GS_CUDA(cudaEventCreate(&end));
     GS_CUDA(cudaEventRecord(begin, stream_));
     for (int k = 0; k < repeats; ++k)
-        for (const RenderRequest& view : views) enqueue_forward(preprocess_args(view.camera, view.mode, {}), view.background, false);
+        for (const RenderRequest& view : views) {
+            PreprocessArgs args = preprocess_args(view.camera, view.mode, {});
+            enqueue_forward(args, view.background, false);
+        }
     GS_CUDA(cudaEventRecord(end, stream_));
     GS_CUDA(cudaEventSynchronize(end));
     float ms = 0;
@@ -269,7 +302,7 @@ void CudaBackend::enqueue(const Step& s) {
     const StepRequest& r = s.request;
     const std::int64_t n = model_.count;
     StepControl* control = control_.get();
-    const PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
+    PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
     const CudaBins bins = enqueue_forward(args, r.background, true);
     loss_.compute({image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
     times_.end(CudaStage::kLoss, stream_);

@@ -77,7 +77,8 @@ class CudaBackend final : public Backend {
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     void enqueue(const Step& step);
-    CudaBins enqueue_forward(const PreprocessArgs& args, Vec3<float> background, bool for_backward);
+    /// Completes `args` with what it lays out.
+    CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
     /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
@@ -103,7 +104,8 @@ class CudaBackend final : public Backend {
     int largest_width_ = 0, largest_height_ = 0; ///< of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;
-    float *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
+    SeparateArgs separate_{};
+    float *shared_sums_ = nullptr, *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
     CudaBinning binning_;
     CudaBlend blend_;
     CudaLoss loss_;

@@ -13,11 +13,14 @@ struct CudaModel {
     DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups]; ///< (count, width)
     bool has_statistic = false;                                          ///< the two below hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
+    DeviceBuffer<float> shared_param, shared_m, shared_v; ///< weights of all Gaussians
+    DeviceBuffer<unsigned> shared_prepared;               ///< the same as kernels read them
 
     std::size_t floats(int group) const { return std::size_t(count) * width[group]; }
     ModelArrays arrays() const {
         ModelArrays a{};
         for (int g = 0; g < kNumGroups; ++g) a.param[g] = param[g].get(), a.m[g] = m[g].get(), a.v[g] = v[g].get(), a.width[g] = width[g];
+        a.shared_param = shared_param.get(), a.shared_m = shared_m.get(), a.shared_v = shared_v.get();
         return a;
     }
     /// Room for n rows in every group, keeping the present ones.
@@ -28,7 +31,8 @@ struct CudaModel {
     std::int64_t bytes() const {
         std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes();
         for (int g = 0; g < kNumGroups; ++g) sum += param[g].bytes() + m[g].bytes() + v[g].bytes();
-        return sum;
+        for (const auto* buffer : {&shared_param, &shared_m, &shared_v}) sum += buffer->bytes();
+        return sum + shared_prepared.bytes();
     }
 };
 

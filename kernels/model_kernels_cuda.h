@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the CUDA backend needs of an appearance model: two kernels. Everything else is compiled once.
+// What the CUDA backend needs of an appearance model: its kernels. Everything else is compiled once.
 #pragma once
 
 #include "kernels/blend/blend_cuda.h"
@@ -18,6 +18,19 @@ struct LazyArgs {
     __device__ int lag(std::int64_t i) const { return last_step ? int(step - 1 - last_step[i]) : 0; }
 };
 
+/// The weights that all Gaussians of a model share; null without any.
+struct SharedArgs {
+    unsigned* prepared; ///< as the kernels read them
+    float* sums;        ///< gradients, a row for each block of the backward pass
+};
+
+/// Where the separate pass keeps what fused kernels have in registers, one a Gaussian; null: fused.
+struct SeparateArgs {
+    Vec3<float>* residuals;
+    float* dL_dresiduals;   ///< (n, residual width)
+    Vec3<float>* dL_dmeans; ///< through the direction
+};
+
 /// One view of one model.
 struct PreprocessArgs {
     ParameterView<float> params;
@@ -26,6 +39,8 @@ struct PreprocessArgs {
     RenderMode mode;
     DepthKey depth_key;
     LazyArgs lazy;
+    SharedArgs shared;
+    SeparateArgs separate;
 };
 
 struct ModelKernels {
@@ -35,6 +50,12 @@ struct ModelKernels {
     /// Gradients of all parameters from the sums, and the optimizer's step. Does nothing if the step was stopped or its
     /// loss is not finite.
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&, const UpdateArgs&, StepControl*, cudaStream_t);
+    struct Shared {
+        int count = 0;          ///< weights that all Gaussians share
+        int prepared_words = 0; ///< what the kernels read of them, 4-byte words, initially 0
+        void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
+        int (*max_blocks)() = nullptr; ///< rows of SharedArgs::sums
+    } shared;
 };
 
 /// The CUDA backend of a model with these kernels.

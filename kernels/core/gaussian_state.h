@@ -40,6 +40,8 @@ template <class Real> struct GaussianState {
     int active_degree = 0;
     std::int64_t step = 0; ///< optimizer steps, skipped ones included; Adam's t
     std::array<GroupArrays<Real>, kNumGroups> groups;
+    /// Weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
+    GroupArrays<Real> shared;
     /// ADC statistic since the last densification, one per Gaussian: summed norm of the screen-space mean gradient, and
     /// in how many views it was seen. Both empty where nothing gathers them.
     std::vector<Real> gradient_sum, gradient_count;

@@ -39,6 +39,8 @@ GS_HD float gs_sin(float x) { return ::sinf(x); }
 GS_HD double gs_sin(double x) { return ::sin(x); }
 GS_HD float gs_cos(float x) { return ::cosf(x); }
 GS_HD double gs_cos(double x) { return ::cos(x); }
+GS_HD void gs_sincos(float x, float& s, float& c) { ::sincosf(x, &s, &c); }
+GS_HD void gs_sincos(double x, double& s, double& c) { ::sincos(x, &s, &c); }
 GS_HD float gs_fma(float a, float b, float c) { return ::fmaf(a, b, c); }
 GS_HD double gs_fma(double a, double b, double c) { return ::fma(a, b, c); }
 GS_HD float gs_floor(float x) { return ::floorf(x); }
@@ -56,6 +58,8 @@ inline long double gs_abs(long double x) { return ::fabsl(x); }
 inline long double gs_tanh(long double x) { return ::tanhl(x); }
 inline long double gs_sin(long double x) { return ::sinl(x); }
 inline long double gs_cos(long double x) { return ::cosl(x); }
+inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sinl(x), c = ::cosl(x); }
+inline long double gs_fma(long double a, long double b, long double c) { return ::fmal(a, b, c); }
 #endif
 template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308)); }
 

@@ -10,6 +10,8 @@
 namespace gs {
 
 inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
+/// beta2 of weights that all Gaussians share: every view has a gradient for them, so that they need less memory of past ones.
+inline constexpr double kAdamBeta2Shared = 0.99;
 /// Far below any gradient that matters: the step is lr * m / sqrt(v) for all of them.
 inline constexpr double kAdamEpsilon = 1e-15;
 
@@ -18,8 +20,8 @@ template <class T> struct AdamStep {
     T step_size;         ///< lr / (1 - beta1^t)
     T inverse_sqrt_bias; ///< 1 / sqrt(1 - beta2^t)
 
-    static AdamStep at(double rate, std::int64_t t) {
-        return {T(rate / (1 - std::pow(kAdamBeta1, double(t)))), T(1 / std::sqrt(1 - std::pow(kAdamBeta2, double(t))))};
+    static AdamStep at(double rate, std::int64_t t, double beta2 = kAdamBeta2) {
+        return {T(rate / (1 - std::pow(kAdamBeta1, double(t)))), T(1 / std::sqrt(1 - std::pow(beta2, double(t))))};
     }
 };
 
@@ -27,11 +29,11 @@ template <class T> struct AdamStep {
 inline constexpr double kLargestGradient = 1e18;
 
 /// One step: p, m, v are updated in place. g must be finite.
-template <class T> GS_HD void adam_update(T& p, T& m, T& v, T gradient, const AdamStep<T>& s) {
+template <class T> GS_HD void adam_update(T& p, T& m, T& v, T gradient, const AdamStep<T>& s, double beta2 = kAdamBeta2) {
     const T g = gs_clamp(gradient, T(-kLargestGradient), T(kLargestGradient));
     // As v + (1-beta)(g^2 - v): 1-beta is exact to half an ulp, where beta itself, rounded to float, is off by 1e-5 of it.
     m = gs_fma(T(1 - kAdamBeta1), g - m, m);
-    v = gs_fma(T(1 - kAdamBeta2), g * g - v, v);
+    v = gs_fma(T(1 - beta2), g * g - v, v);
     p = p - s.step_size * m * reciprocal(gs_sqrt(v) * s.inverse_sqrt_bias + T(kAdamEpsilon));
 }
 

@@ -16,6 +16,7 @@ struct UpdateArgs {
     AdamStep<float> steps[kNumGroups];
     bool per_column;                       ///< residual_steps holds one per residual column; else steps[kResidual] is for all
     AdamStep<float> residual_steps[kMaxResidualColumns];
+    AdamStep<float> shared_step;           ///< of the shared weights
     float opacity_gradient;                ///< lambda_o / N
     float scale_gradient;                  ///< lambda_s / 3N
     float noise;                           ///< SGLD factor, 0 = none
@@ -28,6 +29,7 @@ struct ModelArrays {
     float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
     int width[kNumGroups];
     float *gradient_sum, *gradient_count; ///< ADC statistic, or null
+    float *shared_param, *shared_m, *shared_v; ///< weights of all Gaussians, or null
 };
 
 /// One row of a group with its moments.
@@ -111,12 +113,21 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     mean.write(a, i), scale.write(a, i), rotation.write(a, i), opacity.write(a, i), base.write(a, i);
 }
 
+/// One step of a shared weight with the gradient summed over all Gaussians. False: it was not finite and counts as 0.
+GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const AdamStep<float>& step) {
+    const bool finite = gs_isfinite(gradient);
+    adam_update(p, m, v, finite ? gradient : 0.0f, step, kAdamBeta2Shared);
+    p = gs_clamp(p, -float(kLargestSharedWeight), float(kLargestSharedWeight));
+    return finite;
+}
+
 /// The factors of Adam's step `t` for a request.
 inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians) {
     UpdateArgs u{};
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);
     u.opacity_gradient = r.opacity_reg / float(num_gaussians);
     u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
+    u.shared_step = AdamStep<float>::at(r.shared_rate, t, kAdamBeta2Shared);
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
     u.per_column = !r.residual_rates.empty();

@@ -15,17 +15,21 @@ template <class Real> struct ParameterView {
     const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
     int residual_width;
     ColorActivation activation;
+    const Real* shared; ///< weights of all Gaussians, or null
 
     static ParameterView of(const GaussianState<Real>& s) {
         const auto p = [&](Group g) { return s[g].param.data(); };
         return {s.count,         p(Group::kMean),     p(Group::kScale),          p(Group::kRotation),     p(Group::kOpacity),
-                p(Group::kBase), p(Group::kResidual), s[Group::kResidual].width, s.appearance.activation};
+                p(Group::kBase), p(Group::kResidual), s[Group::kResidual].width, s.appearance.activation, s.shared.param.data()};
     }
     GS_HD GaussianGeometry<Real> geometry(std::int64_t i) const {
         return {{means[3 * i], means[3 * i + 1], means[3 * i + 2]},
                 {log_scales[3 * i], log_scales[3 * i + 1], log_scales[3 * i + 2]},
                 {rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2], rotations[4 * i + 3]},
                 raw_opacities[i]};
+    }
+    GS_HD ViewDirection<Real> direction(std::int64_t i, const Vec3<Real>& camera_position) const {
+        return view_direction(Vec3<Real>{means[3 * i], means[3 * i + 1], means[3 * i + 2]}, camera_position);
     }
     GS_HD Vec3<Real> base(std::int64_t i) const { return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]}; }
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
@@ -40,26 +44,27 @@ template <class Real> struct GaussianGradient {
     Vec2<Real> mean2d; ///< pixels; for the densification statistic
 };
 
-template <class Model, class Real> GS_HD Vec3<Real> appearance_residual(const Real* residual, const ViewDirection<Real>& direction, int degree) {
-    if constexpr (Model::kDirectional) {
-        if (degree > 0) return Model::residual(residual, direction.unit, degree);
-    }
-    return {Real(0), Real(0), Real(0)};
-}
+template <class Real> GS_HD bool is_finite(const Vec3<Real>& v) { return gs_isfinite(v.x) && gs_isfinite(v.y) && gs_isfinite(v.z); }
 
 template <class Real> GS_HD Vec3<Real> activate(ColorActivation activation, const Vec3<Real>& y) {
     return {color_activation(activation, y.x), color_activation(activation, y.y), color_activation(activation, y.z)};
 }
 
-/// Colour of a Gaussian at `mean`; `residual` is its row, read only where the model has a residual and `degree` > 0.
-template <class Model, class Real>
-GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Real* residual, const Vec3<Real>& mean, const Vec3<Real>& camera_position,
-                                int degree, RenderMode mode) {
+/// Colour of a Gaussian from its base colour and its residual.
+template <class Real> GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual, RenderMode mode) {
     if (mode == RenderMode::kBaseOnly) return activate(activation, base);
-    const Vec3<Real> full = activate(activation, base + appearance_residual<Model>(residual, view_direction(mean, camera_position), degree));
+    const Vec3<Real> full = activate(activation, base + residual);
     if (mode == RenderMode::kFull) return full;
     const Vec3<Real> d = full - activate(activation, base);
     return {gs_abs(d.x), gs_abs(d.y), gs_abs(d.z)};
+}
+
+/// dL/dy from dL/dcolour, y = base + residual: the gradient of the base colour and of the residual.
+template <class Real>
+GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual, const Vec3<Real>& dL_dcolor) {
+    const Vec3<Real> y = base + residual;
+    return {color_activation_derivative(activation, y.x) * dL_dcolor.x, color_activation_derivative(activation, y.y) * dL_dcolor.y,
+            color_activation_derivative(activation, y.z) * dL_dcolor.z};
 }
 
 /// Conic and opacity of a splat from its projection.
@@ -87,12 +92,10 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 
-/// All gradients of one Gaussian from its sums over pixels. `out` must be zeroed; it stays so for a Gaussian that projects
-/// to nothing. `residual` and `dL_dresidual` (zeroed by the caller) are rows of the model's width; they may be null
-/// without a residual.
-template <class Model, class Real>
-GS_HD void gaussian_backward(const GaussianGeometry<Real>& g, const Vec3<Real>& base, const Real* residual, ColorActivation activation,
-                             const CameraParams<Real>& camera, int degree, const SplatSums<Real>& sums, GaussianGradient<Real>& out, Real* dL_dresidual) {
+/// Gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays so for a Gaussian that
+/// projects to nothing.
+template <class Real>
+GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, const SplatSums<Real>& sums, GaussianGradient<Real>& out) {
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return;
     out.visible = true;
@@ -101,17 +104,21 @@ GS_HD void gaussian_backward(const GaussianGeometry<Real>& g, const Vec3<Real>& 
     const SplatGradient<Real> d = splat_gradient(splat, sums);
     out.mean2d = d.mean;
     out.geometry = project_backward(g, camera, p, splat.opacity, d);
-    const ViewDirection<Real> direction = view_direction(g.mean, camera.position);
-    const Vec3<Real> y = base + appearance_residual<Model>(residual, direction, degree);
-    out.base = {color_activation_derivative(activation, y.x) * d.color.x, color_activation_derivative(activation, y.y) * d.color.y,
-                color_activation_derivative(activation, y.z) * d.color.z};
-    if constexpr (Model::kDirectional) {
-        if (degree > 0) {
-            Vec3<Real> dL_ddirection;
-            Model::residual_backward(residual, direction.unit, degree, out.base, dL_dresidual, dL_ddirection);
-            out.geometry.mean += direction_pullback(direction, dL_ddirection);
-        }
-    }
+}
+
+/// All gradients of Gaussian i, which is visible. `out` and `dL_dresidual` (of the model's width) must be zeroed;
+/// `dL_dshared` is added to.
+template <class Model, class Real>
+GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera, int degree, const SplatSums<Real>& sums,
+                             GaussianGradient<Real>& out, Real* dL_dresidual, Real* dL_dshared) {
+    geometry_backward(params.geometry(i), camera, sums, out);
+    const ViewDirection<Real> direction = params.direction(i, camera.position);
+    const Vec3<Real> residual = model_residual<Model>(params.shared, params.residual(i), direction.unit, degree);
+    out.base = color_backward(params.activation, params.base(i), residual, {sums.r, sums.g, sums.b});
+    if (!is_finite(out.base)) return; // dropped with all of the Gaussian; the shared weights must not see it
+    Vec3<Real> dL_ddirection;
+    model_residual_backward<Model>(params.shared, params.residual(i), direction.unit, degree, out.base, dL_dresidual, dL_ddirection, dL_dshared);
+    out.geometry.mean += direction_pullback(direction, dL_ddirection);
 }
 
 }  // namespace gs

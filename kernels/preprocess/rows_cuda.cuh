@@ -61,6 +61,17 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
     __syncwarp();
 }
 
+/// Copies the rows of a warp that `mask` selects from shared memory, to the same offsets.
+__device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* __restrict__ to) {
+    RowElements elements(mask, width, list);
+    for (int done = 0, rounds = elements.rounds(); done < rounds; ++done) {
+        int row, column;
+        const int at = elements.next(row, column);
+        if (at >= 0) to[at] = from[at];
+    }
+    __syncwarp();
+}
+
 /// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums`: of the rows, in shared
 /// memory.
 __device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon, const float* __restrict__ m, const float* __restrict__ v,

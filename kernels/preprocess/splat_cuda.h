@@ -21,6 +21,7 @@ struct alignas(16) PackedSplat {
         return {make_float4(s.mean.x, s.mean.y, s.a, s.b), make_float4(s.c, s.opacity, s.threshold, s.color.x),
                 make_float4(s.color.y, s.color.z, __uint_as_float(p.x_min | p.x_max << 16), __uint_as_float(p.y_min | p.y_max << 16))};
     }
+    __device__ void set_color(const Vec3<float>& color) { b.w = color.x, c.x = color.y, c.y = color.z; }
     __device__ Splat<float> splat() const { return {{a.x, a.y}, a.z, a.w, b.x, b.y, {b.w, c.x, c.y}, b.z}; }
     __device__ PixelBounds bounds() const {
         const unsigned x = __float_as_uint(c.z), y = __float_as_uint(c.w);

@@ -52,6 +52,7 @@ void write_ply_header(std::ostream& out, const PlyHeader& header) {
     for (const std::string& c : header.comments) out << "comment " << c << '\n';
     out << "element vertex " << header.count << '\n';
     for (const PlyProperty& p : header.properties) out << "property " << kTypes[std::size_t(p.type)].name << ' ' << p.name << '\n';
+    if (header.num_shared > 0) out << "element shared " << header.num_shared << "\nproperty float value\n";
     out << "end_header\n";
 }
 
@@ -71,6 +72,9 @@ PlyReader::PlyReader(const std::filesystem::path& path) : path_(path) {
         fail(fmt::format("'element vertex {}' needs {} bytes each, but only {} bytes follow the header: truncated file", header_.count,
                          row_bytes_, available));
     }
+    const std::int64_t behind = available - header_.count * row_bytes_;
+    if (header_.num_shared > behind / std::int64_t(sizeof(float)))
+        fail(fmt::format("'element shared {}' needs 4 bytes each, but only {} bytes follow the vertices: truncated file", header_.num_shared, behind));
 }
 
 void PlyReader::parse_header() {
@@ -86,7 +90,7 @@ void PlyReader::parse_header() {
     };
     next_line();
     if (line != "ply") fail("the first line is not 'ply'");
-    bool have_format = false, in_vertex = false, have_vertex = false;
+    bool have_format = false, in_vertex = false, have_vertex = false, in_shared = false, more = false;
     for (std::size_t lines = 0;; ++lines) {
         if (lines > kMaxLines) fail("the header has too many lines");
         next_line();
@@ -105,7 +109,11 @@ void PlyReader::parse_header() {
         } else if (word == "element") {
             std::string name;
             in_vertex = bool(words >> name) && name == "vertex" && !have_vertex;
-            if (in_vertex) {
+            in_shared = have_vertex && !more && name == "shared";
+            more = more || have_vertex;
+            if (in_shared) {
+                if (!(words >> header_.num_shared) || header_.num_shared < 0) fail(fmt::format("bad count in '{}'", line));
+            } else if (in_vertex) {
                 if (!(words >> header_.count) || header_.count < 0) fail(fmt::format("bad vertex count in '{}'", line));
                 have_vertex = true;
             } else if (!have_vertex) {
@@ -120,6 +128,8 @@ void PlyReader::parse_header() {
             if (find(name) >= 0) fail(fmt::format("vertex property '{}' appears twice", name));
             if (header_.properties.size() >= kMaxProperties) fail("too many vertex properties");
             header_.properties.push_back({name, PlyType(it - kTypes.begin())});
+        } else if (word == "property" && in_shared) {
+            if (line != "property float value") fail(fmt::format("element shared: expected 'property float value', found '{}'", line));
         } else if (word != "property" && word != "obj_info") {
             fail(fmt::format("unknown header line '{}'", line));
         }
@@ -148,6 +158,13 @@ std::int64_t PlyReader::next_chunk() {
     if (!in_) fail(fmt::format("read error after {} of {} vertices", rows_read_, header_.count));
     rows_read_ += rows;
     return rows;
+}
+
+std::vector<float> PlyReader::read_shared() {
+    std::vector<float> values(std::size_t(header_.num_shared));
+    in_.read(reinterpret_cast<char*>(values.data()), std::streamsize(values.size() * sizeof(float)));
+    if (!in_) fail("read error in the element shared");
+    return values;
 }
 
 double PlyReader::value(std::int64_t row, int property) const {

@@ -22,13 +22,14 @@ struct PlyHeader {
     std::vector<std::string> comments;  ///< without the word "comment"
     std::int64_t count = 0;             ///< vertices
     std::vector<PlyProperty> properties;
+    std::int64_t num_shared = 0;        ///< floats of the element `shared` behind the vertices; 0 = there is no such element
 };
 
-/// Writes the header; the caller then writes `count` packed rows.
+/// Writes the header; the caller then writes `count` packed rows and `num_shared` floats.
 void write_ply_header(std::ostream& out, const PlyHeader& header);
 
 /// Reads the vertices of a PLY in chunks, so that memory does not grow with the file. Elements after the vertices
-/// (faces, trailing bytes) are ignored.
+/// (faces, trailing bytes) are ignored, but for `shared` directly behind them.
 /// Errors: DataError naming file and property for a header that is not PLY, ASCII or big-endian data, list properties
 /// of a vertex, duplicate names, and a file shorter than its header promises (checked before anything is allocated).
 class PlyReader {
@@ -43,6 +44,8 @@ class PlyReader {
 
     /// Reads the next rows into the buffer. Returns how many; 0 at the end.
     std::int64_t next_chunk();
+    /// The values of the element `shared`; after the last chunk.
+    std::vector<float> read_shared();
     /// Value of a property in row `row` of the current chunk, as stored (integers are converted).
     double value(std::int64_t row, int property) const;
 

@@ -5,9 +5,12 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
 #include <utility>
 #include <vector>
 
+#include "appearance/contract.h"
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/core/portable.h"
 #include "lib/core/version.h"
@@ -18,6 +21,8 @@ namespace gs {
 namespace {
 
 constexpr const char* kFormat = "gsapp-checkpoint-1";
+/// Weights that all Gaussians of the model share.
+constexpr const char* kSharedName = "shared_weights";
 
 template <class Int>
 Int metadata_number(const SafetensorsFile& file, const std::string& name, const std::string& key) {
@@ -60,6 +65,11 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
     for (int i = 0; with_moments && i < kNumGroups; ++i) {
         add(std::string("adam_m.") + kGroupNames[i], g.groups[i], g.groups[i].m);
         add(std::string("adam_v.") + kGroupNames[i], g.groups[i], g.groups[i].v);
+    }
+    if (g.shared.width > 0) {
+        const auto add_shared = [&](const std::string& name, const std::vector<float>& values) { tensors.push_back({name, Dtype::kF32, {1, g.shared.width}, values.data()}); };
+        add_shared(kSharedName, g.shared.param);
+        if (with_moments) add_shared(std::string("adam_m.") + kSharedName, g.shared.m), add_shared(std::string("adam_v.") + kSharedName, g.shared.v);
     }
     if (!g.gradient_sum.empty()) {
         tensors.push_back({"gradient_sum", Dtype::kF32, {g.count, 1}, g.gradient_sum.data()});
@@ -108,6 +118,17 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
         if (!with_moments) continue;
         group.m = read_rows(file, name, std::string("adam_m.") + kGroupNames[i], g.count, group.width);
         group.v = read_rows(file, name, std::string("adam_v.") + kGroupNames[i], g.count, group.width);
+    }
+    g.shared.width = appearance_model(g.appearance.model).num_shared;
+    if (g.shared.width > 0) {
+        g.shared.param = read_rows(file, name, kSharedName, 1, g.shared.width);
+        for (const float w : g.shared.param) {
+            if (std::abs(w) > float(kLargestSharedWeight)) throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights stay within +-{}", name, kSharedName, w, kLargestSharedWeight));
+        }
+        if (with_moments) {
+            g.shared.m = read_rows(file, name, std::string("adam_m.") + kSharedName, 1, g.shared.width);
+            g.shared.v = read_rows(file, name, std::string("adam_v.") + kSharedName, 1, g.shared.width);
+        }
     }
     if (file.tensors().contains("gradient_sum")) {
         g.gradient_sum = read_rows(file, name, "gradient_sum", g.count, 1);

@@ -133,6 +133,9 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
         }
         model.init_residual(appearance.max_degree, row(Group::kResidual));
     }
+    g.shared.width = model.num_shared;
+    g.shared.param.resize(std::size_t(model.num_shared));
+    if (model.num_shared > 0) model.init_shared(options.seed, g.shared.param.data());
     return g;
 }
 

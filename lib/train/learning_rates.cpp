@@ -46,6 +46,7 @@ void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {
     } else {
         for (const Schedule& column : appearance_.residual) request.residual_rates.push_back(column.at(t));
     }
+    request.shared_rate = appearance_.shared.at(t);
     request.noise = float(noise_ * means_.at(t));
 }
 

@@ -229,11 +229,11 @@ class Run {
         std::string names;
         for (int g = 0; g < kNumGroups; ++g)
             if (by_group[g]) names += (names.empty() ? "" : ", ") + std::to_string(by_group[g]) + " " + kGroupNames[g];
-        spdlog::warn("iteration {}: removed {} Gaussians with non-finite parameters ({})", iteration_, removed, names);
+        spdlog::warn("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})", iteration_, removed, names);
         log_->write({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
         pruned_nonfinite_ += removed;
         if (backend_->count() == 0)
-            throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with finite parameters is left (" + names + ")");
+            throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with parameters finite and in range is left (" + names + ")");
     }
 
     void write_log(double interval_seconds) {
@@ -278,7 +278,7 @@ class Run {
         if (backend_->count() == 0) throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
         save_ply();
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
-        if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for non-finite parameters during the run", pruned_nonfinite_);
+        if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
         return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds(), memory};
     }

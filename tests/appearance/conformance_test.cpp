@@ -27,10 +27,17 @@ template <class Model> class Conformance : public ::testing::Test {
         const Vec3<double> v = vector();
         return v * (1 / std::sqrt(dot(v, v)));
     }
+    /// Of a Gaussian, and behind them the shared weights, at `scale` times their usual size.
     std::vector<double> parameters(double scale = 1) {
-        std::vector<double> p(Model::kMaxResidual);
-        for (double& x : p) x = scale * normal(rng);
+        std::vector<double> p(kAll);
+        for (int k = 0; k < kAll; ++k) p[k] = (k < Model::kMaxResidual ? scale : 0.3 * scale) * normal(rng);
         return p;
+    }
+    static constexpr int kAll = Model::kMaxResidual + kNumSharedOf<Model>;
+    template <class T> static Vec3<T> residual(const T* p, const Vec3<T>& d, int degree) { return model_residual<Model>(p + Model::kMaxResidual, p, d, degree); }
+    /// dp: zeroed by the caller.
+    template <class T> static void residual_backward(const T* p, const Vec3<T>& d, int degree, const Vec3<T>& g, T* dp, Vec3<T>& dd) {
+        model_residual_backward<Model>(p + Model::kMaxResidual, p, d, degree, g, dp, dd, dp + Model::kMaxResidual);
     }
 };
 TYPED_TEST_SUITE(Conformance, AllModels);
@@ -44,14 +51,14 @@ TYPED_TEST(Conformance, BackwardMatchesFiniteDifferences) {
         const int degree = 1 + trial % this->max_degree;
         std::vector<double> dp(p.size());
         Vec3<double> dd;
-        TypeParam::residual_backward(p.data(), d, degree, g, dp.data(), dd);
+        this->residual_backward(p.data(), d, degree, g, dp.data(), dd);
         const double h = 1e-6;
         for (std::size_t k = 0; k < p.size(); ++k) {
             const double x = p[k];
             p[k] = x + h;
-            const double up = dot(TypeParam::residual(p.data(), d, degree), g);
+            const double up = dot(this->residual(p.data(), d, degree), g);
             p[k] = x - h;
-            const double down = dot(TypeParam::residual(p.data(), d, degree), g);
+            const double down = dot(this->residual(p.data(), d, degree), g);
             p[k] = x;
             worst = std::max(worst, std::abs((up - down) / (2 * h) - dp[k]) / (std::abs(dp[k]) + 1e-2));
         }
@@ -59,7 +66,7 @@ TYPED_TEST(Conformance, BackwardMatchesFiniteDifferences) {
         const Vec3<double> v = this->vector(), t = v - d * dot(v, d);
         const auto at = [&](double s) {
             const Vec3<double> e = d + t * s;
-            return dot(TypeParam::residual(p.data(), e * (1 / std::sqrt(dot(e, e))), degree), g);
+            return dot(this->residual(p.data(), e * (1 / std::sqrt(dot(e, e))), degree), g);
         };
         const double slope = dot(dd, t);
         worst = std::max(worst, std::abs((at(h) - at(-h)) / (2 * h) - slope) / (std::abs(slope) + 1e-2));
@@ -74,11 +81,11 @@ TYPED_TEST(Conformance, InactiveParametersShowNothingAndLearnNothing) {
         p.resize(p.size() + 1); // a valid pointer for models without parameters
         auto q = p;
         for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) q[k] = std::nan("");
-        const Vec3<double> d = this->direction(), r = TypeParam::residual(p.data(), d, degree), other = TypeParam::residual(q.data(), d, degree);
+        const Vec3<double> d = this->direction(), r = this->residual(p.data(), d, degree), other = this->residual(q.data(), d, degree);
         EXPECT_LT(dot(r - other, r - other), 1e-28) << "inactive parameters are not read";
         std::vector<double> dp(p.size(), 0);
         Vec3<double> dd{7, 7, 7};
-        TypeParam::residual_backward(p.data(), d, degree, {1, 1, 1}, dp.data(), dd);
+        this->residual_backward(p.data(), d, degree, {1, 1, 1}, dp.data(), dd);
         for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) EXPECT_EQ(dp[k], 0);
         if (degree > 0) continue;
         EXPECT_EQ(dot(r, r), 0);
@@ -89,12 +96,15 @@ TYPED_TEST(Conformance, InactiveParametersShowNothingAndLearnNothing) {
 TYPED_TEST(Conformance, TheInitialModelShowsItsBaseColor) {
     EXPECT_EQ(this->info.residual_width(this->max_degree), TypeParam::kMaxResidual);
     for (int degree = 0; degree <= this->max_degree; ++degree) {
-        std::vector<double> p(TypeParam::kMaxResidual + 1);
-        std::vector<float> row(p.size(), 9.0f);
+        std::vector<float> row(TypeParam::kMaxResidual + 1, 9.0f);
         this->info.init_residual(degree, row.data());
         for (std::size_t k = this->info.residual_width(degree); k < row.size(); ++k) EXPECT_EQ(row[k], 9.0f) << "beyond the row";
-        p.assign(row.begin(), row.end());
-        const Vec3<double> r = TypeParam::residual(p.data(), this->direction(), std::min(this->info.initial_degree, degree));
+        ASSERT_EQ(this->info.num_shared, kNumSharedOf<TypeParam>);
+        std::vector<float> all(this->kAll + 1);
+        std::copy(row.begin(), row.end() - 1, all.begin());
+        if (this->info.num_shared) this->info.init_shared(3, all.data() + TypeParam::kMaxResidual);
+        const std::vector<double> p(all.begin(), all.end());
+        const Vec3<double> r = this->residual(p.data(), this->direction(), std::min(this->info.initial_degree, degree));
         EXPECT_EQ(dot(r, r), 0);
     }
 }
@@ -115,13 +125,13 @@ TYPED_TEST(Conformance, FloatFollowsDouble) {
             EXPECT_NEAR(a.z, b.z, tolerance);
         };
         // Below 1 the absolute bound is the tighter one; a lobe's density is unbounded.
-        expect_near(TypeParam::residual(p.data(), d, this->max_degree), TypeParam::residual(q.data(), df, this->max_degree), 1e-5);
+        expect_near(this->residual(p.data(), d, this->max_degree), this->residual(q.data(), df, this->max_degree), 1e-5);
         std::vector<double> dp(p.size());
         std::vector<float> dq(p.size());
         Vec3<double> dd;
         Vec3<float> ddf;
-        TypeParam::residual_backward(p.data(), d, this->max_degree, g, dp.data(), dd);
-        TypeParam::residual_backward(q.data(), df, this->max_degree, gf, dq.data(), ddf);
+        this->residual_backward(p.data(), d, this->max_degree, g, dp.data(), dd);
+        this->residual_backward(q.data(), df, this->max_degree, gf, dq.data(), ddf);
         for (std::size_t k = 0; k < p.size(); ++k) EXPECT_NEAR(dp[k], dq[k], 1e-4 * std::abs(dp[k]) + 1e-6) << k;
         expect_near(dd, ddf, 1e-4);
     }
@@ -132,6 +142,7 @@ TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
     for (const double scale : {1e-30, 1e-6, 1.0, 1e3, 1e10, 1e30}) {
         for (int trial = 0; trial < 50; ++trial) {
             auto p = this->parameters(scale);
+            for (int k = TypeParam::kMaxResidual; k < this->kAll; ++k) p[k] = std::clamp(p[k], -kLargestSharedWeight, kLargestSharedWeight); // as the optimizer does
             p.resize(p.size() + 1);
             const std::vector<float> q(p.begin(), p.end());
             p.assign(q.begin(), q.end());
@@ -141,13 +152,13 @@ TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
             const Vec3<float> axis = axes[trial % 3];
             Vec3<float> dd;
             Vec3<double> wide_dd;
-            const Vec3<float> r = TypeParam::residual(q.data(), axis, this->max_degree);
-            TypeParam::residual_backward(q.data(), axis, this->max_degree, {1, 1, 1}, dq.data(), dd);
-            TypeParam::residual_backward(p.data(), {axis.x, axis.y, axis.z}, this->max_degree, {1, 1, 1}, dp.data(), wide_dd);
+            const Vec3<float> r = this->residual(q.data(), axis, this->max_degree);
+            this->residual_backward(q.data(), axis, this->max_degree, {1, 1, 1}, dq.data(), dd);
+            this->residual_backward(p.data(), {axis.x, axis.y, axis.z}, this->max_degree, {1, 1, 1}, dp.data(), wide_dd);
             EXPECT_TRUE(std::isfinite(r.x + r.y + r.z + dd.x + dd.y + dd.z));
             double largest = 0;
             for (const double g : dp) largest = std::max(largest, std::abs(g));
-            for (int k = 0; k < TypeParam::kMaxResidual; ++k) {
+            for (int k = 0; k < this->kAll; ++k) {
                 EXPECT_TRUE(std::isfinite(dq[k]));
                 // What is below the rounding of the largest gradient may have any sign; all of it may be below float's range.
                 if (std::abs(dp[k]) > 1e-5 * largest && std::abs(dp[k]) > 1e-30) {

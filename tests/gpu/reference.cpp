@@ -41,6 +41,7 @@ template <class Model, class Real> struct Projected {
     Vec3<Real> background;
     int width, height, degree, tiles_x, tiles_y;
     std::array<std::vector<Real>, kNumGroups> params;
+    std::vector<Real> shared;
     std::vector<Splat<Real>> splats;
     std::vector<char> visible;
     std::vector<std::vector<std::uint32_t>> lists;
@@ -50,6 +51,7 @@ template <class Model, class Real> struct Projected {
           degree(Model::kDirectional ? m.active_degree : 0), tiles_x((width + kTile - 1) / kTile), tiles_y((height + kTile - 1) / kTile) {
         for (int g = 0; g < kNumGroups; ++g)
             for (const float x : m.groups[g].param) params[g].push_back(exact<Real>(x));
+        for (const float x : m.shared.param) shared.push_back(exact<Real>(x));
         const std::int64_t n = m.count;
         splats.resize(n), visible.assign(n, 0), lists.resize(std::size_t(tiles_x) * tiles_y);
         std::vector<PixelBounds> bounds(n);
@@ -60,7 +62,10 @@ template <class Model, class Real> struct Projected {
             Real depth{};
             visible[i] = make_splat(geometry(i), camera, tiles_x * kTile, tiles_y * kTile, splats[i], bounds[i], depth);
             if (!visible[i]) return;
-            splats[i].color = gaussian_color<Model>(model.appearance.activation, row3(Group::kBase, i), residual(i), row3(Group::kMean, i), camera.position, degree, mode);
+            splats[i].color = gaussian_color(model.appearance.activation, row3(Group::kBase, i),
+                                             model_residual<Model>(view().shared, view().residual(i), view_direction(row3(Group::kMean, i), camera.position).unit,
+                                                                   mode == RenderMode::kBaseOnly ? 0 : degree),
+                                             mode);
             keys[i] = std::uint64_t(key(float(depth.v))) << 32 | std::uint64_t(i);
         });
         for (std::int64_t i = 0; i < n; ++i)
@@ -77,7 +82,11 @@ template <class Model, class Real> struct Projected {
         const Real* p = params[int(g)].data() + 3 * i;
         return {p[0], p[1], p[2]};
     }
-    const Real* residual(std::int64_t i) const { return params[int(Group::kResidual)].data() + i * model[Group::kResidual].width; }
+    ParameterView<Real> view() const {
+        const auto p = [&](Group g) { return params[int(g)].data(); };
+        return {model.count,      p(Group::kMean), p(Group::kScale),    p(Group::kRotation),         p(Group::kOpacity),
+                p(Group::kBase), p(Group::kResidual), model[Group::kResidual].width, model.appearance.activation, shared.data()};
+    }
     GaussianGeometry<Real> geometry(std::int64_t i) const {
         const Real* q = params[int(Group::kRotation)].data() + 4 * i;
         return {row3(Group::kMean, i), row3(Group::kScale, i), {q[0], q[1], q[2], q[3]}, params[int(Group::kOpacity)][i]};
@@ -362,8 +371,7 @@ template <class Model> class Sample {
         GaussianGradient<Noisy> g{};
         Noisy residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1] = {};
         if (scene_.visible[i])
-            gaussian_backward<Model>(scene_.geometry(i), scene_.row3(Group::kBase, i), scene_.residual(i), model.appearance.activation, scene_.camera, scene_.degree, sums, g,
-                                     residual);
+            gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, g, residual, static_cast<Noisy*>(nullptr));
         const Noisy opacity = sigmoid(Noisy(model[Group::kOpacity].param[i])), n{double(model.count)};
         g.geometry.raw_opacity = g.geometry.raw_opacity + Noisy(r.opacity_reg) / n * opacity * (Noisy(1) - opacity);
         const auto scale = [&](int k) { return Noisy(r.scale_reg) / (Noisy(3) * n) * gs_exp(gs::gs_min(Noisy(model[Group::kScale].param[3 * i + k]), Noisy(kMaxLogScale))); };
@@ -402,12 +410,13 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
     out.loss = {values.loss, 0}, out.l1 = {values.l1, 0}, out.ssim = {values.ssim, 0};
     const double n = double(model.count);
     const auto view = ParameterView<double>::of(d);
+    std::vector<double> ignored(d.shared.param.size());
     for (std::int64_t i = 0; i < model.count; ++i) {
         const double opacity = sigmoid(d[Group::kOpacity].param[i]);
         gradients[Group::kOpacity].param[i] += double(r.opacity_reg) / n * opacity * (1 - opacity);
         for (int k = 0; k < 3; ++k) gradients[Group::kScale].param[3 * i + k] += double(r.scale_reg) / (3 * n) * std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
         typename CpuRasterizer<double, Model>::FullGradient g;
-        pipe.raster.gaussian_gradient(view, i, g);
+        pipe.raster.gaussian_gradient(view, i, g, ignored.data());
         out.statistic.push_back({std::hypot(0.5 * r.camera.width * g.mean2d.x, 0.5 * r.camera.height * g.mean2d.y), 0});
     }
     for (int k = 0; k < kNumGroups; ++k)

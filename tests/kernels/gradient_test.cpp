@@ -21,9 +21,7 @@ struct GradientCheck {
         Pipeline<double, Model> pipe;
         pipe.render(s, camera, background);
         const GaussianState<double> analytic = pipe.gradients(s, weights);
-        for (int g = 0; g < kNumGroups; ++g) {
-            auto& values = s.groups[g].param;
-            const auto& expected = analytic.groups[g].param;
+        const auto check = [&](std::vector<double>& values, const std::vector<double>& expected, const char* name) {
             double scale = 0;
             for (double x : expected) scale = std::max(scale, std::abs(x));
             for (std::size_t k = 0; k < values.size(); ++k) {
@@ -43,11 +41,13 @@ struct GradientCheck {
                     error = std::min(error, std::abs(fd - expected[k]) / std::max({std::abs(expected[k]), 1e-2 * scale, 1e-4}));
                     if (error <= tolerance) break;
                 }
-                EXPECT_LE(error, tolerance) << kGroupNames[g] << "[" << k << "] analytic " << expected[k];
+                EXPECT_LE(error, tolerance) << name << "[" << k << "] analytic " << expected[k];
                 worst = std::max(worst, error);
                 ++checked;
             }
-        }
+        };
+        for (int g = 0; g < kNumGroups; ++g) check(s.groups[g].param, analytic.groups[g].param, kGroupNames[g]);
+        check(s.shared.param, analytic.shared.param, "shared");
         ::testing::Test::RecordProperty("worst_relative_error", std::to_string(worst));
     }
 };
@@ -78,9 +78,11 @@ TYPED_TEST(EveryModel, RendersWithMatchingGradients) {
     std::normal_distribution<double> normal;
     residuals.param.resize(s.count * residuals.width);
     for (double& x : residuals.param) x = normal(rng);
+    s.shared.width = info.num_shared;
+    for (int k = 0; k < info.num_shared; ++k) s.shared.param.push_back(0.3 * normal(rng));
     GradientCheck check;
     check.run<TypeParam>(s, camera, {0.1, 0.5, 0.9}, random_weights(3 * 20 * 18, 33));
-    EXPECT_EQ(check.checked, s.count * (14 + residuals.width));
+    EXPECT_EQ(check.checked, s.count * (14 + residuals.width) + info.num_shared);
 }
 
 TEST(RenderGradient, MatchesForEachShDegreeAndActivation) {

@@ -39,6 +39,8 @@ template <class T, class U> GaussianState<T> cast(const GaussianState<U>& s) {
         o.groups[k].width = s.groups[k].width;
         o.groups[k].param.assign(s.groups[k].param.begin(), s.groups[k].param.end());
     }
+    o.shared.width = s.shared.width;
+    o.shared.param.assign(s.shared.param.begin(), s.shared.param.end());
     return o;
 }
 
@@ -81,9 +83,10 @@ template <class Real, class Model> struct Pipeline {
         raster.backward(image.data(), transmittance.data(), dL_dimage.data());
         GaussianState<Real> out = s;
         const auto params = ParameterView<Real>::of(s);
+        std::fill(out.shared.param.begin(), out.shared.param.end(), Real(0));
         for (std::int64_t i = 0; i < s.count; ++i) {
             typename CpuRasterizer<Real, Model>::FullGradient g;
-            raster.gaussian_gradient(params, i, g);
+            raster.gaussian_gradient(params, i, g, out.shared.param.data());
             const auto put = [&](Group group, std::initializer_list<Real> values) {
                 std::copy(values.begin(), values.end(), out[group].param.begin() + i * std::int64_t(values.size()));
             };

@@ -5,6 +5,7 @@
 #include <random>
 #include <string>
 
+#include "appearance/model_info.h"
 #include "lib/model/appearance_spec.h"
 
 namespace gs::test {
@@ -26,6 +27,11 @@ inline Gaussians random_gaussians(std::int64_t count, const AppearanceSpec& appe
             group.m.push_back(normal(random));
             group.v.push_back(normal(random) * 1e-6f);
         }
+    }
+    g.shared.width = appearance_model(appearance.model).num_shared;
+    for (int k = 0; k < g.shared.width; ++k) {
+        g.shared.param.push_back(normal(random));
+        if (with_moments) g.shared.m.push_back(normal(random)), g.shared.v.push_back(normal(random) * 1e-6f);
     }
     return g;
 }

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// Neural: a few features per Gaussian and one tiny network for all of them.
+#pragma once
+
+#include "appearance/clamps.h"
+#include "appearance/contract.h"
+#include "appearance/neural/neurons.h"
+#include "appearance/sh/sh.h"
+
+namespace gs::appearance {
+
+/// Features that enter as they are count as this at most: products with weights over a few layers stay finite. The gradient
+/// passes, so that one beyond comes back.
+inline constexpr double kLargestFeature = 1e4;
+
+/// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]; no biases, the constant
+/// of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or enter as they are (0).
+///
+/// Layout of the shared weights: every row belongs to all neurons of a layer. W_0 as (kInputs, kNeurons), hidden matrices as
+/// (from, to), the output as (3, kNeurons).
+template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
+    static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers, kNeurons = kNeuronCount;
+    static constexpr int kMaxResidual = kFeatures;
+    static constexpr bool kDirectional = true;
+    static constexpr int kEncoded = kFrequencies > 0 ? 2 * kFrequencies * kFeatures : kFeatures;
+    static constexpr int kBases = 16;
+    static constexpr int kInputs = kEncoded + kBases;
+    static constexpr int kFirstOutput = kInputs * kNeurons + (kLayers - 1) * kNeurons * kNeurons;
+    static constexpr int kNumShared = kFirstOutput + 3 * kNeurons;
+    static constexpr double kY0 = 0.28209479177387814; ///< SH basis function of band 0
+
+    /// Where the matrix into hidden layer `layer` begins.
+    static GS_HD constexpr int matrix(int layer) { return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons; }
+    /// Inputs in use: bands of the direction above `degree` are 0.
+    static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
+
+    template <class T> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x) {
+        GS_UNROLL
+        for (int i = 0; i < kFeatures; ++i) {
+            if constexpr (kFrequencies == 0) x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
+            GS_UNROLL
+            for (int j = 0; j < kFrequencies; ++j) gs_sincos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
+        }
+        x[kEncoded] = T(kY0);
+        GS_UNROLL
+        for (int k = 1; k < kBases; ++k) x[kEncoded + k] = T(0);
+        Sh::basis(direction, degree, x + kEncoded + 1);
+    }
+
+    /// Gradient of the features from that of their encoding.
+    template <class T> static GS_HD void encode_backward(const T* x, const T* dL_dx, T* dL_dfeatures) {
+        GS_UNROLL
+        for (int i = 0; i < kFeatures; ++i) {
+            if constexpr (kFrequencies == 0) {
+                dL_dfeatures[i] = dL_dx[i];
+            } else {
+                T sum = T(0);
+                GS_UNROLL
+                for (int j = 0; j < kFrequencies; ++j) {
+                    const int s = 2 * (kFrequencies * i + j), c = s + 1;
+                    sum += T(1 << j) * (x[c] * dL_dx[s] - x[s] * dL_dx[c]);
+                }
+                dL_dfeatures[i] = sum;
+            }
+        }
+    }
+
+    template <class T> struct Pass {
+        using Layer = Neurons<T, kNeurons>;
+        T x[kInputs];
+        Layer hidden[kLayers];
+        Vec3<T> output; ///< before tanh
+
+        GS_HD Pass(const T* shared, const T* features, const Vec3<T>& direction, int degree) {
+            encode(features, direction, degree, x);
+            for (int layer = 0; layer < kLayers; ++layer) {
+                const T* w = shared + matrix(layer);
+                Layer sum = Layer::zero();
+                if (layer == 0) {
+                    for (int j = 0, n = active_inputs(degree); j < n; ++j) sum.add(w + j * kNeurons, x[j]);
+                } else {
+                    for (int j = 0; j < kNeurons; ++j) sum.add(w + j * kNeurons, hidden[layer - 1][j]);
+                }
+                sum.relu();
+                hidden[layer] = sum;
+            }
+            const T* w = shared + kFirstOutput;
+            const Layer& last = hidden[kLayers - 1];
+            output = {last.dot(w), last.dot(w + kNeurons), last.dot(w + 2 * kNeurons)};
+        }
+    };
+
+    template <class T> static GS_HD Vec3<T> residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
+        if (degree <= 0) return {T(0), T(0), T(0)};
+        const Vec3<T> o = Pass<T>(shared, params, direction, degree).output;
+        return {gs_tanh(o.x), gs_tanh(o.y), gs_tanh(o.z)};
+    }
+
+    template <class T>
+    static GS_HD void residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
+                                        Vec3<T>& dL_ddirection, T* dL_dshared) {
+        dL_ddirection = {T(0), T(0), T(0)};
+        if (degree <= 0) return;
+        const Pass<T> p(shared, params, direction, degree);
+        using Layer = Neurons<T, kNeurons>;
+        const Vec3<T>& o = p.output;
+        const T delta_out[3] = {tanh_derivative(o.x) * dL_dresidual.x, tanh_derivative(o.y) * dL_dresidual.y, tanh_derivative(o.z) * dL_dresidual.z};
+        Layer delta = Layer::zero();
+        for (int c = 0; c < 3; ++c) {
+            delta.add(shared + kFirstOutput + c * kNeurons, delta_out[c]);
+            p.hidden[kLayers - 1].add_to(dL_dshared + kFirstOutput + c * kNeurons, delta_out[c]);
+        }
+        delta = masked(delta, p.hidden[kLayers - 1]);
+        for (int layer = kLayers - 1; layer > 0; --layer) {
+            const T* w = shared + matrix(layer);
+            T* dw = dL_dshared + matrix(layer);
+            Layer before = Layer::zero();
+            for (int j = 0; j < kNeurons; ++j) {
+                const T h = p.hidden[layer - 1][j];
+                if (!(h > T(0))) continue; // neither passes on nor receives
+                before.set(j, delta.dot(w + j * kNeurons));
+                delta.add_to(dw + j * kNeurons, h);
+            }
+            delta = before;
+        }
+        T dL_dx[kInputs] = {};
+        for (int j = 0, n = active_inputs(degree); j < n; ++j) {
+            dL_dx[j] = delta.dot(shared + j * kNeurons);
+            delta.add_to(dL_dshared + j * kNeurons, p.x[j]);
+        }
+        encode_backward(p.x, dL_dx, dL_dparams);
+        dL_ddirection = Sh::basis_gradient(direction, degree, dL_dx + kEncoded + 1);
+    }
+
+  private:
+    /// delta where the neuron was active. The derivative of ReLU at 0 is 0.
+    template <class Layer> static GS_HD Layer masked(const Layer& delta, const Layer& activation) {
+        Layer out = delta;
+        for (int j = 0; j < kNeurons; ++j)
+            if (!(activation[j] > 0)) out.set(j, 0);
+        return out;
+    }
+};
+
+using Neural = NeuralResidual<8, 1, 2, 16>;
+// The variants of the paper's ablation.
+using NeuralOneLayer = NeuralResidual<8, 1, 1, 16>;
+using NeuralThreeLayers = NeuralResidual<8, 1, 3, 16>;
+using NeuralWide = NeuralResidual<8, 1, 2, 32>;
+using NeuralPlain = NeuralResidual<16, 0, 2, 16>;
+
+}  // namespace gs::appearance
