@@ -91,9 +91,10 @@ GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<
     }
 }
 
-/// Brightest colour, far above what the faintest visible fragment (alpha 1/255) needs to show white. The loss squares colours
-/// twice: one Gaussian of 1e10 would make it, and with it every step of that view, infinite.
-inline constexpr double kLargestColor = 1e4;
+/// Brightest colour: with it the faintest visible fragment (alpha 1/255) shows white. The loss squares colours twice, so that one
+/// Gaussian of 1e10 would make it infinite, and with it every step of that view; and what a colour of 1e4 leaves in Adam's
+/// second moments slows all Gaussians in front of it for thousands of steps.
+inline constexpr double kLargestColor = 255;
 
 /// phi(y): pre-activation colour to colour (spec section 1.3), at most kLargestColor. NaN stays NaN.
 template <class T> GS_HD T color_activation(ColorActivation kind, T y) {

@@ -59,7 +59,7 @@ inline long double gs_tanh(long double x) { return ::tanhl(x); }
 inline long double gs_sin(long double x) { return ::sinl(x); }
 inline long double gs_cos(long double x) { return ::cosl(x); }
 inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sinl(x), c = ::cosl(x); }
-inline long double gs_fma(long double a, long double b, long double c) { return ::fmal(a, b, c); }
+inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; } // fmal is a hundred times slower
 #endif
 template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308)); }
 

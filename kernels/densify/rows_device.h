@@ -17,8 +17,9 @@ GS_HD bool usable_rotation(const float* q) { return usable_rotation(Vec4<float>{
 GS_HD bool is_visible(float raw_opacity, const float* q) { return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q); }
 
 /// Largest magnitude of the parameters of each group. Training does not get there from anywhere sane, and not back either: at
-/// its rate a base colour needs a million steps to 1e3. Such a Gaussian is broken like one with a NaN, and removed with it.
-inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 1e6f};
+/// its rate a base colour needs a million steps to 1e3, and the fastest residual there is 2000 steps in one direction to 5e3.
+/// Such a Gaussian is broken like one with a NaN, and removed with it.
+inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 5e3f};
 
 /// False for NaN, too.
 GS_HD bool in_range(float x, float largest) { return gs_abs(x) <= largest; }

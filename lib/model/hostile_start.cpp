@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lib/model/hostile_start.h"
 
-#include <iterator>
-
 #include "kernels/core/rng.h"
 
 namespace gs {
@@ -17,7 +15,6 @@ class Draws {
         return block_.v[used_++];
     }
     float signed_value(float magnitude) { return next() % 2 ? magnitude : -magnitude; }
-    template <class Values> float one_of(const Values& magnitudes) { return signed_value(magnitudes[next() % std::size(magnitudes)]); }
 
   private:
     std::uint64_t seed_, row_;
@@ -31,13 +28,14 @@ class Draws {
 std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
     // Besides what no view can show (huge scales, rotations whose squares leave float's range), also what stays in sight: a stress
     // that is culled is none.
-    constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kResiduals[] = {1e-6f, 1e4f, 1e30f};
+    constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kBases[] = {3, 1e4f}, kResiduals[] = {1e-6f, 1e4f, 1e30f};
     std::int64_t changed = 0;
     for (std::int64_t i = 0; i < state.count; ++i) {
         Draws draws(seed, i);
         if (uniform_from_bits<double>(draws.next()) >= share) continue;
         ++changed;
-        const float rotation = kRotations[draws.next() % 4];
+        // One magnitude for the row: of eight independent ones, or 45, some would always be what pruning finds.
+        const float rotation = kRotations[draws.next() % 4], base = kBases[draws.next() % 2], residual = kResiduals[draws.next() % 3];
         const auto each = [&](Group g, auto value) {
             const int width = state[g].width;
             for (int k = 0; k < width; ++k) state[g].param[std::size_t(i) * width + k] = value();
@@ -45,8 +43,8 @@ std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
         each(Group::kScale, [&] { return kScales[draws.next() % 3]; });
         each(Group::kRotation, [&] { return draws.signed_value(rotation); });
         each(Group::kOpacity, [&] { return draws.signed_value(50); });
-        each(Group::kBase, [&] { return draws.signed_value(1e4f); });
-        each(Group::kResidual, [&] { return draws.one_of(kResiduals); });
+        each(Group::kBase, [&] { return draws.signed_value(base); });
+        each(Group::kResidual, [&] { return draws.signed_value(residual); });
     }
     return changed;
 }

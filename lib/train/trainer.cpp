@@ -73,6 +73,7 @@ class Run {
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         log_.emplace(folder_.train_log(), iteration_);
+        prune_nonfinite(); // before such a Gaussian leaves its mark in the moments of all that it covers
     }
 
     TrainSummary run() {
