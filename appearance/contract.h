@@ -16,7 +16,8 @@
 //     and its functions take `const T* shared` first and, backward, `T* dL_dshared` last, which they add to. Weights stay
 //     within +-kLargestSharedWeight. On CUDA such a model says itself how a warp evaluates it (`<name>_cuda.cuh`,
 //     kernels/preprocess/appearance_cuda.cuh);
-//  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h);
+//  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h), among them the
+//     degenerate cases for the stability measurement (stability_case.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
 //  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family: one
 //     such line and one info function each, the structs all in the header named like the folder.
@@ -90,13 +91,18 @@ GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<
     }
 }
 
-/// phi(y): pre-activation colour to colour (spec section 1.3). NaN stays NaN.
+/// Brightest colour: with it the faintest visible fragment (alpha 1/255) shows white. The loss squares colours twice, so that one
+/// Gaussian of 1e10 would make it infinite, and with it every step of that view; and what a colour of 1e4 leaves in Adam's
+/// second moments slows all Gaussians in front of it for thousands of steps.
+inline constexpr double kLargestColor = 255;
+
+/// phi(y): pre-activation colour to colour (spec section 1.3), at most kLargestColor. NaN stays NaN.
 template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     switch (kind) {
-        case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : y + T(0.5);
+        case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : gs_min(T(kLargestColor), y + T(0.5));
         case ColorActivation::kSoftplus: {
-            const T u = T(10) * (y + T(0.5));
-            return (gs_max(u, T(0)) + gs_log1p(gs_exp(-gs_abs(u)))) / T(10);
+            const T u = y + T(0.5); // divided by 10 term by term: 10 u may overflow, which only the exponential may see
+            return gs_min(T(kLargestColor), gs_max(u, T(0)) + gs_log1p(gs_exp(T(-10) * gs_abs(u))) / T(10));
         }
         case ColorActivation::kSigmoid: return sigmoid(T(4) * y);
         case ColorActivation::kHardSigmoid: {
@@ -107,7 +113,8 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     return y;
 }
 
-/// phi'(y), computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6).
+/// phi'(y), computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6). Above kLargestColor
+/// as if there were no limit, so that a colour comes back from there.
 template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu: return y > T(-0.5) ? T(1) : T(0);

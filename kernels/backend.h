@@ -145,7 +145,7 @@ class Backend {
     virtual void reset_opacity() = 0;
     /// Orders all rows by the Morton code of the mean (optimization spec section 6).
     virtual void morton_sort() = 0;
-    /// Removes Gaussians whose parameters are not finite; counts per group go to `by_group`.
+    /// Removes Gaussians whose parameters are not finite or beyond kLargestParameter (rows_device.h); counts per group go to `by_group`.
     virtual std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) = 0;
     /// Removes what can never be seen: opacity < 1/255 or |q|^2 < 1e-8. Returns how many.
     virtual std::int64_t prune_invisible() = 0;

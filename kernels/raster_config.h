@@ -20,6 +20,11 @@ inline constexpr double kMinTransmittance = 1e-4;
 inline constexpr double kMinOneMinusAlpha = 1e-6;
 /// |q|^2 below this has no direction: culled, and dead for densification.
 inline constexpr double kMinQuaternionNorm2 = 1e-8;
+/// And above this: no step of the optimizer turns it any more, and 1e38 ends float's range.
+inline constexpr double kMaxQuaternionNorm2 = 1e16;
+/// Raw opacities stay at or below this. The transmittance there, 4.5e-5, is below kMinTransmittance, so more would change no
+/// image; but from 17 on opacity is 1 in float, its slope 0, and the Gaussian opaque for ever.
+inline constexpr double kMaxRawOpacity = 10;
 /// The Jacobian of the projection is evaluated at most this fraction of the image outside of it (3DGS: 1.3 tan(fov/2)).
 inline constexpr double kFrustumMargin = 0.15;
 inline constexpr double kLog2E = 1.4426950408889634;

@@ -12,8 +12,8 @@ namespace gs::appearance {
 inline constexpr double kLargestRawAngle = 7.254328619247669;
 /// ln 1e4: sharpness and anisotropy stay below 1e4, beyond which a lobe is narrower than any pixel.
 inline constexpr double kLargestRawShape = 9.210340371976184;
-/// Below it the density is uniform to float's precision, and its terms would be 0/0 at 0.
-inline constexpr double kSmallestSharpness = 1e-6;
+/// ln 1e-6: below that sharpness the density is uniform to float's precision, and its terms would be 0/0 at 0.
+inline constexpr double kSmallestRawSharpness = -13.815510557964274;
 /// Added to the exponent of K (reference implementation).
 inline constexpr double kExponentFloor = 5e-6;
 /// Floor of the squared sine to the axis: a tenth of float's resolution of a direction.
@@ -76,7 +76,7 @@ template <class T> struct LobeDensity {
 
     static GS_HD LobeDensity of(const Vec3<T>& v, T raw_sharpness, T raw_anisotropy) {
         LobeDensity b;
-        b.t = T(2) * at_least(gs_exp(at_most(raw_sharpness, T(kLargestRawShape))), T(kSmallestSharpness));
+        b.t = T(2) * gs_exp(at_least(at_most(raw_sharpness, T(kLargestRawShape)), T(kSmallestRawSharpness)));
         b.a = gs_exp(at_most(raw_anisotropy, T(kLargestRawShape)));
         b.s2 = at_least(v.x * v.x + v.y * v.y, T(kSmallestSine2));
         b.q = v.x * v.x / b.s2;
@@ -92,7 +92,17 @@ template <class T> struct LobeDensity {
     /// d ln B / d kappa.
     GS_HD T slope_kappa() const { return log_k * (T(1) + t * (T(1) + decay)); }
     /// d ln B / d ln lambda, also at the limits of lambda.
-    GS_HD T slope_sharpness() const { return t * decay + T(1) - t / gs_expm1(t); }
+    GS_HD T slope_sharpness() const { return t * decay + norm_slope(t); }
+    /// dL/d raw sharpness from dL/d ln lambda: zero at a limit where the optimizer would push further.
+    static GS_HD T sharpness_gradient(T raw, T gradient) {
+        return gradient_at_least(gradient_at_most(gradient, raw, T(kLargestRawShape)), raw, T(kSmallestRawSharpness));
+    }
+    /// d ln N / d ln lambda = 1 - t/(e^t - 1). Where that cancels, its series t/2 - sum B_2k t^2k / (2k)!, in double to the last digit.
+    static GS_HD T norm_slope(T t) {
+        if (!(t < T(0.25))) return T(1) - t / gs_expm1(t);
+        const T x = t * t;
+        return t * (T(0.5) - t * (T(1. / 12) - x * (T(1. / 720) - x * (T(1. / 30240) - x * (T(1. / 1209600) - x * T(1. / 47900160))))));
+    }
     /// d ln B / d ln a.
     GS_HD T slope_anisotropy() const { return a * (q * slope_kappa() + T(0.5) / (T(1) + a)); }
     /// d ln B / d v, one of many extensions off the sphere: only its tangential part means something. 1 - v_z^2 is taken as

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "appearance/nasg/nasg.h"
+#include "appearance/nasg/stability.h"
 
 namespace gs::appearance {
 namespace {
@@ -35,6 +36,7 @@ template <class Model> ModelInfo lobe_info(int num_lobes) {
             std::fill_n(row + Model::kAmplitude, 3, 0.5f);
         }
     };
+    m.stability = lobe_stability<Model>;
     return m;
 }
 

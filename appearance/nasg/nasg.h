@@ -10,16 +10,17 @@ namespace gs::appearance {
 /// Largest angular frequency of the carrier is twice this.
 inline constexpr double kCarrierScale = 20;
 
-/// (1 + cos(k v_x))/2 with k = 20 (1 + tanh(raw)); without carrier 1.
+/// (1 + cos(k v_x))/2 with k = 20 (1 + tanh(raw)), as cos^2 of half the phase: at its zeros the sum would cancel.
 template <class T> struct Carrier {
-    T frequency, phase;
+    T frequency, cos, sin; ///< k; of k v_x / 2
     static GS_HD Carrier of(T raw, T v_x) {
         const T k = T(2 * kCarrierScale) * sigmoid(T(2) * raw); // 1 + tanh(x) = 2 sigmoid(2x), without cancellation
-        return {k, k * v_x};
+        const T half = T(0.5) * k * v_x;
+        return {k, gs_cos(half), gs_sin(half)};
     }
-    GS_HD T value() const { return T(0.5) + T(0.5) * gs_cos(phase); }
+    GS_HD T value() const { return cos * cos; }
     /// Derivative by k v_x.
-    GS_HD T slope() const { return T(-0.5) * gs_sin(phase); }
+    GS_HD T slope() const { return -cos * sin; }
 };
 
 /// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude).
@@ -69,7 +70,7 @@ template <bool kWithCarrier, int kLobes = 1> struct NasgLobes {
                 out[5] = g_phase * v.x * T(kCarrierScale) * tanh_derivative(raw[5]);
             }
             const T g = g_density * carrier, value = density.value * carrier;
-            out[3] = gradient_at_most(g * density.slope_sharpness(), raw[3], T(kLargestRawShape));
+            out[3] = LobeDensity<T>::sharpness_gradient(raw[3], g * density.slope_sharpness());
             out[4] = gradient_at_most(g * density.slope_anisotropy(), raw[4], T(kLargestRawShape));
             out[kAmplitude] = value * dL_dresidual.x * tanh_derivative(raw[kAmplitude]);
             out[kAmplitude + 1] = value * dL_dresidual.y * tanh_derivative(raw[kAmplitude + 1]);

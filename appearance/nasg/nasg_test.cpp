@@ -229,6 +229,27 @@ TEST(Nasg, ClampedShapesComeBack) {
     }
 }
 
+TEST(Nasg, SharpnessOfUniformLobesHasAGradient) {
+    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float 1 - t/(e^t - 1) is off by more than that.
+    for (const float raw : {-13.f, -10.f, -7.f, -2.5f, -2.f}) {
+        const auto narrow = LobeDensity<float>::of({.6f, .48f, .64f}, raw, -1.f);
+        const auto wide = LobeDensity<double>::of({.6f, .48f, .64f}, raw, -1.);
+        EXPECT_NEAR(narrow.slope_sharpness() / wide.slope_sharpness(), 1, 1e-5) << raw;
+    }
+    for (const double t : {1e-6, 1e-3, .1, .2499999, .2500001, 1., 40.}) {
+        const long double exact = 1 - (long double)(t) / std::expm1((long double)(t));
+        EXPECT_NEAR(double(LobeDensity<double>::norm_slope(t) / exact), 1, 1e-11 / std::max(t, 1e-4)) << t;
+    }
+    EXPECT_EQ(LobeDensity<double>::sharpness_gradient(-20, 1), 0) << "no sharpness below the smallest";
+    EXPECT_EQ(LobeDensity<double>::sharpness_gradient(-20, -1), -1) << "but back from it";
+}
+
+TEST(Nasgabor, TheCarrierHasExactZeros) {
+    const auto c = appearance::Carrier<float>::of(0, float(M_PI / 20)); // k = 20, phase pi
+    EXPECT_LT(c.value(), 1e-14f) << "(1 + cos)/2 would be 0 or 3e-8";
+    EXPECT_GT(c.value(), 0);
+}
+
 TEST(Nasg, SaturatedAmplitudesKeepAGradient) {
     const float raw[8] = {0, 0, 0, 0, 0, 12, -12, 30};
     float dp[8] = {};

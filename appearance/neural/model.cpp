@@ -4,6 +4,7 @@
 
 #include "appearance/model_info.h"
 #include "appearance/neural/neural.h"
+#include "appearance/neural/stability.h"
 #include "kernels/core/rng.h"
 
 namespace gs::appearance {
@@ -39,6 +40,7 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     m.init_residual = [](int degree, float* row) { std::fill_n(row, degree > 0 ? Model::kFeatures : 0, 0.0f); };
     m.num_shared = Model::kNumShared;
     m.init_shared = &init_weights<Model>;
+    m.stability = network_stability<Model>;
     return m;
 }
 

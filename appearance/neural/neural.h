@@ -2,11 +2,16 @@
 // Neural: a few features per Gaussian and one tiny network for all of them.
 #pragma once
 
+#include "appearance/clamps.h"
 #include "appearance/contract.h"
 #include "appearance/neural/neurons.h"
 #include "appearance/sh/sh.h"
 
 namespace gs::appearance {
+
+/// Features that enter as they are count as this at most: products with weights over a few layers stay finite. The gradient
+/// passes, so that one beyond comes back.
+inline constexpr double kLargestFeature = 1e4;
 
 /// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]; no biases, the constant
 /// of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or enter as they are (0).
@@ -32,7 +37,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     template <class T> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x) {
         GS_UNROLL
         for (int i = 0; i < kFeatures; ++i) {
-            if constexpr (kFrequencies == 0) x[i] = features[i];
+            if constexpr (kFrequencies == 0) x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
             GS_UNROLL
             for (int j = 0; j < kFrequencies; ++j) gs_sincos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
         }

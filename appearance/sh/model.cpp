@@ -18,6 +18,7 @@ const ModelInfo& sh_info() {
             return AppearanceRates{Schedule::constant(0.0025 * 0.28209479177387814), {Schedule::constant(0.000125)}};
         };
         m.init_residual = [](int degree, float* row) { std::fill(row, row + 3 * ((degree + 1) * (degree + 1) - 1), 0.0f); };
+        m.stability = [] { return StabilityPlan{std::vector<std::string>(45, "coefficients"), {}}; };
         return m;
     }();
     return info;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "appearance/sv/stability.h"
 #include "appearance/sv/sv.h"
 
 namespace gs::appearance {
@@ -41,6 +42,7 @@ const ModelInfo& sv_info() {
         m.residual_width = [](int sites) { return Sv::kPerSite * sites; };
         m.rates = sv_rates;
         m.init_residual = sv_init;
+        m.stability = sv_stability;
         return m;
     }();
     return info;

@@ -27,9 +27,16 @@ template <int kSites> struct SphericalVoronoi {
 
         static GS_HD Site of(const T* raw, const Vec3<T>& d) {
             Site site;
-            const Vec3<T> r{raw[0], raw[1], raw[2]};
-            site.length = at_least(gs_sqrt(dot(r, r)), T(1e-12));
-            site.unit = r * (T(1) / site.length);
+            Vec3<T> r{raw[0], raw[1], raw[2]};
+            T norm2 = dot(r, r), shrink = T(1);
+            if (norm2 > T(1e30)) { // before float's squares overflow, and the site would sit at the origin
+                shrink = T(1e-20);
+                r = r * shrink;
+                norm2 = dot(r, r);
+            }
+            const T length = at_least(gs_sqrt(norm2), T(1e-12));
+            site.unit = r * (T(1) / length);
+            site.length = length / shrink;
             site.offset = site.unit - d;
             site.distance = gs_sqrt(dot(site.offset, site.offset));
             site.temperature = gs_exp(at_most(raw[3], T(kLargestRawTemperature)));
@@ -38,51 +45,79 @@ template <int kSites> struct SphericalVoronoi {
         }
     };
 
-    /// The softmax so far: largest logit, sum of weights relative to it, weighted sum of colours.
-    template <class T> struct Blend {
-        T largest, weight;
-        Vec3<T> color;
+    /// The weights so far, relative to the largest logit.
+    template <class T> struct Softmax {
+        T largest = T(-1e30), sum = T(0);
 
-        static GS_HD Blend of(const T* params, const Vec3<T>& d, int degree) {
-            Blend b{T(-1e30), T(0), {T(0), T(0), T(0)}};
+        struct Change {
+            bool likelier; ///< than all before: what was summed so far is to be multiplied by `factor`; else what is added now
+            T factor;
+        };
+        /// One exponential, whose argument is never positive: fused multiply-add may leave the logit's product a rounding above
+        /// its own maximum. NaN stays NaN.
+        GS_HD Change add(T logit) {
+            const Change c{logit > largest, gs_exp(-gs_abs(logit - largest))};
+            sum = c.likelier ? sum * c.factor + T(1) : sum + c.factor;
+            largest = c.likelier ? logit : largest;
+            return c;
+        }
+        GS_HD T relative(T logit) const { return gs_exp(at_most(logit - largest, T(0))); }
+    };
+
+    template <class T> static GS_HD Vec3<T> site_color(const T* raw) { return {raw[4], raw[5], raw[6]}; }
+
+    template <class T> static GS_HD Vec3<T> residual(const T* params, const Vec3<T>& direction, int degree) {
+        if (degree <= 0) return {T(0), T(0), T(0)};
+        Softmax<T> softmax;
+        Vec3<T> color{T(0), T(0), T(0)};
+        GS_UNROLL
+        for (int i = 0; i < kSites; ++i) {
+            if (i >= degree) break;
+            const T* raw = params + i * kPerSite;
+            const auto [likelier, factor] = softmax.add(Site<T>::of(raw, direction).logit);
+            color = likelier ? color * factor + site_color(raw) : color + site_color(raw) * factor;
+        }
+        return color * (T(1) / softmax.sum);
+    }
+
+    /// The softmax, the colour of its likeliest site, and by how much the mean colour exceeds that along dL_dresidual, times
+    /// the sum of weights. Counted from there because what drives sites and temperatures are differences to the mean: where
+    /// one site has all the weight, or all colours are equal, they would otherwise be rounding, which Adam makes full steps of.
+    template <class T> struct MeanExcess {
+        Softmax<T> softmax;
+        Vec3<T> origin{T(0), T(0), T(0)};
+        T excess = T(0);
+
+        static GS_HD MeanExcess of(const T* params, const Vec3<T>& d, int degree, const Vec3<T>& dL_dresidual) {
+            MeanExcess m;
             GS_UNROLL
             for (int i = 0; i < kSites; ++i) {
                 if (i >= degree) break;
                 const T* raw = params + i * kPerSite;
-                const T logit = Site<T>::of(raw, d).logit;
-                const T largest = gs_max(logit, b.largest), keep = gs_exp(b.largest - largest), add = relative(logit, largest);
-                b.weight = b.weight * keep + add;
-                b.color = b.color * keep + Vec3<T>{raw[4], raw[5], raw[6]} * add;
-                b.largest = largest;
+                const T sum_before = m.softmax.sum, step = dot(site_color(raw) - m.origin, dL_dresidual);
+                const auto [likelier, factor] = m.softmax.add(Site<T>::of(raw, d).logit);
+                m.excess = likelier ? (m.excess - step * sum_before) * factor : m.excess + step * factor;
+                if (likelier) m.origin = site_color(raw);
             }
-            return b;
+            return m;
         }
-        /// exp(logit - largest). Fused multiply-add may leave the logit's product a rounding above its own maximum, hence the
-        /// minimum; written so that NaN stays NaN.
-        static GS_HD T relative(T logit, T largest) { return gs_exp(at_most(logit - largest, T(0))); }
     };
-
-    template <class T> static GS_HD Vec3<T> residual(const T* params, const Vec3<T>& direction, int degree) {
-        if (degree <= 0) return {T(0), T(0), T(0)};
-        const Blend<T> b = Blend<T>::of(params, direction, degree);
-        return b.color * (T(1) / b.weight);
-    }
 
     template <class T>
     static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
                                         Vec3<T>& dL_ddirection) {
         dL_ddirection = {T(0), T(0), T(0)};
         if (degree <= 0) return;
-        const Blend<T> b = Blend<T>::of(params, direction, degree);
-        const T inverse = T(1) / b.weight, mean = dot(b.color, dL_dresidual) * inverse;
+        const MeanExcess<T> all = MeanExcess<T>::of(params, direction, degree, dL_dresidual);
+        const T inverse = T(1) / all.softmax.sum, mean = all.excess * inverse;
         GS_UNROLL
         for (int i = 0; i < kSites; ++i) {
             if (i >= degree) break;
             const T* raw = params + i * kPerSite;
             T* out = dL_dparams + i * kPerSite;
             const Site<T> site = Site<T>::of(raw, direction);
-            const T w = Blend<T>::relative(site.logit, b.largest) * inverse;
-            const T dL_dlogit = w * (raw[4] * dL_dresidual.x + raw[5] * dL_dresidual.y + raw[6] * dL_dresidual.z - mean);
+            const T w = all.softmax.relative(site.logit) * inverse;
+            const T dL_dlogit = w * (dot(site_color(raw) - all.origin, dL_dresidual) - mean);
             // At the site itself the distance has a kink: its subgradient 0.
             const Vec3<T> dL_dsite = site.offset * (-site.temperature * dL_dlogit / at_least(site.distance, T(1e-12)));
             if (site.length >= T(kShortestSite)) {

@@ -195,6 +195,42 @@ TEST(Sv, LimitedTemperaturesComeBack) {
     }
 }
 
+TEST(Sv, WhereOneSiteTakesAllNothingIsLeftOfTheDifferences) {
+    // Temperatures of 2e4: the nearest site has all the weight, and what the others add is below 1e-30. The plain formula leaves
+    // the rounding of the mean colour, a few 1e-8 times the temperature, in every gradient of that site.
+    const auto wide = random_rows(std::log(2e4));
+    const std::vector<float> rows(wide.begin(), wide.end());
+    std::vector<float> g(rows.size());
+    Vec3<float> direction;
+    Sv::residual_backward(rows.data(), {.6f, .48f, .64f}, 7, {.3f, -.7f, .2f}, g.data(), direction);
+    for (int k = 0; k < Sv::kMaxResidual; ++k) EXPECT_LT(k % 7 < 4 ? std::abs(g[k]) : 0, 1e-20f) << k;
+}
+
+TEST(Sv, EqualColorsLeaveNoGradientButTheirOwn) {
+    std::vector<float> rows(Sv::kMaxResidual), g(rows.size());
+    for (int k = 0; k < Sv::kMaxResidual; ++k) rows[k] = k % 7 < 4 ? std::sin(3.0f * k * k + 1) : 0.1f * float(k % 7);
+    Vec3<float> direction;
+    Sv::residual_backward(rows.data(), {.6f, .48f, .64f}, 7, {.3f, -.7f, .2f}, g.data(), direction);
+    for (int k = 0; k < Sv::kMaxResidual; ++k) EXPECT_EQ(k % 7 < 4 ? g[k] : 0, 0) << k;
+}
+
+TEST(Sv, LongSitesKeepTheirDirection) {
+    auto rows = random_rows(1);
+    const std::vector<double> unscaled = rows;
+    const Vec3<float> d{.6f, .48f, .64f};
+    const std::vector<float> near(rows.begin(), rows.end());
+    const Vec3<float> want = Sv::residual(near.data(), d, 7);
+    for (const double length : {1e15, 1e18, 1e20, 1e38}) { // squares overflow in float from 1.8e19 on
+        for (int i = 0; i < 7; ++i)
+            for (int c = 0; c < 3; ++c) rows[7 * i + c] = unscaled[7 * i + c] * length;
+        const std::vector<float> far(rows.begin(), rows.end());
+        const Vec3<float> got = Sv::residual(far.data(), d, 7);
+        EXPECT_NEAR(got.x, want.x, 1e-6) << length;
+        EXPECT_NEAR(got.y, want.y, 1e-6) << length;
+        EXPECT_NEAR(got.z, want.z, 1e-6) << length;
+    }
+}
+
 TEST(Sv, ScheduleFreezesSitesAndTemperatures) {
     const ModelInfo& info = appearance::sv_info();
     EXPECT_EQ(info.initial_degree, 7);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp bench`: what an iteration and a frame cost on this machine.
+// `gsapp bench`: what an iteration and a frame cost on this machine; and how stable the appearance models compute.
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
@@ -10,6 +10,7 @@
 #include "eval/bench.h"
 #include "eval/generated_set.h"
 #include "eval/saved_run.h"
+#include "eval/stability.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "lib/core/log.h"
@@ -26,7 +27,7 @@ struct BenchArguments {
     int repeat = 0, frame_repeat = 0;  ///< 0 = by device
     std::int64_t iteration = -1;       ///< -1 = the last saved one
     std::vector<std::int64_t> generate;
-    bool compare_deterministic = false;
+    bool compare_deterministic = false, stability = false;
 };
 
 /// A GPU needs many short steps for one good number; on the CPU the same number of them would take minutes.
@@ -82,6 +83,10 @@ void measure_scene(const TrainOptions& options, const BenchArguments& arguments)
 }
 
 void run_bench_command(const TrainArguments& train, const BenchArguments& arguments) {
+    if (arguments.stability) {
+        std::fputs(format_stability(measure_stability()).c_str(), stdout);
+        return;
+    }
     const bool generate = !arguments.generate.empty();
     const TrainOptions options = train.resolve({.stored_run = !generate, .default_source = generate ? "generated" : ""});
     setup_log(options.quiet ? "warn" : options.log_level);
@@ -106,12 +111,15 @@ void add_bench_command(CLI::App& app, Command& selected) {
     CLI::Option* iteration = command->add_option("--iteration", arguments->iteration, "With -m RUN: saved iteration to measure (default: the last)")
                                  ->check(CLI::NonNegativeNumber);
     // Checks run after transforms in the order they were added, so the range is that of the whole number.
-    command->add_option("--generate", arguments->generate, "Sizes of generated sets, e.g. 1M,3M,6M; needs no scene")
+    CLI::Option* generate = command->add_option("--generate", arguments->generate, "Sizes of generated sets, e.g. 1M,3M,6M; needs no scene")
         ->delimiter(',')
         ->transform(CLI::AsNumberWithUnit(std::map<std::string, std::int64_t>{{"k", 1000}, {"m", 1000000}}, CLI::AsNumberWithUnit::CASE_INSENSITIVE))
         ->check(CLI::Range(std::int64_t(1), std::int64_t(1000000000)))
         ->excludes(iteration);
     command->add_flag("--compare-deterministic", arguments->compare_deterministic, "Also measure iterations with --deterministic, and print the ratio");
+    command->add_flag("--stability", arguments->stability, "Instead: numerical errors of every appearance model at the extremes; needs no scene and no GPU")
+        ->excludes(iteration)
+        ->excludes(generate);
     command->callback([train, arguments, &selected] { selected = [train, arguments] { run_bench_command(*train, *arguments); }; });
 }
 

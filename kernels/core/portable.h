@@ -47,6 +47,20 @@ GS_HD float gs_floor(float x) { return ::floorf(x); }
 GS_HD double gs_floor(double x) { return ::floor(x); }
 GS_HD float gs_ceil(float x) { return ::ceilf(x); }
 GS_HD double gs_ceil(double x) { return ::ceil(x); }
+#if !defined(__CUDACC__)
+// The reference of the stability measurements (eval/stability.h). nvcc would take long double for double.
+inline long double gs_exp(long double x) { return ::expl(x); }
+inline long double gs_log(long double x) { return ::logl(x); }
+inline long double gs_sqrt(long double x) { return ::sqrtl(x); }
+inline long double gs_expm1(long double x) { return ::expm1l(x); }
+inline long double gs_log1p(long double x) { return ::log1pl(x); }
+inline long double gs_abs(long double x) { return ::fabsl(x); }
+inline long double gs_tanh(long double x) { return ::tanhl(x); }
+inline long double gs_sin(long double x) { return ::sinl(x); }
+inline long double gs_cos(long double x) { return ::cosl(x); }
+inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sinl(x), c = ::cosl(x); }
+inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; } // fmal is a hundred times slower
+#endif
 template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308)); }
 
 /// Logistic function, stable for every finite x.

@@ -19,7 +19,7 @@ DensifyStats adc_densify(Gaussians& state, const AdcParams& params, std::int64_t
 
 void adc_reset_opacity(Gaussians& state);
 
-/// Removes Gaussians with a parameter that is not finite; counts the offending rows per group. Returns how many went.
+/// Removes Gaussians with a parameter that is not finite or beyond kLargestParameter (rows_device.h); counts the offending rows per group. Returns how many went.
 std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups]);
 
 /// Removes Gaussians that no view can show: opacity < 1/255 or |q|^2 < 1e-8. Returns how many went.

@@ -38,7 +38,7 @@ GS_HD Vec3<float> sgld_noise(const GaussianGeometry<float>& g, float factor, std
     const Vec3<float> var = activated_variance(g.log_scale);
     const float reach = gate * gs_max(var.x, gs_max(var.y, var.z));
     const float size = gs_max(gs_abs(g.mean.x), gs_max(gs_abs(g.mean.y), gs_abs(g.mean.z)));
-    if (!(reach > 1e-9f * size) || !(norm2(g.rotation) >= float(kMinQuaternionNorm2))) return {0, 0, 0};
+    if (!(reach > 1e-9f * size) || !usable_rotation(g.rotation)) return {0, 0, 0};
     float xi[4];
     normals_from(philox(seed, RngStream::kNoise, iteration, index), xi);
     const Mat3<float> r = rotation_matrix(g.rotation);

@@ -51,9 +51,9 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
         for (int g = 0; g < kNumGroups; ++g) {
             const auto& group = state.groups[g];
             const float* row = group.param.data() + i * group.width;
-            const bool finite = std::all_of(row, row + group.width, [](float x) { return std::isfinite(x); });
-            if (!finite) ++by_group[g];
-            keep = keep && finite;
+            const bool good = std::all_of(row, row + group.width, [g](float x) { return in_range(x, kLargestParameter[g]); });
+            if (!good) ++by_group[g];
+            keep = keep && good;
         }
         return keep;
     });

@@ -29,19 +29,17 @@ void gather_array(float* data, int width, const std::uint32_t* order, std::int64
     }
 }
 
-__device__ bool finite_value(float x) { return x - x == 0; } // an infinity or NaN gives a NaN
-
-__global__ void find_nonfinite(std::int64_t n, const float* values, unsigned* found) {
+__global__ void find_nonfinite(std::int64_t n, const float* values, float largest, unsigned* found) {
     const std::int64_t i = thread_row();
-    if (i < n && !finite_value(values[i])) *found = 1;
+    if (i < n && !in_range(values[i], largest)) *found = 1;
 }
 
 /// A thread a row: only for models that are known to have such rows.
-__global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, unsigned char* bad, unsigned long long* num_bad) {
+__global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, float largest, unsigned char* bad, unsigned long long* num_bad) {
     const std::int64_t i = thread_row();
     if (i >= n) return;
     for (int c = 0; c < width; ++c)
-        if (!finite_value(values[i * width + c])) {
+        if (!in_range(values[i * width + c], largest)) {
             bad[i] = 1;
             atomicAdd(num_bad, 1ull);
             return;
@@ -125,14 +123,15 @@ std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
     for (int g = 0; g < kNumGroups; ++g) {
         if (model_.width[g] == 0) continue;
         const auto values = std::int64_t(model_.floats(g));
-        find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(), found);
+        find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(), kLargestParameter[g], found);
         GS_CUDA_LAUNCHED("find_nonfinite");
     }
     if (!read_back(found, stream_)) return 0; // the usual case
 
     PruneSpace space(model_, scratch_, stream_);
     for (int g = 0; g < kNumGroups; ++g) {
-        mark_nonfinite_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.width[g], model_.param[g].get(), space.marked, space.num_bad + g);
+        mark_nonfinite_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.width[g], model_.param[g].get(), kLargestParameter[g], space.marked,
+                                                                                  space.num_bad + g);
         GS_CUDA_LAUNCHED("mark_nonfinite_rows");
     }
     unsigned long long num_bad[kNumGroups];

@@ -2,6 +2,7 @@
 // What one row says about itself: whether it can be seen, and its place on the Morton curve.
 #pragma once
 
+#include "kernels/core/gaussian_state.h"
 #include "kernels/preprocess/preprocess_device.h"
 
 namespace gs {
@@ -9,11 +10,19 @@ namespace gs {
 /// Raw value of an opacity. On the host only, so that all backends compare with the very same float.
 inline float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
-/// q: 4 values. Below this norm a rotation has no direction.
-GS_HD bool usable_rotation(const float* q) { return norm2(Vec4<float>{q[0], q[1], q[2], q[3]}) >= float(kMinQuaternionNorm2); }
+/// q: 4 values.
+GS_HD bool usable_rotation(const float* q) { return usable_rotation(Vec4<float>{q[0], q[1], q[2], q[3]}); }
 
 /// False if no view can show the Gaussian.
 GS_HD bool is_visible(float raw_opacity, const float* q) { return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q); }
+
+/// Largest magnitude of the parameters of each group. Training does not get there from anywhere sane, and not back either: at
+/// its rate a base colour needs a million steps to 1e3, and the fastest residual there is 2000 steps in one direction to 5e3.
+/// Such a Gaussian is broken like one with a NaN, and removed with it.
+inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 5e3f};
+
+/// False for NaN, too.
+GS_HD bool in_range(float x, float largest) { return gs_abs(x) <= largest; }
 
 /// Box around means. Starts empty; coordinates that are NaN do not widen it.
 struct MeanBounds {

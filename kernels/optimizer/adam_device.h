@@ -25,8 +25,12 @@ template <class T> struct AdamStep {
     }
 };
 
+/// Larger gradients count as this. Their squares leave float's range, and a second moment of infinity is NaN in the next step.
+inline constexpr double kLargestGradient = 1e18;
+
 /// One step: p, m, v are updated in place. g must be finite.
-template <class T> GS_HD void adam_update(T& p, T& m, T& v, T g, const AdamStep<T>& s, double beta2 = kAdamBeta2) {
+template <class T> GS_HD void adam_update(T& p, T& m, T& v, T gradient, const AdamStep<T>& s, double beta2 = kAdamBeta2) {
+    const T g = gs_clamp(gradient, T(-kLargestGradient), T(kLargestGradient));
     // As v + (1-beta)(g^2 - v): 1-beta is exact to half an ulp, where beta itself, rounded to float, is off by 1e-5 of it.
     m = gs_fma(T(1 - kAdamBeta1), g - m, m);
     v = gs_fma(T(1 - beta2), g * g - v, v);

@@ -100,6 +100,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
     rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
     opacity.step(u, {q.raw_opacity});
+    opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]); // NaN stays NaN, to be found
     base.step(u, {g.base.x, g.base.y, g.base.z});
     if (u.noise > 0) {
         const GaussianGeometry<float> now{{mean.p[0], mean.p[1], mean.p[2]},

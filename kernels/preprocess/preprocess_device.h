@@ -58,6 +58,9 @@ template <class T> GS_HD Mat3<T> rotation_matrix(const Vec4<T>& q) {
 
 template <class T> GS_HD T norm2(const Vec4<T>& q) { return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w; }
 
+/// False where a rotation has no direction: too short, too long for float, or NaN.
+template <class T> GS_HD bool usable_rotation(const Vec4<T>& q) { return norm2(q) >= T(kMinQuaternionNorm2) && norm2(q) <= T(kMaxQuaternionNorm2); }
+
 template <class T> GS_HD Sym3<T> world_covariance(const Mat3<T>& r, const Vec3<T>& var) {
     const Vec3<T> m0 = r.r0 * var, m1 = r.r1 * var, m2 = r.r2 * var;
     return {dot(m0, r.r0), dot(m0, r.r1), dot(m0, r.r2), dot(m1, r.r1), dot(m1, r.r2), dot(m2, r.r2)};
@@ -73,7 +76,7 @@ template <class T> GS_HD bool project_geometry(const GaussianGeometry<T>& g, con
     p.cam = cam.rotation * g.mean + cam.translation;
     const T z = p.cam.z;
     if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
-    if (!(norm2(g.rotation) >= T(kMinQuaternionNorm2))) return false;
+    if (!usable_rotation(g.rotation)) return false;
     p.rotation = rotation_matrix(g.rotation);
     p.variance = activated_variance(g.log_scale);
     p.covariance = world_covariance(p.rotation, p.variance);

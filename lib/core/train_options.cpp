@@ -173,6 +173,13 @@ void add_model_options(Table& table) {
                      .unit = "Gaussians",
                      .min = 1,
                      .max = 1e8});
+    table.push_back({.key = "hostile-start",
+                     .field = &O::hostile_start,
+                     .group = group,
+                     .help = "stress test: share of the first Gaussians whose opacity, scale, rotation and colour are set to extremes, from which "
+                             "training has to recover",
+                     .min = 0,
+                     .max = 1});
 }
 
 void add_loss_options(Table& table) {

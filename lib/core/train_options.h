@@ -40,6 +40,7 @@ struct TrainOptions {
     std::string color_activation = "relu"; ///< relu | softplus | sigmoid | hardsigmoid
     // Initialisation
     std::int64_t init_points = 100000;    ///< random initialisation only
+    double hostile_start = 0;             ///< share of the first Gaussians that are made extreme; a stress test
     // Loss
     double lambda_dssim = 0.2;
     double opacity_reg = 0.01;            ///< MCMC only

@@ -18,6 +18,7 @@
 #include "lib/io/atomic_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/cameras_json.h"
+#include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
@@ -72,6 +73,7 @@ class Run {
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         log_.emplace(folder_.train_log(), iteration_);
+        prune_nonfinite(); // before such a Gaussian leaves its mark in the moments of all that it covers
     }
 
     TrainSummary run() {
@@ -147,6 +149,9 @@ class Run {
         init.random_points = options_.init_points;
         init.seed = options_.seed;
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
+        if (options_.hostile_start > 0)
+            spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
+                         make_hostile(state, options_.hostile_start, options_.seed), state.count);
         state.active_degree = schedule_.active_degree(0);
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
@@ -224,11 +229,11 @@ class Run {
         std::string names;
         for (int g = 0; g < kNumGroups; ++g)
             if (by_group[g]) names += (names.empty() ? "" : ", ") + std::to_string(by_group[g]) + " " + kGroupNames[g];
-        spdlog::warn("iteration {}: removed {} Gaussians with non-finite parameters ({})", iteration_, removed, names);
+        spdlog::warn("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})", iteration_, removed, names);
         log_->write({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
         pruned_nonfinite_ += removed;
         if (backend_->count() == 0)
-            throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with finite parameters is left (" + names + ")");
+            throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with parameters finite and in range is left (" + names + ")");
     }
 
     void write_log(double interval_seconds) {
@@ -273,7 +278,7 @@ class Run {
         if (backend_->count() == 0) throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
         save_ply();
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
-        if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for non-finite parameters during the run", pruned_nonfinite_);
+        if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
         return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds(), memory};
     }

@@ -137,20 +137,34 @@ TYPED_TEST(Conformance, FloatFollowsDouble) {
     }
 }
 
-TYPED_TEST(Conformance, ExtremeParametersStayFinite) {
-    for (const double scale : {1e-30, 1e-6, 1.0, 1e3, 1e10}) {
+// Values of all parameters at once; tests/eval/stability_test.cpp sweeps them one kind at a time.
+TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
+    for (const double scale : {1e-30, 1e-6, 1.0, 1e3, 1e10, 1e30}) {
         for (int trial = 0; trial < 50; ++trial) {
             auto p = this->parameters(scale);
             for (int k = TypeParam::kMaxResidual; k < this->kAll; ++k) p[k] = std::clamp(p[k], -kLargestSharedWeight, kLargestSharedWeight); // as the optimizer does
             p.resize(p.size() + 1);
             const std::vector<float> q(p.begin(), p.end());
+            p.assign(q.begin(), q.end());
             std::vector<float> dq(q.size());
+            std::vector<double> dp(p.size());
             const Vec3<float> axes[] = {{1, 0, 0}, {0, 0, 1}, {0, -1, 0}};
+            const Vec3<float> axis = axes[trial % 3];
             Vec3<float> dd;
-            const Vec3<float> r = this->residual(q.data(), axes[trial % 3], this->max_degree);
-            this->residual_backward(q.data(), axes[trial % 3], this->max_degree, {1, 1, 1}, dq.data(), dd);
+            Vec3<double> wide_dd;
+            const Vec3<float> r = this->residual(q.data(), axis, this->max_degree);
+            this->residual_backward(q.data(), axis, this->max_degree, {1, 1, 1}, dq.data(), dd);
+            this->residual_backward(p.data(), {axis.x, axis.y, axis.z}, this->max_degree, {1, 1, 1}, dp.data(), wide_dd);
             EXPECT_TRUE(std::isfinite(r.x + r.y + r.z + dd.x + dd.y + dd.z));
-            for (int k = 0; k < this->kAll; ++k) EXPECT_TRUE(std::isfinite(dq[k])) << k;
+            double largest = 0;
+            for (const double g : dp) largest = std::max(largest, std::abs(g));
+            for (int k = 0; k < this->kAll; ++k) {
+                EXPECT_TRUE(std::isfinite(dq[k]));
+                // What is below the rounding of the largest gradient may have any sign; all of it may be below float's range.
+                if (std::abs(dp[k]) > 1e-5 * largest && std::abs(dp[k]) > 1e-30) {
+                    EXPECT_GE(double(dq[k]) * dp[k], 0) << "scale " << scale << ", column " << k << ": " << dq[k] << " for " << dp[k];
+                }
+            }
         }
     }
 }
@@ -185,6 +199,10 @@ TEST(Contract, ColourActivationsMatchTheTable) {
     }
     // Saturated in float, the slope is still the limit and not zero.
     EXPECT_GT(color_activation_derivative(ColorActivation::kSigmoid, 5.0f), 0);
+    for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus}) {
+        EXPECT_EQ(color_activation(kind, 3e38f), float(kLargestColor)) << "colours whose squares overflow end every step";
+        EXPECT_EQ(color_activation_derivative(kind, 3e38f), 1) << "and come back";
+    }
     EXPECT_TRUE(std::isnan(color_activation(ColorActivation::kRelu, std::nanf("")))) << "NaN must not be hidden";
     for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid}) {
         for (const double c : {0.0, 1.0 / 255, 0.25, 0.5, 1.0}) {

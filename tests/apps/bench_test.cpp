@@ -40,6 +40,12 @@ TEST(Bench, MeasuresInitialPointsElsewhere) {
     EXPECT_EQ(program.run("bench").exit_code, 2);
 }
 
+TEST(Bench, TabulatesStabilityWithoutAScene) {
+    const Program program;
+    expect_lines(program.run("bench --stability"), {"| softplus ", "| sh ", "on the axis", "N = 0.1542"});
+    EXPECT_EQ(program.run("bench --stability --generate 1k").exit_code, 2);
+}
+
 TEST(Version, NamesTheGpuOrSaysWhyThereIsNone) {
     const Outcome version = Program().run("--version");
     EXPECT_EQ(version.exit_code, 0);

@@ -315,6 +315,18 @@ TEST(Prune, NonFiniteRowsGoAndAreNamed) {
     EXPECT_EQ(remove_nonfinite(s, by_group), 0);
 }
 
+TEST(Prune, RowsThatTrainingCannotHaveMadeGoWithThem) {
+    Gaussians s = unit_rotations(numbered(4));
+    s[Group::kBase].param[3] = -1e4f;    // row 1
+    s[Group::kRotation].param[8] = 1e20f; // row 2
+    s[Group::kScale].param[9] = 900;     // row 3: odd, and kept
+    std::int64_t by_group[kNumGroups];
+    EXPECT_EQ(remove_nonfinite(s, by_group), 2);
+    EXPECT_EQ(by_group[int(Group::kBase)], 1);
+    EXPECT_EQ(by_group[int(Group::kRotation)], 1);
+    EXPECT_EQ(s.count, 2);
+}
+
 TEST(Prune, InvisibleRowsGo) {
     Gaussians s = unit_rotations(numbered(4));
     s[Group::kOpacity].param[1] = -6;    // sigmoid 0.0025 < 1/255

@@ -5,6 +5,7 @@
 #include "kernels/core/rng.h"
 #include "kernels/core/schedule.h"
 #include "kernels/optimizer/adam_device.h"
+#include "kernels/optimizer/update_device.h"
 
 namespace gs {
 namespace {
@@ -42,6 +43,31 @@ TEST(Adam, ZeroGradientOnZeroMomentsIsExactlyStill) {
     float p = 2, m = 0, v = 0;
     adam_update(p, m, v, 0.0f, AdamStep<float>::at(0.1, 5));
     EXPECT_EQ(p, 2);
+}
+
+TEST(Adam, SurvivesTheLargestGradient) {
+    float p = 1, m = 0, v = 0;
+    for (int t = 1; t <= 3; ++t) adam_update(p, m, v, 3e38f, AdamStep<float>::at(0.1, t));
+    EXPECT_TRUE(std::isfinite(v)) << "its square is not";
+    EXPECT_NEAR(p, 0.7f, 1e-4f) << "a full step each";
+}
+
+TEST(Opacity, ComesBackFromWhereItsSlopeIsZero) {
+    // Raw 50 is opacity 1 in float, with slope 0. The update puts it where one is left.
+    float parameter[kNumGroups][8] = {}, moment[kNumGroups][8] = {}, second[kNumGroups][8] = {};
+    const int widths[kNumGroups] = {3, 3, 4, 1, 3, 0};
+    ModelArrays arrays{};
+    for (int g = 0; g < kNumGroups; ++g) arrays.param[g] = parameter[g], arrays.m[g] = moment[g], arrays.v[g] = second[g], arrays.width[g] = widths[g];
+    parameter[int(Group::kOpacity)][0] = 50;
+    GaussianGradient<float> gradient{};
+    update_gaussian(arrays, UpdateArgs{}, 0, gradient);
+    EXPECT_EQ(parameter[int(Group::kOpacity)][0], float(kMaxRawOpacity));
+    EXPECT_GT(1 - sigmoid(parameter[int(Group::kOpacity)][0]), 0);
+}
+
+TEST(Rotation, WithoutADirectionIsCulled) {
+    for (const float length : {0.0f, 1e-20f, 1e-5f, 1e9f, 1e20f, std::nanf("")}) EXPECT_FALSE(usable_rotation(Vec4<float>{length, 0, 0, 0})) << length;
+    for (const float length : {1e-3f, 1.0f, 1e3f}) EXPECT_TRUE(usable_rotation(Vec4<float>{length, 0, 0, 0})) << length;
 }
 
 TEST(Schedule, MatchesThePublishedTable) {

@@ -184,6 +184,35 @@ TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
     EXPECT_EQ(densifications > 0, o.strategy != "none");
 }
 
+/// Loss of a run of 600 iterations, of the last 100 of them on average; expects a falling loss and finite results.
+double hostile_run(const fs::path& folder, const std::string& model, double share) {
+    TrainOptions o = small_options(folder, "mcmc");
+    o.appearance = model;
+    o.iterations = 600;
+    o.densify_until_iter = 500;
+    o.hostile_start = share;
+    run(o, small_scene());
+    const Checkpoint end = read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations));
+    for (const auto& group : end.state.groups) EXPECT_TRUE(std::all_of(group.param.begin(), group.param.end(), [](float x) { return std::isfinite(x); }));
+    EXPECT_TRUE(std::all_of(end.state.shared.param.begin(), end.state.shared.param.end(), [](float x) { return std::isfinite(x); }));
+    std::ifstream log(RunFolder{o.model}.train_log());
+    std::vector<double> losses;
+    for (std::string line; std::getline(log, line);) {
+        const auto json = nlohmann::json::parse(line);
+        if (json["event"] == "step") losses.push_back(json["loss"]);
+    }
+    EXPECT_LT(losses.back(), losses.front());
+    return losses.back();
+}
+
+// The disturbed Gaussians are removed, relocated or trained back; what remains of them is a delay.
+TEST_P(TrainModels, RecoversFromAHostileStart) {
+    const test::TemporaryFolder tmp;
+    const double undisturbed = hostile_run(tmp.path() / "normal", GetParam()->name, 0);
+    const double recovered = hostile_run(tmp.path() / "hostile", GetParam()->name, 0.1);
+    EXPECT_LT(recovered, 1.5 * undisturbed) << "undisturbed: " << undisturbed;
+}
+
 TEST(Train, SeedsDiffer) {
     const test::TemporaryFolder tmp;
     TrainOptions a = small_options(tmp.path() / "a", "mcmc"), b = small_options(tmp.path() / "b", "mcmc");

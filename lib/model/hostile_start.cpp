@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/model/hostile_start.h"
+
+#include "kernels/core/rng.h"
+
+namespace gs {
+namespace {
+
+/// Draws of one row, four a block.
+class Draws {
+  public:
+    Draws(std::uint64_t seed, std::int64_t row) : seed_(seed), row_(std::uint64_t(row)) {}
+    std::uint32_t next() {
+        if (used_ == 4) block_ = philox(seed_, RngStream::kHostile, row_, minor_++), used_ = 0;
+        return block_.v[used_++];
+    }
+    float signed_value(float magnitude) { return next() % 2 ? magnitude : -magnitude; }
+
+  private:
+    std::uint64_t seed_, row_;
+    std::uint32_t minor_ = 0;
+    Philox4 block_{};
+    int used_ = 4;
+};
+
+}  // namespace
+
+std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
+    // Besides what no view can show (huge scales, rotations whose squares leave float's range), also what stays in sight: a stress
+    // that is culled is none.
+    constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kBases[] = {3, 1e4f}, kResiduals[] = {1e-6f, 1e4f, 1e30f};
+    std::int64_t changed = 0;
+    for (std::int64_t i = 0; i < state.count; ++i) {
+        Draws draws(seed, i);
+        if (uniform_from_bits<double>(draws.next()) >= share) continue;
+        ++changed;
+        // One magnitude for the row: of eight independent ones, or 45, some would always be what pruning finds.
+        const float rotation = kRotations[draws.next() % 4], base = kBases[draws.next() % 2], residual = kResiduals[draws.next() % 3];
+        const auto each = [&](Group g, auto value) {
+            const int width = state[g].width;
+            for (int k = 0; k < width; ++k) state[g].param[std::size_t(i) * width + k] = value();
+        };
+        each(Group::kScale, [&] { return kScales[draws.next() % 3]; });
+        each(Group::kRotation, [&] { return draws.signed_value(rotation); });
+        each(Group::kOpacity, [&] { return draws.signed_value(50); });
+        each(Group::kBase, [&] { return draws.signed_value(base); });
+        each(Group::kResidual, [&] { return draws.signed_value(residual); });
+    }
+    return changed;
+}
+
+}  // namespace gs
