@@ -17,7 +17,7 @@ struct Bounds {
     double forward, backward, ulp, double_error;
 };
 
-/// Two to four times what the sweep shows on x86-64 with glibc, rounded up: another compiler contracts other products, another
+/// Two to four times (but not below 2e-7, 2 ULP and 3e-16, some roundings) what the sweep shows on x86-64 with glibc, rounded up: another compiler contracts other products, another
 /// mathematics library rounds its last digit otherwise. A new model gets the defaults until it has lines of its own.
 ///
 /// The relative errors of thousandths are the problem's own: they end where one rounding of the inputs changes a
