@@ -117,8 +117,8 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         put(prepared, backward_matrix(layer), layer == 0 ? kInColumns : kColumns, column, from, w);
     }
 
-    __device__ void add_sums(float* sums) const {
-        const auto add = [&](int at, float x) { sums[at] += x; };
+    __device__ void store_sums(float* sums) const {
+        const auto put = [&](int at, float x) { sums[at] = x; };
         const int pair = 2 * (lane() & 3);
 #pragma unroll
         for (int m = 0; m < kTiles; ++m) {
@@ -126,19 +126,19 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
 #pragma unroll
             for (int n = 0; n < kInColumns; ++n)
 #pragma unroll
-                for (int v = 0; v < 4; ++v) add((8 * n + pair + (v & 1)) * kNeurons + to + 8 * (v >> 1), input_sums_[m][n][v]);
+                for (int v = 0; v < 4; ++v) put((8 * n + pair + (v & 1)) * kNeurons + to + 8 * (v >> 1), input_sums_[m][n][v]);
 #pragma unroll
             for (int layer = 1; layer < kLayers; ++layer)
 #pragma unroll
                 for (int n = 0; n < kColumns; ++n)
 #pragma unroll
-                    for (int v = 0; v < 4; ++v) add(Model::matrix(layer) + (8 * n + pair + (v & 1)) * kNeurons + to + 8 * (v >> 1), hidden_sums_[layer - 1][m][n][v]);
+                    for (int v = 0; v < 4; ++v) put(Model::matrix(layer) + (8 * n + pair + (v & 1)) * kNeurons + to + 8 * (v >> 1), hidden_sums_[layer - 1][m][n][v]);
         }
         if (group() >= 3) return;
 #pragma unroll
         for (int n = 0; n < kColumns; ++n)
 #pragma unroll
-            for (int v = 0; v < 2; ++v) add(Model::kFirstOutput + group() * kNeurons + 8 * n + pair + v, output_sums_[n][v]);
+            for (int v = 0; v < 2; ++v) put(Model::kFirstOutput + group() * kNeurons + 8 * n + pair + v, output_sums_[n][v]);
     }
 
   private:

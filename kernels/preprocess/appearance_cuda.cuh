@@ -35,7 +35,7 @@ template <class Model> class WarpAppearance {
     // With shared weights also:
     //   static constexpr int kPreparedWords            size of what the kernels read of the weights, 4-byte words
     //   static void prepare(unsigned*, int k, float w) writes weight k there; the rest of it is 0
-    //   void add_sums(float* sums) const               adds this warp's gradient of the weights, if backward() ran
+    //   void store_sums(float* sums) const             writes this warp's gradient of the weights, if backward() ran
 
   private:
     static __device__ int lane() { return threadIdx.x & 31; }

@@ -202,25 +202,45 @@ __device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, c
     return is_finite(out);
 }
 
+/// Shared memory of a warp in the backward pass. At the end of its work its sums of the shared weights' gradient take this place.
+template <class Model> struct WarpSpace {
+    RowMemory<Model> memory;
+    alignas(16) float gradients[32 * RowMemory<Model>::kWidth];
+    float decays[2][32]; ///< of the moments m and v of a row that has missed steps
+    typename WarpAppearance<Model>::Memory scratch;
+};
+template <class Model> struct alignas(16) WarpBytes {
+    static constexpr std::size_t kSums = sizeof(float) * kNumSharedOf<Model>;
+    unsigned char bytes[sizeof(WarpSpace<Model>) > kSums ? sizeof(WarpSpace<Model>) : kSums];
+    __device__ WarpSpace<Model>& space() { return *reinterpret_cast<WarpSpace<Model>*>(bytes); }
+    __device__ float* sums() { return reinterpret_cast<float*>(bytes); }
+};
+
 /// Gaussians of a block of the backward pass. With shared weights many, since each block writes a row of sums: as many as shared
 /// memory has room for.
 template <class Model> constexpr int update_block() {
     if constexpr (kNumSharedOf<Model> == 0) return 64;
-    return 8 * int(sizeof(typename WarpAppearance<Model>::Memory) + 2 * sizeof(RowMemory<Model>)) + 4 * kNumSharedOf<Model> <= 47 * 1024 ? 256 : 128;
+    return 8 * sizeof(WarpBytes<Model>) <= 47 * 1024 ? 256 : 128;
 }
 /// Blocks that a multiprocessor should hold: 16 warps at least, with 128 registers; 18 with 113.
 template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> > 0 ? 512 / update_block<Model>() : 9; }
 
-/// What the warps of a block add to the gradient of the shared weights, by their order.
-template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, float* block, float* out) {
-    constexpr int kShared = kNumSharedOf<Model>;
-    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) block[k] = 0;
-    for (int warp = 0; warp < update_block<Model>() / 32; ++warp) {
-        __syncthreads();
-        if (int(threadIdx.x) >> 5 == warp && any) appearance.add_sums(block);
-    }
+/// Adds up what the warps of a block have for the gradient of the shared weights, in their order. Ends the use of `warps`.
+template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps, float* out) {
+    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
+    float* own = warps[threadIdx.x >> 5].sums();
+    __syncwarp();
+    if (any)
+        appearance.store_sums(own);
+    else
+        for (int k = threadIdx.x & 31; k < kShared; k += 32) own[k] = 0;
     __syncthreads();
-    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) out[k] = block[k];
+    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) {
+        float sum = 0;
+#pragma unroll
+        for (int warp = 0; warp < kWarps; ++warp) sum += warps[warp].sums()[k];
+        out[k] = sum;
+    }
 }
 
 /// The separate pass: gradients of the residual parameters, of the means through the direction, and of the shared weights.
@@ -228,19 +248,17 @@ template <class Model>
 __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
     appearance_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
-    __shared__ RowMemory<Model> memory[kWarps];
-    __shared__ typename WarpAppearance<Model>::Memory scratch[kWarps];
-    __shared__ alignas(16) float all_gradients[kWarps][32 * RowMemory<Model>::kWidth];
-    __shared__ float shared_sums[kShared > 0 ? kShared : 1];
+    __shared__ WarpBytes<Model> warps[kWarps];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
     const bool visible = i < a.params.count && counts[i] > 0;
     const unsigned seen = __ballot_sync(~0u, visible);
-    WarpAppearance<Model> appearance(scratch[warp], a.shared.prepared);
+    WarpSpace<Model>& space = warps[warp].space();
+    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (seen) {
-        float *parameters = memory[warp].rows, *gradients = all_gradients[warp];
-        memory[warp].load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
+        float *parameters = space.memory.rows, *gradients = space.gradients;
+        space.memory.load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
         const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
@@ -250,9 +268,9 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         appearance.backward(parameters, width, direction.unit, a.degree, finite, dL_dy, gradients, dL_ddirection);
         if (visible) a.separate.dL_dmeans[i] = direction_pullback(direction, dL_ddirection);
         __syncwarp();
-        store_rows(seen, width, memory[warp].list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
+        store_rows(seen, width, space.memory.list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
     }
-    if constexpr (kShared > 0) store_shared_sums<Model>(appearance, seen, shared_sums, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+    if constexpr (kShared > 0) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
 /// kFused: with the gradients of the appearance. Otherwise they are where appearance_backward left them.
@@ -261,11 +279,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
                         StepControl* __restrict__ control) {
     constexpr int kShared = kFused ? kNumSharedOf<Model> : 0, kWarps = update_block<Model>() / 32;
-    __shared__ RowMemory<Model> memory[kWarps];
-    __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kWarps : 1];
-    __shared__ alignas(16) float all_gradients[kWarps][32 * RowMemory<Model>::kWidth];
-    __shared__ float decays[kWarps][2][32]; // of the moments m and v of a row that has missed steps
-    __shared__ float shared_sums[kShared > 0 ? kShared : 1];
+    __shared__ WarpBytes<Model> warps[kWarps];
     __shared__ AdamStep<float> column_steps[RowMemory<Model>::kWidth];
     if (control->stopped) return;
     if (update.per_column) {
@@ -281,17 +295,18 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
     const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 there is no gradient
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
-    float *parameters = memory[warp].rows, *gradients = all_gradients[warp], *decay_m = decays[warp][0], *decay_v = decays[warp][1];
+    WarpSpace<Model>& space = warps[warp].space();
+    float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0], *decay_v = space.decays[1];
     const unsigned seen = with_residual ? __ballot_sync(~0u, visible) : 0;
     unsigned rows = 0, stale = 0;
     GaussianGradient<float> gradient{};
     Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
-    WarpAppearance<Model> appearance(scratch[kFused ? warp : 0], a.shared.prepared);
+    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (with_residual) {
         rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, valid) : seen;
         const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
         if (rows) {
-            stale = memory[warp].load(a, i - lane, rows, lag);
+            stale = space.memory.load(a, i - lane, rows, lag);
             for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         }
         if (stale) decay_m[lane] = first_moment_decay(lag), decay_v[lane] = second_moment_decay(lag);
@@ -306,7 +321,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
                 appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients, dL_ddirection);
                 dL_dmean = direction_pullback(direction, dL_ddirection);
             } else {
-                load_rows(seen, width, memory[warp].list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
+                load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
                 if (visible) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
             }
         }
@@ -331,11 +346,11 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
             update_all_rows(width, parameters, gradients, steps, p, m, v);
         } else {
             if (!stale) decay_m[lane] = decay_v[lane] = 1;
-            update_rows(rows, width, memory[warp].list, parameters, gradients, decay_m, decay_v, steps, p, m, v);
+            update_rows(rows, width, space.memory.list, parameters, gradients, decay_m, decay_v, steps, p, m, v);
         }
     }
     if constexpr (kShared > 0) {
-        if (with_residual) store_shared_sums<Model>(appearance, seen, shared_sums, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        if (with_residual) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
     }
 }
 
