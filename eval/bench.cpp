@@ -172,7 +172,6 @@ StageCost appearance_share(const BenchResult& result, std::size_t k) {
     StageCost share = result.stages[k];
     const StageCost& without = result.without_residual[k];
     share.seconds -= without.seconds, share.bytes -= without.bytes, share.operations -= without.operations;
-    share.note.clear();
     return share;
 }
 

@@ -54,7 +54,7 @@ std::string format_bench(const BenchResult& r) {
     if (!r.without_residual.empty()) {
         out += "\n| appearance in | ms | items | ns per item | floor ms | bound by | measured/floor | reason |\n|---|---:|---:|---:|---:|---|---:|---|\n";
         for (std::size_t k = 0; k < r.stages.size(); ++k)
-            if (StageCost share = appearance_share(r, k); share.bytes > 0 || share.operations > 0) out += stage_line(share, r.ceilings);
+            if (r.stages[k].evaluates_appearance) out += stage_line(appearance_share(r, k), r.ceilings);
     }
     if (r.memory.peak > 0) out += "\n" + memory_report(r.memory) + "\n";
     return out;

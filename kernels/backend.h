@@ -110,6 +110,7 @@ struct StageCost {
     double bytes = 0;     ///< least memory traffic of all items
     double operations = 0; ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
     std::string note;     ///< why the stage takes longer than that, where it is known to; may be empty
+    bool evaluates_appearance = false; ///< part of it is the appearance model's
 };
 
 class Backend {

@@ -103,7 +103,7 @@ template <class Model> class CpuBackend final : public Backend {
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
              work_.visible * (260 + operations),
-             "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles"},
+             "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles", true},
             {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
              "a comparison sort of 8-byte keys, the floor assumes streaming"},
             {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27, ""},
@@ -112,7 +112,7 @@ template <class Model> class CpuBackend final : public Backend {
             {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
              work_.visible * (500 + operations_backward) + gaussians * 10 * values,
-             "one Gaussian at a time in scalar code, the floor assumes full vectors"}};
+             "one Gaussian at a time in scalar code, the floor assumes full vectors", true}};
         s = {};
         loss_seconds_ = update_seconds_ = 0;
         work_ = {};

@@ -12,7 +12,7 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
     // the templates: fragment_alpha 10 and blend_fragment 10; backward 10, fragment_gradient 16 and two stores.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian", gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8),
-         visible_ * (260 + operations), ""},
+         visible_ * (260 + operations), "", true},
         {"sort", seconds(CudaStage::kSort), instances_, "instance", gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2),
          visible_ * 20 + instances_ * 10,
          "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, whatever it moves"},
@@ -23,7 +23,7 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28,
          "as blend; and what the tensor cores add up passes through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
-         visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, ""}};
+         visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, "", true}};
     std::fill(seconds_, seconds_ + kNumCudaStages, 0);
     gaussians_ = visible_ = instances_ = pairs_ = pixels_ = 0;
     return costs;

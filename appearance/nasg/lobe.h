@@ -39,14 +39,20 @@ template <class T> struct LobeAngle {
     }
 };
 
-/// Orthonormal frame R_z(theta) R_y(phi) R_z(psi); z is the lobe's axis, x the direction of its faster fall.
-template <class T> struct LobeFrame {
+/// Orthonormal frame R_z(theta) R_y(phi) R_z(psi); z is the lobe's axis, x the direction of its faster fall. phi and psi are in
+/// (0, pi). So is theta in the reference, whose axes then all lie in the half-space y > 0; with kWholeSphere it is in
+/// (-pi/2, 3 pi/2), which includes the opposite half-space.
+template <class T, bool kWholeSphere> struct LobeFrame {
     LobeAngle<T> theta, phi, psi;
     Vec3<T> x, y, z;
 
     static GS_HD LobeFrame of(const T* raw) {
         LobeFrame f;
         f.theta = LobeAngle<T>::of(raw[0]), f.phi = LobeAngle<T>::of(raw[1]), f.psi = LobeAngle<T>::of(raw[2]);
+        if (kWholeSphere) { // 2 theta - pi/2: the same at raw 0
+            const T c = f.theta.cos, s = f.theta.sin;
+            f.theta.cos = T(2) * s * c, f.theta.sin = (s - c) * (s + c);
+        }
         const T ct = f.theta.cos, st = f.theta.sin, cp = f.phi.cos, sp = f.phi.sin, cs = f.psi.cos, ss = f.psi.sin;
         f.x = {ct * cp * cs - st * ss, st * cp * cs + ct * ss, -sp * cs};
         f.y = {-ct * cp * ss - st * cs, -st * cp * ss + ct * cs, sp * ss};
@@ -60,7 +66,7 @@ template <class T> struct LobeFrame {
     /// changes L by e . (g x v), so no sine is divided by; the axes are world z, (-sin theta, cos theta, 0) and the lobe's.
     GS_HD void raw_gradient(const T* raw, const Vec3<T>& g, const Vec3<T>& v, T* dL_draw) const {
         const Vec3<T> local_torque = cross(g, v), torque = world(local_torque);
-        dL_draw[0] = theta.raw_gradient(raw[0], torque.z);
+        dL_draw[0] = LobeAngle<T>::of(raw[0]).raw_gradient(raw[0], kWholeSphere ? T(2) * torque.z : torque.z);
         dL_draw[1] = phi.raw_gradient(raw[1], theta.cos * torque.y - theta.sin * torque.x);
         dL_draw[2] = psi.raw_gradient(raw[2], local_torque.z);
     }

@@ -25,10 +25,17 @@ template <class T> struct Carrier {
 
 /// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude).
 /// Rows of one lobe: raw theta, phi, psi, sharpness, anisotropy, with a carrier raw frequency, raw amplitude (rgb).
-template <bool kWithCarrier, int kLobes = 1> struct NasgLobes {
+/// With kWholeSphere axes may point anywhere, else into the half-space y >= 0, as in the reference.
+template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct NasgLobes {
     static constexpr int kPerLobe = kWithCarrier ? 9 : 8, kAmplitude = kPerLobe - 3;
     static constexpr int kMaxResidual = kLobes * kPerLobe;
     static constexpr bool kDirectional = true;
+
+    template <class T> using Frame = LobeFrame<T, kWholeSphere>;
+    // Over the whole sphere the circle that theta runs along lies in the plane of y and z, where every convention has its up: the
+    // poles of the angles, where they learn badly, are then off to the sides.
+    template <class T> static GS_HD Vec3<T> to_lobe(const Vec3<T>& d) { return kWholeSphere ? Vec3<T>{d.z, d.y, -d.x} : d; }
+    template <class T> static GS_HD Vec3<T> from_lobe(const Vec3<T>& v) { return kWholeSphere ? Vec3<T>{-v.z, v.y, v.x} : v; }
 
     template <class T> static GS_HD Vec3<T> amplitude(const T* raw) {
         return {gs_tanh(raw[kAmplitude]), gs_tanh(raw[kAmplitude + 1]), gs_tanh(raw[kAmplitude + 2])};
@@ -40,7 +47,7 @@ template <bool kWithCarrier, int kLobes = 1> struct NasgLobes {
         for (int lobe = 0; lobe < kLobes; ++lobe) {
             if (lobe >= degree) break;
             const T* raw = params + lobe * kPerLobe;
-            const Vec3<T> v = LobeFrame<T>::of(raw).local(direction);
+            const Vec3<T> v = Frame<T>::of(raw).local(to_lobe(direction));
             T value = LobeDensity<T>::of(v, raw[3], raw[4]).value;
             if constexpr (kWithCarrier) value = value * Carrier<T>::of(raw[5], v.x).value();
             sum += amplitude(raw) * value;
@@ -57,8 +64,8 @@ template <bool kWithCarrier, int kLobes = 1> struct NasgLobes {
             if (lobe >= degree) break;
             const T* raw = params + lobe * kPerLobe;
             T* out = dL_dparams + lobe * kPerLobe;
-            const LobeFrame<T> frame = LobeFrame<T>::of(raw);
-            const Vec3<T> v = frame.local(direction);
+            const Frame<T> frame = Frame<T>::of(raw);
+            const Vec3<T> v = frame.local(to_lobe(direction));
             const LobeDensity<T> density = LobeDensity<T>::of(v, raw[3], raw[4]);
             const T g_density = dot(amplitude(raw), dL_dresidual) * density.value; // times the carrier: dL/d ln density
             T carrier = T(1), dL_dphase_x = T(0);
@@ -78,7 +85,7 @@ template <bool kWithCarrier, int kLobes = 1> struct NasgLobes {
             Vec3<T> g_local = density.slope_direction(v) * g;
             g_local.x = g_local.x + dL_dphase_x;
             frame.raw_gradient(raw, g_local, v, out);
-            dL_ddirection += frame.world(g_local);
+            dL_ddirection += from_lobe(frame.world(g_local));
         }
     }
 };

@@ -19,9 +19,10 @@ const ModelInfo& nasgabor_info();
 namespace {
 
 using appearance::LobeDensity;
-using appearance::LobeFrame;
-using appearance::Nasg;
-using appearance::Nasgabor;
+// With the frame of the reference, in which golden values are given; WholeSphere below compares the registered models with it.
+using Nasg = appearance::NasgLobes<false, 1, false>;
+using Nasgabor = appearance::NasgLobes<true, 1, false>;
+template <class T> using LobeFrame = appearance::LobeFrame<T, false>;
 
 const Vec3<double> kMean{1, 2, 3}, kGradient{1, -.5, .25};
 
@@ -273,8 +274,46 @@ TEST(Nasgabor, WithoutFrequencyEqualsNasg) {
     expect_near(Nasg::residual(a, d, 1), Nasgabor::residual(b, d, 1), 1e-15);
 }
 
+TEST(Nasg, WholeSphereIsTheSameLobeWhereBothReach) {
+    using appearance::LobeAngle;
+    const Vec3<double> d = view_direction(kMean, Vec3<double>{0, 0, 0}).unit;
+    for (const double raw : {-.8, -.3, .0, .2, .8}) { // theta within (0, pi)
+        const double p[9] = {raw, -.4, .2, .5, -.3, -1, .1, -.2, .7};
+        double q[9], dp[9] = {}, dq[9] = {};
+        std::copy(p, p + 9, q);
+        const double theta = 2 * std::acos(std::tanh(raw)) - M_PI / 2;
+        ASSERT_GT(std::sin(theta), 0);
+        q[0] = std::atanh(std::cos(theta));
+        const Vec3<double> turned{d.z, d.y, -d.x};
+        expect_near(appearance::Nasgabor::residual(p, d, 1), Nasgabor::residual(q, turned, 1), 1e-14);
+        Vec3<double> dd, dd_turned;
+        appearance::Nasgabor::residual_backward(p, d, 1, kGradient, dp, dd);
+        Nasgabor::residual_backward(q, turned, 1, kGradient, dq, dd_turned);
+        for (int k = 1; k < 9; ++k) EXPECT_NEAR(dp[k], dq[k], 1e-14) << k;
+        // d raw' / d raw: both angles change by -sin d raw, one of them twice over.
+        EXPECT_NEAR(dp[0], dq[0] * 2 * LobeAngle<double>::of(raw).sin / std::sin(theta), 1e-13);
+        expect_near(dd, {-dd_turned.z, dd_turned.y, dd_turned.x}, 1e-14);
+    }
+}
+
+TEST(Nasg, AxesReachTheWholeSphere) {
+    // The first three components of the axis that raw angles can give, in each octant and on every side.
+    double largest[6] = {};
+    for (double theta = -7; theta <= 7; theta += .05)
+        for (double phi = -4; phi <= 4; phi += .05) {
+            const double raw[3] = {theta, phi, 0};
+            const Vec3<double> z = appearance::LobeFrame<double, true>::of(raw).z;
+            EXPECT_NEAR(dot(z, z), 1, 1e-14);
+            const double sides[6] = {z.x, -z.x, z.y, -z.y, z.z, -z.z};
+            for (int k = 0; k < 6; ++k) largest[k] = std::max(largest[k], sides[k]);
+        }
+    for (const double x : largest) EXPECT_GT(x, .999);
+    const double start[3] = {};
+    expect_near(appearance::LobeFrame<double, true>::of(start).z, {0, 1, 0}, 1e-15);
+}
+
 TEST(Nasg, SeveralLobesAddUp) {
-    using Two = appearance::NasgLobes<true, 2>;
+    using Two = appearance::NasgLobes<true, 2, false>;
     double p[18], dp[18] = {}, second[9] = {};
     for (int k = 0; k < 18; ++k) p[k] = std::sin(k + 1.);
     const Vec3<double> d = view_direction(kMean, Vec3<double>{0, 0, 0}).unit;
@@ -286,11 +325,13 @@ TEST(Nasg, SeveralLobesAddUp) {
     expect_near(Two::residual(p, d, 1), Nasgabor::residual(p, d, 1), 1e-15);
 }
 
-TEST(Nasg, RatesFollowTheCameraSpacing) {
+TEST(Nasg, RatesAreConstantOrFollowTheCameraSpacing) {
     for (const ModelInfo* info : {&appearance::nasg_info(), &appearance::nasgabor_info()}) {
         EXPECT_EQ(info->initial_degree, 0);
         EXPECT_EQ(info->default_max_degree, 1);
-        const auto rates = [&](double spacing) { return info->rates(1, {spacing}); };
+        const auto rates = [&](double spacing) { return info->rates(1, {spacing, NAN}); };
+        EXPECT_DOUBLE_EQ(info->rates(1, {3, .001}).residual.at(0).at(1), .001) << "given: whatever the cameras are";
+        EXPECT_DOUBLE_EQ(info->rates(1, {}).residual.at(0).at(1), .0025);
         EXPECT_DOUBLE_EQ(rates(.3536).residual.at(0).at(1), .0025);
         EXPECT_DOUBLE_EQ(rates(.7072).residual.at(0).at(7000), .000625);
         EXPECT_DOUBLE_EQ(rates(1e-6).residual.at(0).at(1), 2.5) << "factor at most 1000";

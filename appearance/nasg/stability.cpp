@@ -19,8 +19,8 @@ template <class Model> std::vector<double> lobe(double angle, double raw_sharpne
     return raw;
 }
 
-/// World direction of local (vx, vy, vz) in the frame of zero angles, exact in float: x = (-1,0,0), y = (0,0,1), z = (0,1,0).
-std::array<double, 3> unturned(double vx, double vy, double vz) { return {-vx, vz, vy}; }
+/// World direction of local (vx, vy, vz) in the frame of zero angles, exact in float: x = (0,0,-1), y = (-1,0,0), z = (0,1,0).
+std::array<double, 3> unturned(double vx, double vy, double vz) { return {-vy, vz, -vx}; }
 
 /// Density at the axis: N = lambda sqrt(1+a) / (2 pi (1 - e^(-2 lambda))).
 double peak(double raw_sharpness, double raw_anisotropy) {

@@ -106,7 +106,7 @@ TEST(Train, StoredConfigurationRepeatsTheRun) {
 
 TEST(Train, InterruptWritesACheckpointThatResumes) {
     const Program program;
-    const Outcome stopped = program.run("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "timeout --preserve-status -s INT 4");
+    const Outcome stopped = program.run("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "timeout --preserve-status -s INT 6");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     std::int64_t iteration = 0;
     for (const auto& entry : std::filesystem::directory_iterator(program.path("run/checkpoints"))) {

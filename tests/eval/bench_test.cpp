@@ -118,7 +118,7 @@ TEST(Bench, StagesFarAboveTheirFloorStandOutWithTheReason) {
     r.frames = {{800, 600, 4, 0.002}};
     r.repeat = 10;
     r.iteration_seconds = 0.010, r.iteration_seconds_median = 0.011, r.marked_iteration_seconds = 0.0105;
-    r.stages = {{"far", 0.004, 2e6, "pixel", 1e6, 1e6, "it waits"}, {"near", 0.003, 0, "pixel", 1e6, 4e6, "unused"}, {"bare", 0.001, 1, "pixel", 0, 0, ""}};
+    r.stages = {{"far", 0.004, 2e6, "pixel", 1e6, 1e6, "it waits", true}, {"near", 0.003, 0, "pixel", 1e6, 4e6, "unused"}, {"bare", 0.001, 1, "pixel", 0, 0, ""}};
     r.without_residual = {{"far", 0.003, 2e6, "pixel", 5e5, 1e6, "it waits"}, r.stages[1], r.stages[2]};
     r.memory = {{{"model", 3 << 20, "Gaussian", 1 << 20}}, 3 << 20, 4 << 20};
     r.default_seconds = 0.010, r.deterministic_seconds = 0.012;
