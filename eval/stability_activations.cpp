@@ -2,18 +2,17 @@
 // Stability of the colour activations: value, slope and inverse.
 #include <spdlog/fmt/fmt.h>
 
-#include <array>
 #include <cmath>
 #include <limits>
 
 #include "appearance/contract.h"
 #include "eval/stability_compare.h"
+#include "lib/model/appearance_spec.h"
 
 namespace gs {
 namespace {
 
-constexpr std::array<std::pair<ColorActivation, const char*>, 4> kActivations = {
-    {{ColorActivation::kRelu, "relu"}, {ColorActivation::kSoftplus, "softplus"}, {ColorActivation::kSigmoid, "sigmoid"}, {ColorActivation::kHardSigmoid, "hardsigmoid"}}};
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
 
 template <class Function> StabilitySubject subject(std::vector<int> groups, int first_gradient, Function f) {
     const int count = int(groups.size());
@@ -43,7 +42,8 @@ std::vector<float> pre_activations() {
 
 std::vector<StabilityRow> measure_activation_stability() {
     std::vector<StabilityRow> rows;
-    for (const auto& [activation, name] : kActivations) {
+    for (const ColorActivation activation : kActivations) {
+        const char* name = color_activation_name(activation);
         const auto forward = subject({0, 1}, 1, [kind = activation]<class T>(const StabilityInputs<T>& in) {
             return StabilitySubject::Results{color_activation(kind, in.numbers[0]), color_activation_derivative(kind, in.numbers[0])};
         });

@@ -12,6 +12,7 @@
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "eval/stability_compare.h"
+#include "kernels/preprocess/gaussian_device.h"
 
 #include "appearance_types.inc"
 
@@ -55,7 +56,7 @@ template <class Model, class T> Results evaluate(const StabilityInputs<T>& in, C
     const Vec3<T> y = vec3(numbers + L::kBase) + residual;
     Results out;
     append(out, residual);
-    append(out, Vec3<T>{color_activation(activation, y.x), color_activation(activation, y.y), color_activation(activation, y.z)});
+    append(out, activate(activation, y));
     out.insert(out.end(), dL_dparams.begin(), dL_dparams.end());
     append(out, direction_pullback(direction, dL_ddirection));
     // Scale of the mean's gradient only: it is a sum over sites, lobes or bands, less its radial part, and both may cancel.

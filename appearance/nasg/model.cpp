@@ -17,8 +17,11 @@ double lobe_rate(const RateContext& context) {
     return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
 }
 
-template <class Model> ModelInfo lobe_info(int num_lobes) {
+template <class Model> ModelInfo lobe_info(const char* name, const char* summary) {
+    constexpr int num_lobes = Model::kMaxResidual / Model::kPerLobe;
     ModelInfo m;
+    m.name = name;
+    m.summary = summary;
     const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0; // tanh and cosine; sine on the way back
     m.operations = num_lobes * 200 + carrier, m.operations_backward = num_lobes * 350 + 2 * carrier;
     m.default_max_degree = m.max_degree_limit = num_lobes;
@@ -43,22 +46,11 @@ template <class Model> ModelInfo lobe_info(int num_lobes) {
 }  // namespace
 
 const ModelInfo& nasg_info() {
-    static const ModelInfo info = [] {
-        ModelInfo m = lobe_info<Nasg>(Nasg::kMaxResidual / Nasg::kPerLobe);
-        m.name = "nasg";
-        m.summary = "one normalized anisotropic spherical Gaussian";
-        return m;
-    }();
+    static const ModelInfo info = lobe_info<Nasg>("nasg", "one normalized anisotropic spherical Gaussian");
     return info;
 }
-
 const ModelInfo& nasgabor_info() {
-    static const ModelInfo info = [] {
-        ModelInfo m = lobe_info<Nasgabor>(Nasgabor::kMaxResidual / Nasgabor::kPerLobe);
-        m.name = "nasgabor";
-        m.summary = "one normalized anisotropic spherical Gaussian with a cosine carrier";
-        return m;
-    }();
+    static const ModelInfo info = lobe_info<Nasgabor>("nasgabor", "one normalized anisotropic spherical Gaussian with a cosine carrier");
     return info;
 }
 

@@ -13,6 +13,10 @@ namespace gs::appearance {
 /// passes, so that one beyond comes back.
 inline constexpr double kLargestFeature = 1e4;
 
+struct ExactSinCos {
+    template <class T> GS_HD void operator()(T x, T& s, T& c) const { gs_sincos(x, s, c); }
+};
+
 /// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]; no biases, the constant
 /// of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or enter as they are (0).
 ///
@@ -34,12 +38,12 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     /// Inputs in use: bands of the direction above `degree` are 0.
     static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
 
-    template <class T> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x) {
+    template <class T, class SinCos = ExactSinCos> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x, SinCos sin_cos = {}) {
         GS_UNROLL
         for (int i = 0; i < kFeatures; ++i) {
             if constexpr (kFrequencies == 0) x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
             GS_UNROLL
-            for (int j = 0; j < kFrequencies; ++j) gs_sincos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
+            for (int j = 0; j < kFrequencies; ++j) sin_cos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
         }
         x[kEncoded] = T(kY0);
         GS_UNROLL

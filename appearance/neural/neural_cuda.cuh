@@ -3,7 +3,7 @@
 //
 // Operands are halves, sums float. Activations go from one layer to the next in registers; only the inputs and the three
 // outputs pass through shared memory, from and to the lane of their Gaussian. The backward pass evaluates the network again
-// instead of storing activations: 12 more products for 16 Gaussians, against 134 bytes for each.
+// instead of storing activations: 7 more products for 16 Gaussians, against 134 bytes for each.
 //
 // Gradients arrive as small as 1e-10 (a loss is a mean over pixels). Each warp multiplies its own by the power of two that
 // takes the largest to [32, 64), and what it adds to the sums of the weights, in float, by the inverse: nothing has to be
@@ -157,29 +157,21 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
     }
 
     /// Sine and cosine to 1e-6, which half rounds away, in a fifth of sincosf's instructions.
-    static __device__ void sincos_for_half(float x, float& s, float& c) {
-        if (fabsf(x) < 1e4f) {
-            const float turns = rintf(x * 0.159154943f);
-            const float r = fmaf(turns, 1.74845553e-7f, fmaf(turns, -6.28318548f, x)); // 2 pi = 6.28318548 - 1.74845553e-7
-            __sincosf(r, &s, &c);
-        } else {
-            sincosf(x, &s, &c);
+    struct SinCosForHalf {
+        __device__ void operator()(float x, float& s, float& c) const {
+            if (fabsf(x) < 1e4f) {
+                const float turns = rintf(x * 0.159154943f);
+                const float r = fmaf(turns, 1.74845553e-7f, fmaf(turns, -6.28318548f, x)); // 2 pi = 6.28318548 - 1.74845553e-7
+                __sincosf(r, &s, &c);
+            } else {
+                sincosf(x, &s, &c);
+            }
         }
-    }
+    };
 
     __device__ void stage_inputs(const float* features, const Vec3<float>& direction, int degree, bool active) {
         float x[kInputs] = {};
-        if (active) {
-#pragma unroll
-            for (int i = 0; i < kFeatures; ++i) {
-                if constexpr (kFrequencies == 0)
-                    x[i] = features[i];
-                else
-                    sincos_for_half(features[i], x[2 * i], x[2 * i + 1]);
-            }
-            x[kEncoded] = float(Model::kY0);
-            appearance::Sh::basis(direction, degree, x + kEncoded + 1);
-        }
+        if (active) Model::encode(features, direction, degree, x, SinCosForHalf{});
         __syncwarp(); // all are done with what was there
         uint4* to = reinterpret_cast<uint4*>(stage_ + lane() * kStride);
 #pragma unroll
