@@ -26,10 +26,26 @@ struct TargetImage {
 /// Which colour is composited (appearance spec section 1.4).
 enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
 
+/// Where the photometric correction of a view comes from.
+enum class IspMode {
+    kNone,       ///< the image is left as the Gaussians make it
+    kFrame,      ///< exposure and colour of a training image
+    kController, ///< exposure and colour predicted from the image itself; neutral if the model has no controller
+};
+
+/// How PPISP treats a view. Ignored by a model without PPISP.
+struct IspView {
+    IspMode mode = IspMode::kNone;
+    int frame = -1;           ///< of kFrame; -1 = neutral
+    int camera = 0;           ///< whose vignetting and response apply
+    float prior_exposure = 0; ///< of kController: exposure in stops that is known beforehand, e.g. from EXIF
+};
+
 struct RenderRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     RenderMode mode = RenderMode::kFull;
+    IspView isp;
 };
 
 struct RenderedImage {
@@ -53,6 +69,8 @@ struct StepRequest {
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
+    IspView isp;                         ///< kFrame or kNone; of `distill`: kController
+    double isp_rate = 0;                 ///< learning rate of PPISP's parameters; of `distill`: of the controller's weights; 0 = they stay
 };
 
 /// What happened since the last call of `take_stats`.
@@ -123,10 +141,15 @@ class Backend {
     virtual Gaussians download(bool with_moments) = 0;
     virtual std::int64_t count() const = 0;
     virtual void set_active_degree(int degree) = 0;
+    /// Replaces PPISP and leaves the Gaussians alone. `download` gives it back.
+    virtual void upload_ppisp(const PpispState& state) = 0;
 
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
     /// May return before the step is done. What `request` points to is not needed any more on return.
     virtual void step(const StepRequest& request) = 0;
+    /// One optimizer step of the controller of the view's camera, everything else frozen: loss of the view as the controller
+    /// corrects it, without opacity, scale and PPISP terms. Needs a model with controllers.
+    virtual void distill(const StepRequest& request) = 0;
     /// Of the steps known to be done: up to three steps late on a device, unless `synchronize` was called.
     virtual StepStats take_stats() = 0;
     virtual void synchronize() = 0;

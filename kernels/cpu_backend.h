@@ -32,10 +32,12 @@ template <class Model> class CpuBackend final : public Backend {
         out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree, out.step = state_.step;
         for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
         out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
+        out.ppisp = state_.ppisp;
         return out;
     }
     std::int64_t count() const override { return state_.count; }
     void set_active_degree(int degree) override { state_.active_degree = degree; }
+    void upload_ppisp(const PpispState& state) override { state_.ppisp = state; }
 
     void render(const RenderRequest& request, RenderedImage& out) override {
         const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
@@ -68,6 +70,8 @@ template <class Model> class CpuBackend final : public Backend {
         update(r, params);
         count_work(pixels);
     }
+
+    void distill(const StepRequest&) override { throw UsageError("this backend does not train controllers yet"); }
 
     StepStats take_stats() override {
         const StepStats out = stats_;

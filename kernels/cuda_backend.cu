@@ -64,7 +64,7 @@ void CudaBackend::upload(const Gaussians& state) {
     stats_ = {};
     model_.count = 0; // stays so if there is no memory
     meta_ = Gaussians{};
-    meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
+    meta_.appearance = state.appearance, meta_.ppisp = state.ppisp, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
         const auto& group = state.groups[g];
         meta_.groups[g].width = model_.width[g] = group.width;
@@ -127,6 +127,10 @@ void CudaBackend::set_active_degree(int degree) {
     synchronize(); // a step that has to be repeated must see the degree it began with
     meta_.active_degree = degree;
 }
+
+void CudaBackend::upload_ppisp(const PpispState& state) { meta_.ppisp = state; }
+
+void CudaBackend::distill(const StepRequest&) { throw UsageError("this backend does not train controllers yet"); }
 
 // --- one forward pass -----------------------------------------------------------------------------------------------
 

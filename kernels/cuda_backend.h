@@ -35,9 +35,11 @@ class CudaBackend final : public Backend {
     Gaussians download(bool with_moments) override;
     std::int64_t count() const override { return model_.count; }
     void set_active_degree(int degree) override;
+    void upload_ppisp(const PpispState& state) override;
 
     void render(const RenderRequest& request, RenderedImage& out) override;
     void step(const StepRequest& request) override;
+    void distill(const StepRequest& request) override;
     StepStats take_stats() override;
     void synchronize() override;
 

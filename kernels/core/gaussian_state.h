@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "kernels/ppisp/ppisp_state.h"
+
 namespace gs {
 
 /// Parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
@@ -45,6 +47,7 @@ template <class Real> struct GaussianState {
     /// ADC statistic since the last densification, one per Gaussian: summed norm of the screen-space mean gradient, and
     /// in how many views it was seen. Both empty where nothing gathers them.
     std::vector<Real> gradient_sum, gradient_count;
+    PpispState ppisp; ///< what the training images differ by photometrically; inactive where a scene needs none
 
     GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
     const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }

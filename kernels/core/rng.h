@@ -9,7 +9,7 @@
 namespace gs {
 
 /// What a random number is used for; part of the counter, so that uses never share numbers.
-enum class RngStream : std::uint32_t { kViewOrder = 1, kNoise, kRelocate, kGrow, kSplit, kInitPoints, kBackground, kScene, kInitWeights, kHostile };
+enum class RngStream : std::uint32_t { kViewOrder = 1, kNoise, kRelocate, kGrow, kSplit, kInitPoints, kBackground, kScene, kInitWeights, kHostile, kController };
 
 struct Philox4 {
     std::uint32_t v[4];

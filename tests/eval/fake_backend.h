@@ -14,6 +14,7 @@ class FakeBackend : public Backend {
     Gaussians download(bool) override { return {}; }
     std::int64_t count() const override { return 7; }
     void set_active_degree(int) override {}
+    void upload_ppisp(const PpispState&) override {}
     void render(const RenderRequest& request, RenderedImage& out) override {
         out.width = request.camera.width, out.height = request.camera.height;
         const std::size_t pixels = std::size_t(out.width) * out.height;
@@ -25,6 +26,7 @@ class FakeBackend : public Backend {
         }
     }
     void step(const StepRequest&) override {}
+    void distill(const StepRequest&) override {}
     StepStats take_stats() override { return {}; }
     void synchronize() override {}
     double time_frames(const std::vector<RenderRequest>&, int) override { return 0; }

@@ -15,8 +15,10 @@ class ForwardingBackend : public Backend {
     Gaussians download(bool with_moments) override { return inner_->download(with_moments); }
     std::int64_t count() const override { return inner_->count(); }
     void set_active_degree(int degree) override { inner_->set_active_degree(degree); }
+    void upload_ppisp(const PpispState& state) override { inner_->upload_ppisp(state); }
     void render(const RenderRequest& request, RenderedImage& out) override { inner_->render(request, out); }
     void step(const StepRequest& request) override { inner_->step(request); }
+    void distill(const StepRequest& request) override { inner_->distill(request); }
     StepStats take_stats() override { return inner_->take_stats(); }
     void synchronize() override { inner_->synchronize(); }
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override { return inner_->time_frames(views, repeats); }
