@@ -45,7 +45,7 @@ struct RenderRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     RenderMode mode = RenderMode::kFull;
-    IspView isp;
+    IspView isp = {};
 };
 
 struct RenderedImage {
@@ -69,7 +69,7 @@ struct StepRequest {
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
-    IspView isp;                         ///< kFrame or kNone; of `distill`: kController
+    IspView isp = {};                         ///< kFrame or kNone; of `distill`: kController
     double isp_rate = 0;                 ///< learning rate of PPISP's parameters; of `distill`: of the controller's weights; 0 = they stay
 };
 
