@@ -184,18 +184,5 @@ TEST(Options, DocumentationPageIsTheGeneratedOne) {
     EXPECT_EQ(text.str(), options_markdown()) << "run: gsapp options --markdown > docs/options.md";
 }
 
-TEST(Options, EverySceneFileIsValid) {
-    int count = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(GSAPP_SOURCE_DIR) / "scenes")) {
-        if (entry.path().extension() != ".yaml") continue;
-        TrainOptions options = load_options_yaml(entry.path());
-        options.source = "scene";
-        EXPECT_NO_THROW(validate(options)) << entry.path();
-        EXPECT_TRUE(options.eval) << entry.path() << ": benchmark scenes hold out test views";
-        ++count;
-    }
-    EXPECT_EQ(count, 22) << "21 benchmark scenes and their base";
-}
-
 }  // namespace
 }  // namespace gs
