@@ -94,7 +94,7 @@ void run_bench_command(const TrainArguments& train, const BenchArguments& argume
     }
     if (!arguments.suite.empty()) {
         const TrainOptions base = train.combine();
-        setup_log(base.quiet ? "warn" : base.log_level);
+        setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
         run_suite(arguments.suite, arguments.appearances, base);
         return;
     }

@@ -115,13 +115,16 @@ class SuiteRun {
         if (holds_same_run(line.cell)) command.push_back("--overwrite"); // anew: the time of a resumed run is not that of the training
         std::vector<std::pair<std::string, std::string>> environment;
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
-        const ProcessResult result = run_process(command, environment, [](const std::string&) {});
+        const ProcessResult result = run_process(command, environment, [&](const std::string& printed) { spdlog::debug("{}: {}", name, printed); });
         if (result.exit_code != 0) {
             line.error = error_of(result);
             return ExitCode(result.exit_code);
         }
         line.result = finished_cell(line.cell);
-        if (line.result) return ExitCode::kOk;
+        if (line.result) {
+            spdlog::info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name, line.result->psnr, line.result->num_gaussians, line.result->train_seconds);
+            return ExitCode::kOk;
+        }
         line.error = "no scores; does the scene have test views?";
         return ExitCode::kDataset;
     }
