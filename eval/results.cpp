@@ -51,6 +51,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     };
     Json& timing = section(section(results, "timing"), key.c_str());
     if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
+    if (facts.frame_seconds) timing["frame_seconds"] = *facts.frame_seconds;
     timing["render_seconds"] = result.render_seconds;
     if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
     if (result.residual_mean) section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};

@@ -21,6 +21,7 @@ struct RunFacts {
     Vec3<float> background{0, 0, 0};
     std::int64_t num_gaussians = 0;
     std::optional<double> train_seconds;  ///< absent: an earlier value in the file is kept
+    std::optional<double> frame_seconds;  ///< mean of a frame of the test views, images staying on the device; absent: as above
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training; absent: as above
 };
 

@@ -236,18 +236,24 @@ void CudaBackend::abandon_steps() {
     cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
 }
 
-void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
+CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
     settle();
     const std::int64_t for_steps = capacity_;
+    CudaBins bins;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
         PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
-        enqueue_forward(args, r.background, false);
+        bins = enqueue_forward(args, r.background, false);
         report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
     } while (statuses_->stopped);
     if (for_steps) capacity_ = for_steps; // a single close view must not slow down the training that goes on
+    return bins;
+}
+
+void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
+    forward_whole(r);
     if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) { // a residual is no colour
         ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -488,6 +494,24 @@ DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iter
 }
 void CudaBackend::reset_opacity() {
     densify([](CudaDensify& d) { return d.reset_opacity(), 0; });
+}
+void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores) {
+    for (RenderRequest view : views) {
+        view.mode = RenderMode::kFull;
+        const CudaBins bins = forward_whole(view);
+        const SlotMap slots = binning_.slots();
+        scores.add(bins, splats_, blend_image(view.camera, view.background), options_.deterministic ? &slots : nullptr, std::int64_t(statuses_->num_instances));
+    }
+}
+std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) {
+    CudaScores scores(model_.count, stream_);
+    gather_scores(views, scores);
+    return scores.download();
+}
+std::int64_t CudaBackend::prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) {
+    CudaScores scores(model_.count, stream_);
+    gather_scores(views, scores);
+    return densify([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), ratio); });
 }
 void CudaBackend::morton_sort() {
     densify([](CudaDensify& d) { return d.morton_sort(), 0; });

@@ -8,6 +8,7 @@
 
 #include <deque>
 
+#include "kernels/blend/score_cuda.h"
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/images_cuda.h"
 #include "kernels/loss/loss_cuda.h"
@@ -53,6 +54,8 @@ class CudaBackend final : public Backend {
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
     DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override;
     void reset_opacity() override;
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override;
     void morton_sort() override;
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override;
     std::int64_t prune_invisible() override;
@@ -88,6 +91,9 @@ class CudaBackend final : public Backend {
     void launch(Step step, const TargetImage& target);
     /// Completes `args` with what it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
+    /// Makes room until the view fits, and waits.
+    CudaBins forward_whole(const RenderRequest& request);
+    void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);

@@ -197,8 +197,10 @@ void validate(TrainOptions& options) {
     if (options.resume == "latest" && options.model.empty()) {
         throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
     }
+    if (options.speedy_splat && options.strategy != "adc")
+        throw UsageError(fmt::format("option speedy-splat: goes with strategy adc, not with {}", options.strategy));
     const bool mcmc = options.strategy == "mcmc";
-    if (options.opacity_lr == 0) options.opacity_lr = mcmc ? 0.05 : 0.025;
+    if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;
 }
 
