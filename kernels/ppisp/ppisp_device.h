@@ -12,7 +12,8 @@ namespace gs {
 
 /// Exposures beyond this many stops count as this: 2^16 of the brightest colour is still far inside float's range.
 inline constexpr double kLargestExposure = 16;
-/// Keeps the division by the corrected intensity finite where it is 0.
+/// The corrected intensity is divided by no less than this. (The reference adds it instead, which darkens every pixel a little:
+/// a correction that is none would then change pixels.)
 inline constexpr double kIspIntensityEpsilon = 1e-5;
 /// The homography is divided by its last element, but by no less than this part of its largest one: such a correction has left
 /// the colours long ago, and only has to stay finite. (The factor all but cancels: colours keep their intensity.)
@@ -23,7 +24,7 @@ inline constexpr double kIspLargestSlope = 1e12;
 /// Exposure and colour of one frame, ready for its pixels.
 template <class Real> struct IspFrame {
     Real gain;             ///< 2^exposure
-    Mat3<Real> homography; ///< acts on (red, green, intensity)
+    Mat3<Real> mix;        ///< the homography of (red, green, intensity), as it acts on (red, green, blue)
 };
 
 /// Response of one channel: from 0 to 1, toe and shoulder meet at the centre with one value and slope.
@@ -40,11 +41,11 @@ template <class Real> struct IspCamera {
 };
 
 /// Where the parts of the sums begin.
-inline constexpr int kIspSumExposure = 0, kIspSumHomography = 1, kIspSumVignetting = kIspSumHomography + 9,
+inline constexpr int kIspSumExposure = 0, kIspSumMix = 1, kIspSumVignetting = kIspSumMix + 9,
                      kIspSumResponse = kIspSumVignetting + 3 * kIspVignetting, kIspSums = kIspSumResponse + 3 * kIspResponse;
 static_assert(kIspSums == 37);
 
-/// dL/d of what the pixels of a view share: exposure (as stops); homography, row-major; per channel vignetting; per channel toe,
+/// dL/d of what the pixels of a view share: exposure (as stops); mix, row-major; per channel vignetting; per channel toe,
 /// shoulder, gamma (activated) and centre.
 template <class Real> struct IspSums {
     Real v[kIspSums];
@@ -139,24 +140,26 @@ template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Rea
 /// From kIspFrameValues raw values.
 template <class Real> GS_HD IspFrame<Real> isp_frame(const Real* raw) {
     const IspColor color = isp_color(raw + 1);
-    const auto scaled = [&](const Vec3<double>& row) { return Vec3<Real>{Real(row.x / color.scale), Real(row.y / color.scale), Real(row.z / color.scale)}; };
-    return {gs_exp2(gs_clamp(raw[0], Real(-kLargestExposure), Real(kLargestExposure))),
-            {scaled(color.mixed.r0), scaled(color.mixed.r1), scaled(color.mixed.r2)}};
+    // Intensity is the sum of the channels, and blue what is left of it. In double: without correction, this is 1 to the bit.
+    const auto on_channels = [&](const Vec3<double>& row) { return Vec3<double>{(row.x + row.z) / color.scale, (row.y + row.z) / color.scale, row.z / color.scale}; };
+    const Vec3<double> red = on_channels(color.mixed.r0), green = on_channels(color.mixed.r1), blue = on_channels(color.mixed.r2) - red - green;
+    const auto rounded = [](const Vec3<double>& v) { return Vec3<Real>{Real(v.x), Real(v.y), Real(v.z)}; };
+    return {gs_exp2(gs_clamp(raw[0], Real(-kLargestExposure), Real(kLargestExposure))), {rounded(red), rounded(green), rounded(blue)}};
 }
 
 /// Smallest toe and shoulder, smallest gamma.
 inline constexpr double kIspLeastToe = 0.3, kIspLeastGamma = 0.1;
 
-/// From kIspCameraValues raw values.
+/// From kIspCameraValues raw values. Exponents in double: without correction, they are 1 to the bit.
 template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
     IspCamera<Real> camera;
     for (int c = 0; c < 3; ++c) {
         for (int k = 0; k < kIspVignetting; ++k) camera.vignetting[c][k] = raw[c * kIspVignetting + k];
         const Real* response = raw + 3 * kIspVignetting + c * kIspResponse;
         IspResponse<Real>& r = camera.response[c];
-        r.toe = Real(kIspLeastToe) + softplus(response[0]);
-        r.shoulder = Real(kIspLeastToe) + softplus(response[1]);
-        r.gamma = Real(kIspLeastGamma) + softplus(response[2]);
+        r.toe = Real(kIspLeastToe + softplus(double(response[0])));
+        r.shoulder = Real(kIspLeastToe + softplus(double(response[1])));
+        r.gamma = Real(kIspLeastGamma + softplus(double(response[2])));
         r.centre = sigmoid(response[3]);
         r.rest = sigmoid(-response[3]);
         r.inverse_length = Real(1) / (r.shoulder * r.centre + r.toe * r.rest);
@@ -192,16 +195,19 @@ template <class Real> GS_HD void isp_vignette_backward(const Real* v, const Vec2
 /// Within [0,1]. NaN stays NaN, to be found in the loss.
 template <class Real> GS_HD Real isp_unit(Real x) { return x < Real(0) ? Real(0) : (x > Real(1) ? Real(1) : x); }
 
+/// x^exponent for x >= 0. An exponent of 1 changes nothing, not even a last bit.
+template <class Real> GS_HD Real isp_power(Real x, Real exponent) { return exponent == Real(1) ? x : gs_pow(x, exponent); }
+
 /// The response before gamma, in [0,1].
 template <class Real> GS_HD Real isp_curve(const IspResponse<Real>& r, Real value) {
     const Real x = isp_unit(value);
-    if (x <= r.centre) return x > Real(0) ? r.centre * r.shoulder * r.inverse_length * gs_pow(x / r.centre, r.toe) : Real(0);
-    return Real(1) - r.rest * r.toe * r.inverse_length * gs_pow((Real(1) - x) / r.rest, r.shoulder);
+    if (x <= r.centre) return x > Real(0) ? r.centre * r.shoulder * r.inverse_length * isp_power(x / r.centre, r.toe) : Real(0);
+    return Real(1) - r.rest * r.toe * r.inverse_length * isp_power((Real(1) - x) / r.rest, r.shoulder);
 }
 
 template <class Real> GS_HD Real isp_respond(const IspResponse<Real>& r, Real value) {
     const Real y = isp_curve(r, value);
-    return y <= Real(0) ? Real(0) : gs_pow(y, r.gamma);
+    return y <= Real(0) ? Real(0) : isp_power(y, r.gamma);
 }
 
 /// dL/dvalue; adds to dL/d(toe, shoulder, gamma, centre). All are 0 for values outside (0,1).
@@ -212,10 +218,10 @@ template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r
     // w = (1-x)/rest. Written so, nothing is divided by a centre that may be 0 or 1.
     const Real above = r.shoulder * r.inverse_length, below = r.toe * r.inverse_length;
     const Real skew = (r.shoulder - r.toe) * r.inverse_length;
-    const Real out = gs_pow(y, r.gamma), dL_dy = dL_dout * gs_min(r.gamma * out / y, Real(kIspLargestSlope));
+    const Real out = isp_power(y, r.gamma), dL_dy = dL_dout * gs_min(r.gamma * out / y, Real(kIspLargestSlope));
     sums[2] += dL_dout * out * gs_log(y);
     if (x <= r.centre) {
-        const Real u = x / r.centre, p = gs_pow(u, r.toe);
+        const Real u = x / r.centre, p = isp_power(u, r.toe);
         sums[0] += dL_dy * y * (gs_log(u) - r.rest * r.inverse_length);
         sums[1] += dL_dy * r.centre * p * r.rest * below * r.inverse_length;
         sums[3] += dL_dy * above * p * (Real(1) - r.toe - skew * r.centre);
@@ -223,7 +229,7 @@ template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r
     }
     const Real w = (Real(1) - x) / r.rest;
     if (!(w > Real(0))) return Real(0);
-    const Real p = gs_pow(w, r.shoulder);
+    const Real p = isp_power(w, r.shoulder);
     sums[0] -= dL_dy * r.rest * p * r.centre * above * r.inverse_length;
     sums[1] -= dL_dy * r.rest * below * p * (gs_log(w) - r.centre * r.inverse_length);
     sums[3] += dL_dy * below * p * (Real(1) - r.shoulder + skew * r.rest);
@@ -235,8 +241,9 @@ template <class Real> struct IspPixel {
     Vec3<Real> exposed;   ///< after exposure
     Vec3<Real> vignetted; ///< after vignetting
     Vec3<Real> factor;    ///< of the vignetting, before it is kept within [0,1]
-    Vec3<Real> mapped;    ///< homography times (red, green, intensity)
+    Vec3<Real> mapped;    ///< mix times vignetted
     Real divisor, k;      ///< mapped is multiplied by k = intensity / divisor
+    bool divides;         ///< by the intensity of mapped, and not by the least divisor
     Vec3<Real> balanced;  ///< red, green, blue before the response
 };
 
@@ -246,11 +253,13 @@ template <class Real> GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame
     p.exposed = Vec3<Real>{positive(rgb.x), positive(rgb.y), positive(rgb.z)} * frame.gain;
     p.factor = {isp_vignette(camera.vignetting[0], uv), isp_vignette(camera.vignetting[1], uv), isp_vignette(camera.vignetting[2], uv)};
     p.vignetted = p.exposed * Vec3<Real>{gs_clamp(p.factor.x, Real(0), Real(1)), gs_clamp(p.factor.y, Real(0), Real(1)), gs_clamp(p.factor.z, Real(0), Real(1))};
-    const Real intensity = p.vignetted.x + p.vignetted.y + p.vignetted.z;
-    p.mapped = frame.homography * Vec3<Real>{p.vignetted.x, p.vignetted.y, intensity};
-    p.divisor = positive(p.mapped.z) + Real(kIspIntensityEpsilon);
-    p.k = intensity / p.divisor;
-    p.balanced = Vec3<Real>{p.mapped.x, p.mapped.y, p.mapped.z - p.mapped.x - p.mapped.y} * p.k;
+    const auto intensity = [](const Vec3<Real>& v) { return v.x + v.y + v.z; };
+    p.mapped = frame.mix * p.vignetted;
+    const Real mapped = intensity(p.mapped);
+    p.divides = mapped > Real(kIspIntensityEpsilon);
+    p.divisor = p.divides ? mapped : Real(kIspIntensityEpsilon);
+    p.k = intensity(p.vignetted) / p.divisor;
+    p.balanced = p.mapped * p.k;
     return p;
 }
 
@@ -269,23 +278,17 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
     const Vec3<Real> g{isp_respond_backward(camera.response[0], p.balanced.x, dL_dout.x, response),
                        isp_respond_backward(camera.response[1], p.balanced.y, dL_dout.y, response + kIspResponse),
                        isp_respond_backward(camera.response[2], p.balanced.z, dL_dout.z, response + 2 * kIspResponse)};
-    // Colour. With respect to k mapped: blue is what is left of the intensity.
-    const Vec3<Real> q{g.x - g.z, g.y - g.z, g.z};
-    const Real dL_dk = dot(q, p.mapped);
-    Vec3<Real> dL_dmapped = q * p.k;
-    if (p.mapped.z > Real(0)) dL_dmapped.z -= dL_dk * p.k / p.divisor;
-    const Real intensity = p.vignetted.x + p.vignetted.y + p.vignetted.z;
-    Real* const homography = sums.v + kIspSumHomography;
+    const Real dL_dk = dot(g, p.mapped), dL_dmapped_intensity = p.divides ? -dL_dk * p.k / p.divisor : Real(0), dL_dintensity = dL_dk / p.divisor;
+    const Vec3<Real> dL_dmapped = g * p.k + Vec3<Real>{dL_dmapped_intensity, dL_dmapped_intensity, dL_dmapped_intensity};
+    Real* const mix = sums.v + kIspSumMix;
     const Real rows[3] = {dL_dmapped.x, dL_dmapped.y, dL_dmapped.z};
     GS_UNROLL
     for (int i = 0; i < 3; ++i) {
-        homography[3 * i] += rows[i] * p.vignetted.x;
-        homography[3 * i + 1] += rows[i] * p.vignetted.y;
-        homography[3 * i + 2] += rows[i] * intensity;
+        mix[3 * i] += rows[i] * p.vignetted.x;
+        mix[3 * i + 1] += rows[i] * p.vignetted.y;
+        mix[3 * i + 2] += rows[i] * p.vignetted.z;
     }
-    const Vec3<Real> h = frame.homography.transposed_times(dL_dmapped);
-    const Real dL_dintensity = h.z + dL_dk / p.divisor;
-    const Vec3<Real> dL_dvignetted{h.x + dL_dintensity, h.y + dL_dintensity, dL_dintensity};
+    const Vec3<Real> dL_dvignetted = frame.mix.transposed_times(dL_dmapped) + Vec3<Real>{dL_dintensity, dL_dintensity, dL_dintensity};
     // Vignetting. The bounds belong to the inside: without vignetting the factor is 1 everywhere, and has to be able to move.
     Real* const vignetting = sums.v + kIspSumVignetting;
     const auto vignette = [&](int c, Real factor, Real exposed, Real dL_dv) {
@@ -303,7 +306,12 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
 template <class Real>
 GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe, Real* dL_dcamera) {
     dL_dframe[0] = gs_abs(raw_frame[0]) <= Real(kLargestExposure) ? sums.v[kIspSumExposure] : Real(0);
-    isp_color_backward(isp_color(raw_frame + 1), sums.v + kIspSumHomography, dL_dframe + 1);
+    // Mix is S H S^-1, S: (red, green, intensity) to (red, green, blue). With respect to H: S^T dL/dmix S^-T.
+    const Real* g = sums.v + kIspSumMix;
+    Real dL_dhomography[9];
+    for (int j = 0; j < 3; ++j) dL_dhomography[j] = g[j] - g[6 + j], dL_dhomography[3 + j] = g[3 + j] - g[6 + j], dL_dhomography[6 + j] = g[6 + j];
+    for (int i = 0; i < 3; ++i) dL_dhomography[3 * i + 2] += dL_dhomography[3 * i] + dL_dhomography[3 * i + 1];
+    isp_color_backward(isp_color(raw_frame + 1), dL_dhomography, dL_dframe + 1);
     for (int k = 0; k < 3 * kIspVignetting; ++k) dL_dcamera[k] = sums.v[kIspSumVignetting + k];
     for (int k = 0; k < 3 * kIspResponse; ++k) {
         const Real slope = sigmoid(raw_camera[3 * kIspVignetting + k]); // of softplus
