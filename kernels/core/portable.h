@@ -25,6 +25,10 @@ GS_HD float gs_exp(float x) { return ::expf(x); }
 GS_HD double gs_exp(double x) { return ::exp(x); }
 GS_HD float gs_log(float x) { return ::logf(x); }
 GS_HD double gs_log(double x) { return ::log(x); }
+GS_HD float gs_exp2(float x) { return ::exp2f(x); }
+GS_HD double gs_exp2(double x) { return ::exp2(x); }
+GS_HD float gs_pow(float x, float y) { return ::powf(x, y); }
+GS_HD double gs_pow(double x, double y) { return ::pow(x, y); }
 GS_HD float gs_sqrt(float x) { return ::sqrtf(x); }
 GS_HD double gs_sqrt(double x) { return ::sqrt(x); }
 GS_HD float gs_expm1(float x) { return ::expm1f(x); }
@@ -65,6 +69,9 @@ template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) 
 
 /// Logistic function, stable for every finite x.
 template <class T> GS_HD T sigmoid(T x) { return T(1) / (T(1) + gs_exp(-x)); }
+
+/// ln(1 + e^x), stable for every finite x. Its derivative is the logistic function.
+template <class T> GS_HD T softplus(T x) { return gs_max(x, T(0)) + gs_log1p(gs_exp(-gs_abs(x))); }
 
 /// Derivative of tanh. 1 - tanh^2 would be exactly 0 in float from |x| = 9 on; this is not up to 43.
 template <class T> GS_HD T tanh_derivative(T x) {

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every form of the controller shares (PPISP spec section 6): where its weights are, which blocks fall into which bin,
+// and the layers that see single blocks of pixels.
+//
+// The convolution to 64 channels is linear and followed by a mean. It is therefore applied to the 25 means of 32 channels
+// instead of to all blocks: the same up to rounding, without the widest layer.
+#pragma once
+
+#include <cstddef>
+
+#include "kernels/core/portable.h"
+#include "kernels/ppisp/ppisp_state.h"
+
+namespace gs {
+
+/// Weights (outputs, inputs) row-major from `offset`, then biases.
+struct ControllerLayer {
+    int offset, inputs, outputs;
+    GS_HD constexpr int bias() const { return offset + inputs * outputs; }
+};
+
+inline constexpr int kControllerLayers = 7;
+/// 0..2 see blocks and bins, 3..5 the whole image, 6 gives exposure and colour latents.
+GS_HD constexpr ControllerLayer controller_layer(int layer) {
+    const int inputs[kControllerLayers] = {3, 16, 32, kControllerInputs, kControllerHidden, kControllerHidden, kControllerHidden};
+    const int outputs[kControllerLayers] = {16, 32, 64, kControllerHidden, kControllerHidden, kControllerHidden, kIspFrameValues};
+    int offset = 0;
+    for (int k = 0; k < layer; ++k) offset += layer_weights(inputs[k], outputs[k]);
+    return {offset, inputs[layer], outputs[layer]};
+}
+static_assert(controller_layer(6).bias() + kIspFrameValues == kControllerWeights);
+
+inline constexpr int kControllerGrid = kControllerBins * kControllerBins;
+/// Channels after the first and the second layer.
+inline constexpr int kControllerHiddenChannels = kControllerConv[1], kControllerChannels = kControllerConv[2];
+/// Weights of the layers that see blocks: the first ones.
+inline constexpr int kControllerBlockWeights = controller_layer(2).offset;
+
+/// Blocks along a side of `pixels`; pixels left over at its end are not looked at.
+GS_HD constexpr int controller_blocks(int pixels) { return pixels / kControllerPool; }
+/// Without a single block the controller says nothing: zeros.
+GS_HD constexpr bool controller_sees(int width, int height) { return controller_blocks(width) > 0 && controller_blocks(height) > 0; }
+/// Bin `bin` along a side of n blocks covers [begin, end). Neighbours overlap by one unless 5 divides n; below 5 they repeat.
+GS_HD constexpr int controller_bin_begin(int bin, int n) { return bin * n / kControllerBins; }
+GS_HD constexpr int controller_bin_end(int bin, int n) { return ((bin + 1) * n + kControllerBins - 1) / kControllerBins; }
+GS_HD constexpr bool controller_bin_has(int bin, int n, int block) { return controller_bin_begin(bin, n) <= block && block < controller_bin_end(bin, n); }
+
+/// A block of pixels of a planar image.
+template <class Real> struct ControllerBlock {
+    const Real* corner; ///< its first pixel's first channel
+    std::ptrdiff_t row, plane;
+
+    GS_HD Real at(int channel, int pixel) const { return corner[channel * plane + pixel / kControllerPool * row + pixel % kControllerPool]; }
+};
+
+/// Block (x, y), in blocks, of a planar (3,H,W) image.
+template <class Real> GS_HD ControllerBlock<Real> controller_block(const Real* image, int width, int height, int x, int y) {
+    return {image + std::ptrdiff_t(kControllerPool) * y * width + kControllerPool * x, width, std::ptrdiff_t(width) * height};
+}
+
+/// The first layer: largest value over the block, and which pixel has it (the first one of several).
+template <class Real> GS_HD Real controller_strongest(const Real* weights, const ControllerBlock<Real>& block, int output, int& pixel) {
+    constexpr ControllerLayer layer = controller_layer(0);
+    const Real* w = weights + layer.offset + output * layer.inputs;
+    Real largest = 0;
+    for (int p = 0; p < kControllerPool * kControllerPool; ++p) {
+        const Real value = w[0] * block.at(0, p) + w[1] * block.at(1, p) + w[2] * block.at(2, p);
+        if (p == 0 || value > largest) largest = value, pixel = p;
+    }
+    return largest + weights[layer.bias() + output];
+}
+
+/// Activations of one block.
+template <class Real> struct ControllerFeatures {
+    Real hidden[kControllerHiddenChannels], out[kControllerChannels]; ///< both after ReLU
+    int pixel[kControllerHiddenChannels];                             ///< which pixel each hidden one looks at
+};
+
+template <class Real> GS_HD void controller_features(const Real* weights, const ControllerBlock<Real>& block, ControllerFeatures<Real>& f) {
+    constexpr ControllerLayer layer = controller_layer(1);
+    for (int k = 0; k < layer.inputs; ++k) f.hidden[k] = gs_max(controller_strongest(weights, block, k, f.pixel[k]), Real(0));
+    for (int c = 0; c < layer.outputs; ++c) {
+        Real sum = weights[layer.bias() + c];
+        for (int k = 0; k < layer.inputs; ++k) sum += weights[layer.offset + c * layer.inputs + k] * f.hidden[k];
+        f.out[c] = gs_max(sum, Real(0));
+    }
+}
+
+/// Adds to the first kControllerBlockWeights of dL_dweights, given dL/d(f.out).
+template <class Real>
+GS_HD void controller_features_backward(const Real* weights, const ControllerBlock<Real>& block, const ControllerFeatures<Real>& f, const Real* dL_dfeatures,
+                                        Real* dL_dweights) {
+    constexpr ControllerLayer first = controller_layer(0), second = controller_layer(1);
+    Real dL_dhidden[kControllerHiddenChannels] = {};
+    for (int c = 0; c < second.outputs; ++c) {
+        if (!(f.out[c] > Real(0))) continue;
+        const Real g = dL_dfeatures[c];
+        dL_dweights[second.bias() + c] += g;
+        for (int k = 0; k < second.inputs; ++k) {
+            dL_dweights[second.offset + c * second.inputs + k] += g * f.hidden[k];
+            dL_dhidden[k] += g * weights[second.offset + c * second.inputs + k];
+        }
+    }
+    for (int k = 0; k < first.outputs; ++k) {
+        if (!(f.hidden[k] > Real(0))) continue;
+        dL_dweights[first.bias() + k] += dL_dhidden[k];
+        for (int c = 0; c < first.inputs; ++c) dL_dweights[first.offset + k * first.inputs + c] += dL_dhidden[k] * block.at(c, f.pixel[k]);
+    }
+}
+
+}  // namespace gs

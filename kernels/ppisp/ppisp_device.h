@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+// PPISP for one pixel, forward and backward (PPISP spec sections 2 and 3): exposure, vignetting, colour homography, response.
+//
+// What is the same for all pixels of a view is prepared once (isp_frame, isp_camera). The way back adds 37 numbers per pixel,
+// with respect to the prepared values; isp_finish turns their sums over the view into gradients of the parameters.
+#pragma once
+
+#include "kernels/core/vec.h"
+#include "kernels/ppisp/ppisp_state.h"
+
+namespace gs {
+
+/// Exposures beyond this many stops count as this: 2^16 of the brightest colour is still far inside float's range.
+inline constexpr double kLargestExposure = 16;
+/// Keeps the division by the corrected intensity finite where it is 0.
+inline constexpr double kIspIntensityEpsilon = 1e-5;
+/// The homography is divided by its last element, but by no less than this part of its largest one: such a correction has left
+/// the colours long ago, and only has to stay finite. (The factor all but cancels: colours keep their intensity.)
+inline constexpr double kIspSmallestScale = 1e-6;
+/// Slopes of the response above this count as this. Between exponents of 0.3 and 0.1 a slope at black has no bound.
+inline constexpr double kIspLargestSlope = 1e12;
+
+/// Exposure and colour of one frame, ready for its pixels.
+template <class Real> struct IspFrame {
+    Real gain;             ///< 2^exposure
+    Mat3<Real> homography; ///< acts on (red, green, intensity)
+};
+
+/// Response of one channel: from 0 to 1, toe and shoulder meet at the centre with one value and slope.
+template <class Real> struct IspResponse {
+    Real toe, shoulder, gamma; ///< exponents
+    Real centre, rest;         ///< where they meet, and 1 - centre without its rounding
+    Real inverse_length;       ///< 1 / (shoulder centre + toe rest)
+};
+
+/// Vignetting and response of one camera, ready for its pixels.
+template <class Real> struct IspCamera {
+    Real vignetting[3][kIspVignetting]; ///< cx, cy, alpha0..2 of each channel
+    IspResponse<Real> response[3];
+};
+
+/// Where the parts of the sums begin.
+inline constexpr int kIspSumExposure = 0, kIspSumHomography = 1, kIspSumVignetting = kIspSumHomography + 9,
+                     kIspSumResponse = kIspSumVignetting + 3 * kIspVignetting, kIspSums = kIspSumResponse + 3 * kIspResponse;
+static_assert(kIspSums == 37);
+
+/// dL/d of what the pixels of a view share: exposure (as stops); homography, row-major; per channel vignetting; per channel toe,
+/// shoulder, gamma (activated) and centre.
+template <class Real> struct IspSums {
+    Real v[kIspSums];
+};
+
+// --- the homography, once per view, in double -------------------------------------------------------------------------
+
+/// What the colour latents of a frame lead to, kept for the way back.
+struct IspColor {
+    Vec3<double> target[4]; ///< where blue, red, green and neutral go
+    Vec3<double> rows[3];   ///< of M = [neutral]x (blue red green); has rank 2
+    int first, second;      ///< rows whose cross product is lambda
+    Vec3<double> lambda;    ///< M's null vector: weights that mix neutral from the three
+    Mat3<double> mixed;     ///< the homography before it is scaled
+    double scale;           ///< what it is divided by
+    bool scaled_by_element; ///< scale is its last element (and not a bound)
+};
+
+/// Offsets of the targets are these symmetric matrices (xx, xy, yy) times the latents, so that a unit of each matters alike.
+GS_HD Sym2<double> isp_latent_scale(int point) {
+    switch (point) {
+        case 0: return {0.0480542, -0.0043631, 0.0481283};
+        case 1: return {0.0580570, -0.0179872, 0.0431061};
+        case 2: return {0.0433336, -0.0180537, 0.0580500};
+        default: return {0.0128369, -0.0034654, 0.0128158};
+    }
+}
+GS_HD Vec2<double> isp_times(const Sym2<double>& m, double x, double y) { return {m.xx * x + m.xy * y, m.xy * x + m.yy * y}; }
+
+/// Latents (blue, red, green, neutral) x 2.
+template <class Real> GS_HD IspColor isp_color(const Real* latents) {
+    const double third = 1.0 / 3.0, source[4][2] = {{0, 0}, {1, 0}, {0, 1}, {third, third}};
+    IspColor c;
+    for (int k = 0; k < 4; ++k) {
+        const Vec2<double> offset = isp_times(isp_latent_scale(k), double(latents[2 * k]), double(latents[2 * k + 1]));
+        c.target[k] = {source[k][0] + offset.x, source[k][1] + offset.y, 1};
+    }
+    const Vec3<double> b = cross(c.target[3], c.target[0]), r = cross(c.target[3], c.target[1]), g = cross(c.target[3], c.target[2]);
+    c.rows[0] = {b.x, r.x, g.x}, c.rows[1] = {b.y, r.y, g.y}, c.rows[2] = {b.z, r.z, g.z};
+    // All pairs give the same vector up to a factor, which the scale takes out. The longest has lost least to rounding.
+    double longest = -1;
+    for (int i = 0; i < 2; ++i) {
+        for (int j = i + 1; j < 3; ++j) {
+            const Vec3<double> candidate = cross(c.rows[i], c.rows[j]);
+            const double length = dot(candidate, candidate);
+            if (length > longest) longest = length, c.lambda = candidate, c.first = i, c.second = j;
+        }
+    }
+    const Vec3<double> mb = c.target[0] * c.lambda.x, mr = c.target[1] * c.lambda.y, mg = c.target[2] * c.lambda.z;
+    // Columns (red - blue, green - blue, blue): the inverse of the sources' matrix.
+    c.mixed = {{mr.x - mb.x, mg.x - mb.x, mb.x}, {mr.y - mb.y, mg.y - mb.y, mb.y}, {mr.z - mb.z, mg.z - mb.z, mb.z}};
+    const auto largest_of = [](const Vec3<double>& v) { return gs_max(gs_abs(v.x), gs_max(gs_abs(v.y), gs_abs(v.z))); };
+    const double largest = gs_max(largest_of(c.mixed.r0), gs_max(largest_of(c.mixed.r1), largest_of(c.mixed.r2)));
+    const double element = c.mixed.r2.z, bound = gs_max(kIspSmallestScale * largest, 1e-30);
+    c.scaled_by_element = gs_abs(element) >= bound;
+    c.scale = c.scaled_by_element ? element : (element < 0 ? -bound : bound);
+    return c;
+}
+
+/// dL/dlatents (8) from dL/dhomography (9, row-major).
+template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Real* dL_dhomography, Real* dL_dlatents) {
+    double g[9], inner = 0;
+    const Vec3<double>* const u[3] = {&c.mixed.r0, &c.mixed.r1, &c.mixed.r2};
+    for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) g[3 * i + j] = double(dL_dhomography[3 * i + j]) / c.scale;
+        inner += g[3 * i] * u[i]->x + g[3 * i + 1] * u[i]->y + g[3 * i + 2] * u[i]->z;
+    }
+    if (c.scaled_by_element) g[8] -= inner / c.scale;
+    // Columns of dL/d(targets times lambda).
+    const Vec3<double> red{g[0], g[3], g[6]}, green{g[1], g[4], g[7]}, last{g[2], g[5], g[8]}, mixed[3] = {last - red - green, red, green};
+    const Vec3<double> dL_dlambda{dot(c.target[0], mixed[0]), dot(c.target[1], mixed[1]), dot(c.target[2], mixed[2])};
+    Vec3<double> dL_drows[3] = {};
+    dL_drows[c.first] = cross(c.rows[c.second], dL_dlambda);
+    dL_drows[c.second] = cross(dL_dlambda, c.rows[c.first]);
+    const Vec3<double> dL_dcolumns[3] = {{dL_drows[0].x, dL_drows[1].x, dL_drows[2].x},
+                                         {dL_drows[0].y, dL_drows[1].y, dL_drows[2].y},
+                                         {dL_drows[0].z, dL_drows[1].z, dL_drows[2].z}};
+    const double lambda[3] = {c.lambda.x, c.lambda.y, c.lambda.z};
+    Vec3<double> dL_dtarget[4] = {};
+    for (int k = 0; k < 3; ++k) { // the columns are neutral x target
+        dL_dtarget[k] = mixed[k] * lambda[k] + cross(dL_dcolumns[k], c.target[3]);
+        dL_dtarget[3] += cross(c.target[k], dL_dcolumns[k]);
+    }
+    for (int k = 0; k < 4; ++k) {
+        const Vec2<double> d = isp_times(isp_latent_scale(k), dL_dtarget[k].x, dL_dtarget[k].y);
+        dL_dlatents[2 * k] = Real(d.x), dL_dlatents[2 * k + 1] = Real(d.y);
+    }
+}
+
+// --- what a view needs ------------------------------------------------------------------------------------------------
+
+/// From kIspFrameValues raw values.
+template <class Real> GS_HD IspFrame<Real> isp_frame(const Real* raw) {
+    const IspColor color = isp_color(raw + 1);
+    const auto scaled = [&](const Vec3<double>& row) { return Vec3<Real>{Real(row.x / color.scale), Real(row.y / color.scale), Real(row.z / color.scale)}; };
+    return {gs_exp2(gs_clamp(raw[0], Real(-kLargestExposure), Real(kLargestExposure))),
+            {scaled(color.mixed.r0), scaled(color.mixed.r1), scaled(color.mixed.r2)}};
+}
+
+/// Smallest toe and shoulder, smallest gamma.
+inline constexpr double kIspLeastToe = 0.3, kIspLeastGamma = 0.1;
+
+/// From kIspCameraValues raw values.
+template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
+    IspCamera<Real> camera;
+    for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < kIspVignetting; ++k) camera.vignetting[c][k] = raw[c * kIspVignetting + k];
+        const Real* response = raw + 3 * kIspVignetting + c * kIspResponse;
+        IspResponse<Real>& r = camera.response[c];
+        r.toe = Real(kIspLeastToe) + softplus(response[0]);
+        r.shoulder = Real(kIspLeastToe) + softplus(response[1]);
+        r.gamma = Real(kIspLeastGamma) + softplus(response[2]);
+        r.centre = sigmoid(response[3]);
+        r.rest = sigmoid(-response[3]);
+        r.inverse_length = Real(1) / (r.shoulder * r.centre + r.toe * r.rest);
+    }
+    return camera;
+}
+
+/// Centre of pixel (x, y) in a frame where the image's centre is 0 and its longer side 1.
+template <class Real> GS_HD Vec2<Real> isp_uv(int x, int y, int width, int height) {
+    const Real longer = Real(width > height ? width : height);
+    return {(Real(x) + Real(0.5) - Real(0.5) * Real(width)) / longer, (Real(y) + Real(0.5) - Real(0.5) * Real(height)) / longer};
+}
+
+// --- one pixel --------------------------------------------------------------------------------------------------------
+
+/// Factor of one channel before it is kept within [0,1].
+template <class Real> GS_HD Real isp_vignette(const Real* v, const Vec2<Real>& uv) {
+    const Real dx = uv.x - v[0], dy = uv.y - v[1], r2 = dx * dx + dy * dy;
+    return Real(1) + r2 * (v[2] + r2 * (v[3] + r2 * v[4]));
+}
+
+/// Adds to dL/d(cx, cy, alpha0..2), given dL/dfactor.
+template <class Real> GS_HD void isp_vignette_backward(const Real* v, const Vec2<Real>& uv, Real dL_dfactor, Real* sums) {
+    const Real dx = uv.x - v[0], dy = uv.y - v[1], r2 = dx * dx + dy * dy;
+    const Real dL_dr2 = dL_dfactor * (v[2] + r2 * (Real(2) * v[3] + Real(3) * r2 * v[4]));
+    sums[0] -= Real(2) * dL_dr2 * dx;
+    sums[1] -= Real(2) * dL_dr2 * dy;
+    sums[2] += dL_dfactor * r2;
+    sums[3] += dL_dfactor * r2 * r2;
+    sums[4] += dL_dfactor * r2 * r2 * r2;
+}
+
+/// Within [0,1]. NaN stays NaN, to be found in the loss.
+template <class Real> GS_HD Real isp_unit(Real x) { return x < Real(0) ? Real(0) : (x > Real(1) ? Real(1) : x); }
+
+/// The response before gamma, in [0,1].
+template <class Real> GS_HD Real isp_curve(const IspResponse<Real>& r, Real value) {
+    const Real x = isp_unit(value);
+    if (x <= r.centre) return x > Real(0) ? r.centre * r.shoulder * r.inverse_length * gs_pow(x / r.centre, r.toe) : Real(0);
+    return Real(1) - r.rest * r.toe * r.inverse_length * gs_pow((Real(1) - x) / r.rest, r.shoulder);
+}
+
+template <class Real> GS_HD Real isp_respond(const IspResponse<Real>& r, Real value) {
+    const Real y = isp_curve(r, value);
+    return y <= Real(0) ? Real(0) : gs_pow(y, r.gamma);
+}
+
+/// dL/dvalue; adds to dL/d(toe, shoulder, gamma, centre). All are 0 for values outside (0,1).
+template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r, Real value, Real dL_dout, Real* sums) {
+    const Real x = isp_unit(value), y = isp_curve(r, value);
+    if (!(y > Real(0))) return Real(0);
+    // With l = 1/inverse_length: toe side y = centre shoulder/l u^toe, u = x/centre; shoulder side 1 - y = rest toe/l w^shoulder,
+    // w = (1-x)/rest. Written so, nothing is divided by a centre that may be 0 or 1.
+    const Real above = r.shoulder * r.inverse_length, below = r.toe * r.inverse_length;
+    const Real skew = (r.shoulder - r.toe) * r.inverse_length;
+    const Real out = gs_pow(y, r.gamma), dL_dy = dL_dout * gs_min(r.gamma * out / y, Real(kIspLargestSlope));
+    sums[2] += dL_dout * out * gs_log(y);
+    if (x <= r.centre) {
+        const Real u = x / r.centre, p = gs_pow(u, r.toe);
+        sums[0] += dL_dy * y * (gs_log(u) - r.rest * r.inverse_length);
+        sums[1] += dL_dy * r.centre * p * r.rest * below * r.inverse_length;
+        sums[3] += dL_dy * above * p * (Real(1) - r.toe - skew * r.centre);
+        return dL_dy * gs_min(above * r.toe * p / u, Real(kIspLargestSlope));
+    }
+    const Real w = (Real(1) - x) / r.rest;
+    if (!(w > Real(0))) return Real(0);
+    const Real p = gs_pow(w, r.shoulder);
+    sums[0] -= dL_dy * r.rest * p * r.centre * above * r.inverse_length;
+    sums[1] -= dL_dy * r.rest * below * p * (gs_log(w) - r.centre * r.inverse_length);
+    sums[3] += dL_dy * below * p * (Real(1) - r.shoulder + skew * r.rest);
+    return dL_dy * gs_min(below * r.shoulder * p / w, Real(kIspLargestSlope));
+}
+
+/// What lies between the steps of one pixel.
+template <class Real> struct IspPixel {
+    Vec3<Real> exposed;   ///< after exposure
+    Vec3<Real> vignetted; ///< after vignetting
+    Vec3<Real> factor;    ///< of the vignetting, before it is kept within [0,1]
+    Vec3<Real> mapped;    ///< homography times (red, green, intensity)
+    Real divisor, k;      ///< mapped is multiplied by k = intensity / divisor
+    Vec3<Real> balanced;  ///< red, green, blue before the response
+};
+
+template <class Real> GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv) {
+    const auto positive = [](Real x) { return x < Real(0) ? Real(0) : x; };
+    IspPixel<Real> p;
+    p.exposed = Vec3<Real>{positive(rgb.x), positive(rgb.y), positive(rgb.z)} * frame.gain;
+    p.factor = {isp_vignette(camera.vignetting[0], uv), isp_vignette(camera.vignetting[1], uv), isp_vignette(camera.vignetting[2], uv)};
+    p.vignetted = p.exposed * Vec3<Real>{gs_clamp(p.factor.x, Real(0), Real(1)), gs_clamp(p.factor.y, Real(0), Real(1)), gs_clamp(p.factor.z, Real(0), Real(1))};
+    const Real intensity = p.vignetted.x + p.vignetted.y + p.vignetted.z;
+    p.mapped = frame.homography * Vec3<Real>{p.vignetted.x, p.vignetted.y, intensity};
+    p.divisor = positive(p.mapped.z) + Real(kIspIntensityEpsilon);
+    p.k = intensity / p.divisor;
+    p.balanced = Vec3<Real>{p.mapped.x, p.mapped.y, p.mapped.z - p.mapped.x - p.mapped.y} * p.k;
+    return p;
+}
+
+/// Corrected colour, in [0,1]. `rgb` is linear and unbounded above; below 0 counts as 0. `uv` as of isp_uv.
+template <class Real> GS_HD Vec3<Real> isp_forward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv) {
+    const Vec3<Real> x = isp_pixel(frame, camera, rgb, uv).balanced;
+    return {isp_respond(camera.response[0], x.x), isp_respond(camera.response[1], x.y), isp_respond(camera.response[2], x.z)};
+}
+
+/// dL/drgb; adds the pixel's share to `sums`.
+template <class Real>
+GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv, const Vec3<Real>& dL_dout,
+                              IspSums<Real>& sums) {
+    const IspPixel<Real> p = isp_pixel(frame, camera, rgb, uv);
+    Real* const response = sums.v + kIspSumResponse;
+    const Vec3<Real> g{isp_respond_backward(camera.response[0], p.balanced.x, dL_dout.x, response),
+                       isp_respond_backward(camera.response[1], p.balanced.y, dL_dout.y, response + kIspResponse),
+                       isp_respond_backward(camera.response[2], p.balanced.z, dL_dout.z, response + 2 * kIspResponse)};
+    // Colour. With respect to k mapped: blue is what is left of the intensity.
+    const Vec3<Real> q{g.x - g.z, g.y - g.z, g.z};
+    const Real dL_dk = dot(q, p.mapped);
+    Vec3<Real> dL_dmapped = q * p.k;
+    if (p.mapped.z > Real(0)) dL_dmapped.z -= dL_dk * p.k / p.divisor;
+    const Real intensity = p.vignetted.x + p.vignetted.y + p.vignetted.z;
+    Real* const homography = sums.v + kIspSumHomography;
+    const Real rows[3] = {dL_dmapped.x, dL_dmapped.y, dL_dmapped.z};
+    GS_UNROLL
+    for (int i = 0; i < 3; ++i) {
+        homography[3 * i] += rows[i] * p.vignetted.x;
+        homography[3 * i + 1] += rows[i] * p.vignetted.y;
+        homography[3 * i + 2] += rows[i] * intensity;
+    }
+    const Vec3<Real> h = frame.homography.transposed_times(dL_dmapped);
+    const Real dL_dintensity = h.z + dL_dk / p.divisor;
+    const Vec3<Real> dL_dvignetted{h.x + dL_dintensity, h.y + dL_dintensity, dL_dintensity};
+    // Vignetting. The bounds belong to the inside: without vignetting the factor is 1 everywhere, and has to be able to move.
+    Real* const vignetting = sums.v + kIspSumVignetting;
+    const auto vignette = [&](int c, Real factor, Real exposed, Real dL_dv) {
+        if (factor >= Real(0) && factor <= Real(1)) isp_vignette_backward(camera.vignetting[c], uv, dL_dv * exposed, vignetting + c * kIspVignetting);
+        return dL_dv * gs_clamp(factor, Real(0), Real(1));
+    };
+    const Vec3<Real> dL_dexposed{vignette(0, p.factor.x, p.exposed.x, dL_dvignetted.x), vignette(1, p.factor.y, p.exposed.y, dL_dvignetted.y),
+                                 vignette(2, p.factor.z, p.exposed.z, dL_dvignetted.z)};
+    sums.v[kIspSumExposure] += Real(0.6931471805599453) * dot(dL_dexposed, p.exposed);
+    const auto through = [&](Real x, Real d) { return x < Real(0) ? Real(0) : frame.gain * d; };
+    return {through(rgb.x, dL_dexposed.x), through(rgb.y, dL_dexposed.y), through(rgb.z, dL_dexposed.z)};
+}
+
+/// Gradients of the raw values of a frame (kIspFrameValues) and of a camera (kIspCameraValues) from the sums over a view.
+template <class Real>
+GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe, Real* dL_dcamera) {
+    dL_dframe[0] = gs_abs(raw_frame[0]) <= Real(kLargestExposure) ? sums.v[kIspSumExposure] : Real(0);
+    isp_color_backward(isp_color(raw_frame + 1), sums.v + kIspSumHomography, dL_dframe + 1);
+    for (int k = 0; k < 3 * kIspVignetting; ++k) dL_dcamera[k] = sums.v[kIspSumVignetting + k];
+    for (int k = 0; k < 3 * kIspResponse; ++k) {
+        const Real slope = sigmoid(raw_camera[3 * kIspVignetting + k]); // of softplus
+        const bool centre = k % kIspResponse == 3;
+        dL_dcamera[3 * kIspVignetting + k] =
+            sums.v[kIspSumResponse + k] * (centre ? slope * sigmoid(-raw_camera[3 * kIspVignetting + k]) : slope);
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// What keeps PPISP from explaining what the scene should, and its rate (PPISP spec sections 4 and 5).
+//
+// All terms are part of every step's loss and touch every frame and camera. First the mean of each value over all frames is
+// taken; the gradient of every value then follows on its own.
+#pragma once
+
+#include "kernels/ppisp/ppisp_device.h"
+
+namespace gs {
+
+// Exposures and colours are known up to a common factor, which the Gaussians take up: their means are held at 0. Below the
+// bend the pull is proportional, above it constant, so that it does not outweigh the images.
+inline constexpr double kIspExposureMean = 1.0, kIspExposureBend = 0.1;
+inline constexpr double kIspColorMean = 1.0, kIspColorBend = 0.005;
+// A lens darkens towards the edge (alpha <= 0), around the middle of the image, all colours alike; and a camera's response is
+// much the same for all colours.
+inline constexpr double kIspVignetteCentre = 0.02, kIspVignettePositive = 0.01, kIspVignetteVariance = 0.1, kIspResponseVariance = 0.1;
+
+/// Slope of smooth L1: x^2 / 2 bend near 0, |x| - bend/2 beyond.
+template <class Real> GS_HD Real smooth_l1_slope(Real x, Real bend) { return gs_clamp(x / bend, Real(-1), Real(1)); }
+
+/// Gradient of the terms on frames, the same for each of them, from the means of the raw values over all frames.
+/// Both have kIspFrameValues values.
+template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int num_frames, Real* gradient) {
+    gradient[0] = Real(kIspExposureMean) * smooth_l1_slope(means[0], Real(kIspExposureBend)) / Real(num_frames);
+    const Real weight = Real(kIspColorMean) / (Real(8) * Real(num_frames));
+    for (int k = 0; k < 4; ++k) {
+        const Sym2<double> scale = isp_latent_scale(k);
+        const Vec2<double> offset = isp_times(scale, double(means[1 + 2 * k]), double(means[2 + 2 * k]));
+        const Vec2<double> g = isp_times(scale, smooth_l1_slope(offset.x, kIspColorBend), smooth_l1_slope(offset.y, kIspColorBend));
+        gradient[1 + 2 * k] = weight * Real(g.x), gradient[2 + 2 * k] = weight * Real(g.y);
+    }
+}
+
+/// Gradient of the terms on cameras with respect to value `k` of one camera, whose raw values are `raw` (kIspCameraValues).
+template <class Real> GS_HD Real isp_camera_regularizer(const Real* raw, int num_cameras, int k) {
+    const bool vignetting = k < 3 * kIspVignetting;
+    const int first = vignetting ? 0 : 3 * kIspVignetting, width = vignetting ? kIspVignetting : kIspResponse, column = (k - first) % width;
+    // Variance over the channels, the mean over cameras and columns.
+    const Real* channel = raw + first + column;
+    const Real mean = (channel[0] + channel[width] + channel[2 * width]) / Real(3), cameras = Real(num_cameras);
+    Real g = Real(vignetting ? kIspVignetteVariance : kIspResponseVariance) * Real(2) * (raw[k] - mean) / (Real(3 * width) * cameras);
+    if (vignetting && column < 2) g += Real(kIspVignetteCentre) * Real(2) * raw[k] / (Real(3) * cameras);
+    if (vignetting && column >= 2 && raw[k] > Real(0)) g += Real(kIspVignettePositive) / (Real(9) * cameras);
+    return g;
+}
+
+/// Factor of the rate after `step` steps: a warm-up over 500, for the first renders say little about exposure, then exponential
+/// decay to 1 % per 30000.
+inline double isp_rate_factor(std::int64_t step) {
+    return step < 500 ? 0.01 + 0.99 * double(step) / 500 : std::pow(0.01, double(step - 500) / 30000);
+}
+
+}  // namespace gs
