@@ -197,6 +197,11 @@ void validate(TrainOptions& options) {
     if (options.resume == "latest" && options.model.empty()) {
         throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
     }
+    if (!options.ppisp_from.empty()) {
+        if (options.ppisp == "auto") throw UsageError("option ppisp-from: the correction of another run is taken as it is; ppisp auto would decide whether one is needed");
+        options.ppisp = "on";
+    }
+    if (options.ppisp_exif && options.ppisp == "off") throw UsageError("option ppisp-exif: there is no correction to start; give --ppisp on or auto as well");
     const bool mcmc = options.strategy == "mcmc";
     if (options.opacity_lr == 0) options.opacity_lr = mcmc ? 0.05 : 0.025;
     if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;
