@@ -6,7 +6,6 @@
 
 #include <charconv>
 #include <cmath>
-#include <map>
 #include <utility>
 #include <vector>
 
@@ -38,7 +37,7 @@ Int metadata_number(const SafetensorsFile& file, const std::string& name, const 
 
 /// Reads one (count, width) tensor and checks its shape before and its values after.
 std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor, std::int64_t count,
-                             std::int64_t width) {
+                             int width) {
     const auto& shape = file.tensor(tensor).shape;
     if (shape.size() != 2 || shape[0] != count || shape[1] != width) {
         throw DataError(fmt::format("cannot read '{}': tensor '{}' does not have the shape ({}, {})", name, tensor, count, width));
@@ -51,25 +50,6 @@ std::vector<float> read_rows(const SafetensorsFile& file, const std::string& nam
         }
     }
     return values;
-}
-
-PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
-    PpispState isp;
-    const auto has = [&](const std::string& tensor) { return file.tensors().contains(tensor); };
-    if (!has("ppisp")) return isp;
-    isp.num_frames = metadata_number<int>(file, name, "ppisp_frames");
-    isp.num_cameras = metadata_number<int>(file, name, "ppisp_cameras");
-    isp.step = metadata_number<std::int64_t>(file, name, "ppisp_step");
-    isp.controller_step = metadata_number<std::int64_t>(file, name, "ppisp_controller_step");
-    // Before the sizes are computed: neither may overflow them.
-    constexpr int kMost = 1 << 24;
-    if (isp.num_cameras < 1 || isp.num_cameras > kMost || isp.num_frames > kMost) throw DataError(fmt::format("cannot read '{}': PPISP of {} frames and {} cameras", name, isp.num_frames, isp.num_cameras));
-    const auto read = [&](const std::string& tensor, std::int64_t size) { return has(tensor) ? read_rows(file, name, tensor, 1, size) : std::vector<float>(); };
-    const auto size = std::int64_t(isp.size()), weights = std::int64_t(isp.num_cameras) * kControllerWeights;
-    isp.param = read("ppisp", size), isp.m = read("adam_m.ppisp", size), isp.v = read("adam_v.ppisp", size);
-    isp.controller = read("ppisp_controller", weights);
-    isp.controller_m = read("adam_m.ppisp_controller", weights), isp.controller_v = read("adam_v.ppisp_controller", weights);
-    return isp;
 }
 
 }  // namespace
@@ -95,15 +75,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
         tensors.push_back({"gradient_sum", Dtype::kF32, {g.count, 1}, g.gradient_sum.data()});
         tensors.push_back({"gradient_count", Dtype::kF32, {g.count, 1}, g.gradient_count.data()});
     }
-    const PpispState& isp = g.ppisp;
-    const auto add_isp = [&](const std::string& name, const std::vector<float>& values) {
-        if (!values.empty()) tensors.push_back({name, Dtype::kF32, {1, std::int64_t(values.size())}, values.data()});
-    };
-    if (isp.active()) {
-        add_isp("ppisp", isp.param), add_isp("adam_m.ppisp", isp.m), add_isp("adam_v.ppisp", isp.v);
-        add_isp("ppisp_controller", isp.controller), add_isp("adam_m.ppisp_controller", isp.controller_m), add_isp("adam_v.ppisp_controller", isp.controller_v);
-    }
-    std::map<std::string, std::string> metadata =
+    write_safetensors(path, tensors,
                       {{"format", kFormat},
                        {"generator", version_text()},
                        {"iteration", std::to_string(checkpoint.iteration)},
@@ -113,12 +85,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
                        {"appearance", g.appearance.model},
                        {"max_degree", std::to_string(g.appearance.max_degree)},
                        {"color_activation", color_activation_name(g.appearance.activation)},
-                       {"options", checkpoint.options_yaml}};
-    if (isp.active()) {
-        metadata["ppisp_frames"] = std::to_string(isp.num_frames), metadata["ppisp_cameras"] = std::to_string(isp.num_cameras);
-        metadata["ppisp_step"] = std::to_string(isp.step), metadata["ppisp_controller_step"] = std::to_string(isp.controller_step);
-    }
-    write_safetensors(path, tensors, metadata);
+                       {"options", checkpoint.options_yaml}});
 }
 
 Checkpoint read_checkpoint(const std::filesystem::path& path) {
@@ -167,7 +134,6 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
         g.gradient_sum = read_rows(file, name, "gradient_sum", g.count, 1);
         g.gradient_count = read_rows(file, name, "gradient_count", g.count, 1);
     }
-    g.ppisp = read_ppisp(file, name);
     return c;
 }
 

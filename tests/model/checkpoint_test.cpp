@@ -56,33 +56,6 @@ TEST(Checkpoint, ModelWithoutResidualRoundTrips) {
     EXPECT_EQ(back.state[Group::kBase].v, c.state[Group::kBase].v);
 }
 
-TEST(Checkpoint, PhotometricCorrectionRoundTrips) {
-    const TempFolder folder;
-    Checkpoint c = sample(true);
-    PpispState& isp = c.state.ppisp = identity_ppisp(5, 2);
-    isp.m.assign(isp.size(), 0.25f), isp.v.assign(isp.size(), 0.5f);
-    isp.param[7] = -1;
-    isp.step = 77;
-    write_checkpoint(folder / "c.safetensors", c);
-    PpispState back = read_checkpoint(folder / "c.safetensors").state.ppisp;
-    EXPECT_EQ(back.num_frames, 5);
-    EXPECT_EQ(back.num_cameras, 2);
-    EXPECT_EQ(back.step, 77);
-    EXPECT_EQ(back.param, isp.param);
-    EXPECT_EQ(back.m, isp.m);
-    EXPECT_EQ(back.v, isp.v);
-    EXPECT_TRUE(back.controller.empty());
-    isp.controller.assign(2 * std::size_t(kControllerWeights), 0.125f);
-    isp.controller_step = 3;
-    write_checkpoint(folder / "c.safetensors", c);
-    back = read_checkpoint(folder / "c.safetensors").state.ppisp;
-    EXPECT_EQ(back.controller, isp.controller);
-    EXPECT_EQ(back.controller_step, 3);
-    isp.num_cameras = 3; // more than there are values for
-    write_checkpoint(folder / "c.safetensors", c);
-    EXPECT_THROW(read_checkpoint(folder / "c.safetensors"), DataError);
-}
-
 TEST(Checkpoint, NonFiniteValueIsNamedByTensorAndRow) {
     const TempFolder folder;
     Checkpoint c = sample(true);
