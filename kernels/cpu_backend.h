@@ -8,6 +8,7 @@
 #include "kernels/densify/densify.h"
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
+#include "kernels/ppisp/ppisp.h"
 
 namespace gs {
 
@@ -25,6 +26,7 @@ template <class Model> class CpuBackend final : public Backend {
         }
         state_.shared.m.resize(state_.shared.param.size(), 0.0f);
         state_.shared.v.resize(state_.shared.param.size(), 0.0f);
+        allocate_moments(state_.ppisp);
     }
     Gaussians download(bool with_moments) override {
         if (with_moments) return state_;
@@ -33,11 +35,15 @@ template <class Model> class CpuBackend final : public Backend {
         for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
         out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
         out.ppisp = state_.ppisp;
+        drop_moments(out.ppisp);
         return out;
     }
     std::int64_t count() const override { return state_.count; }
     void set_active_degree(int degree) override { state_.active_degree = degree; }
-    void upload_ppisp(const PpispState& state) override { state_.ppisp = state; }
+    void upload_ppisp(const PpispState& state) override {
+        state_.ppisp = state;
+        allocate_moments(state_.ppisp);
+    }
 
     void render(const RenderRequest& request, RenderedImage& out) override {
         const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
@@ -47,31 +53,38 @@ template <class Model> class CpuBackend final : public Backend {
         raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree, request.mode, out.rgb.data(),
                         out.alpha.data());
         for (float& t : out.alpha) t = 1 - t;
+        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp)) // a residual is no colour
+            correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
     }
 
     void step(const StepRequest& r) override {
-        const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
-        image_.resize(3 * pixels);
-        transmittance_.resize(pixels);
-        dL_dimage_.resize(3 * pixels);
-        const auto params = ParameterView<float>::of(state_);
-        raster_.forward(params, r.camera, r.background, state_.active_degree, RenderMode::kFull, image_.data(), transmittance_.data());
-        const LossValues loss = timed_loss(r);
-        stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
-        stats_.num_instances = raster_.num_instances();
-        ++stats_.steps;
+        const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.isp_rate > 0;
+        const LossValues loss = view_loss(r, corrected);
         ++state_.step; // counts steps that are then skipped, too: a device learns about those too late to count otherwise
-        if (!std::isfinite(loss.loss)) {
-            ++stats_.consecutive_skips;
-            return;
+        if (corrects) ++state_.ppisp.step;
+        if (!note_loss(loss)) return;
+        if (corrected) {
+            const StageTimer timer(correction_seconds_);
+            correction_.backward(image_.data(), dL_dimage_.data());
         }
-        stats_.consecutive_skips = 0;
         raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
-        update(r, params);
-        count_work(pixels);
+        update(r, ParameterView<float>::of(state_));
+        if (corrects) {
+            const StageTimer timer(correction_seconds_);
+            if (!correction_.step_parameters(state_.ppisp, r.isp_rate)) ++stats_.num_nonfinite_gradients;
+        }
+        count_work(transmittance_.size());
     }
 
-    void distill(const StepRequest&) override { throw UsageError("this backend does not train controllers yet"); }
+    void distill(const StepRequest& r) override {
+        check_distillation(state_.ppisp, r.isp);
+        const LossValues loss = view_loss(r, true);
+        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
+        if (!note_loss(loss) || r.isp_rate <= 0) return;
+        const StageTimer timer(correction_seconds_);
+        correction_.backward(image_.data(), dL_dimage_.data());
+        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) ++stats_.num_nonfinite_gradients;
+    }
 
     StepStats take_stats() override {
         const StepStats out = stats_;
@@ -117,8 +130,12 @@ template <class Model> class CpuBackend final : public Backend {
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
              work_.visible * (500 + operations_backward) + gaussians * 10 * values,
              "one Gaussian at a time in scalar code, the floor assumes full vectors", true}};
+        // Instructions per pixel: forward 235 (six powers of 25 each), backward those again and 300.
+        if (work_.corrected_pixels > 0)
+            costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel", work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
+                             "powers and logarithms in scalar code, the floor assumes full vectors"});
         s = {};
-        loss_seconds_ = update_seconds_ = 0;
+        loss_seconds_ = update_seconds_ = correction_seconds_ = 0;
         work_ = {};
         return costs;
     }
@@ -140,9 +157,31 @@ template <class Model> class CpuBackend final : public Backend {
     std::int64_t prune_invisible() override { return remove_invisible(state_); }
 
   private:
-    LossValues timed_loss(const StepRequest& r) {
+    /// Renders the view into image_, corrects it into corrected_ on request, and leaves the gradient of either in dL_dimage_.
+    LossValues view_loss(const StepRequest& r, bool corrected) {
+        const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
+        image_.resize(3 * pixels);
+        transmittance_.resize(pixels);
+        dL_dimage_.resize(3 * pixels);
+        raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree, RenderMode::kFull, image_.data(), transmittance_.data());
+        if (corrected) {
+            const StageTimer timer(correction_seconds_);
+            work_.corrected_pixels += double(pixels);
+            corrected_.resize(3 * pixels);
+            correction_.apply(state_.ppisp, r.isp, image_.data(), r.camera.width, r.camera.height, corrected_.data());
+        }
         const StageTimer timer(loss_seconds_);
-        return loss_.compute(image_.data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
+        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
+    }
+
+    /// False: the step is to be skipped, for the loss is not finite.
+    bool note_loss(const LossValues& loss) {
+        stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
+        stats_.num_instances = raster_.num_instances();
+        ++stats_.steps;
+        const bool finite = std::isfinite(loss.loss);
+        stats_.consecutive_skips = finite ? 0 : stats_.consecutive_skips + 1;
+        return finite;
     }
 
     void count_work(std::size_t pixels) {
@@ -204,13 +243,15 @@ template <class Model> class CpuBackend final : public Backend {
     Gaussians state_;
     CpuRasterizer<float, Model> raster_;
     ImageLoss<float> loss_;
+    ViewCorrection correction_;
     std::vector<float> image_, transmittance_, dL_dimage_;
+    std::vector<float> corrected_;  ///< image_ after PPISP, where that is active
     std::vector<float> dL_dshared_; ///< a row for each part, so that the sum has a fixed order
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
-    double loss_seconds_ = 0, update_seconds_ = 0;
+    double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
-        double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0;
+        double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
     } work_; ///< of the steps since the last take_stage_costs
 };
 
