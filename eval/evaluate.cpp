@@ -36,7 +36,7 @@ Image truth_of(const View& view, const Vec3<float>& background) {
 /// Views as the renderer and, of the aligned modes, the fit make them.
 class Renderer {
   public:
-    Renderer(Backend& backend, const Vec3<float>& background, const ViewCorrection& correction)
+    Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction)
         : backend_(backend), background_(background), correction_(correction) {}
 
     /// Fits the map that all views share.
@@ -77,7 +77,7 @@ class Renderer {
 
     Backend& backend_;
     const Vec3<float> background_;
-    const ViewCorrection correction_;
+    const EvalCorrection correction_;
     std::optional<ColourMap> common_;
 };
 
@@ -132,7 +132,7 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
 }
 
 void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                      int max_views, const ViewCorrection& correction) {
+                      int max_views, const EvalCorrection& correction) {
     const int count = std::min<int>(max_views, int(views.size()));
     if (count <= 0) throw UsageError(fmt::format("{}: no views to compare", path.string()));
     std::vector<Pair> pairs;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "eval/ssim.h"
-#include "eval/view_correction.h"
+#include "eval/eval_correction.h"
 #include "kernels/backend.h"
 #include "lib/scene/scene.h"
 
@@ -19,7 +19,7 @@ struct EvalOptions {
     std::filesystem::path run_folder;  ///< pictures go to <run>/<split>/ours_<iteration>/{renders,gt}; empty = none are written
     std::int64_t iteration = 0;
     std::string split = "test";
-    ViewCorrection correction;
+    EvalCorrection correction;
     bool decompose = false;  ///< also render base and residual of each view; pictures go beside renders, to {base,residual}
 };
 
@@ -46,6 +46,6 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
 
 /// Writes up to `max_views` of the views, evenly spread, below one another: photograph left, corrected render right.
 void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                      int max_views, const ViewCorrection& correction = {});
+                      int max_views, const EvalCorrection& correction = {});
 
 }  // namespace gs

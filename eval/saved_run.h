@@ -20,7 +20,7 @@ struct SavedRun {
     std::int64_t iteration = 0;
     std::unique_ptr<Backend> backend;  ///< holds the model
     Scene scene;
-    ViewCorrection correction;  ///< the best that the model can do
+    EvalCorrection correction;  ///< the best that the model can do
     Vec3<float> background{0, 0, 0};  ///< for evaluation: black when the training drew random ones
 };
 
@@ -28,7 +28,7 @@ struct SavedRun {
 struct SavedModel {
     Gaussians state;  ///< with PPISP from ppisp.json, where there is one
     std::int64_t iteration = 0;
-    ViewCorrection correction = {};
+    EvalCorrection correction = {};
 };
 
 /// Whether a point cloud or a checkpoint is in the folder.

@@ -44,7 +44,7 @@ std::vector<View> wanted_views(const RenderArguments& arguments, const Scene& sc
 void run_render(const RenderArguments& arguments) {
     SavedRun run = open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
     const std::vector<View> views = wanted_views(arguments, run.scene);
-    ViewCorrection correction = run.correction;
+    EvalCorrection correction = run.correction;
     correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
     const std::filesystem::path folder = arguments.output.empty() ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
                                                                   : std::filesystem::path(arguments.output);

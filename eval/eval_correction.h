@@ -19,7 +19,7 @@ enum class CorrectionMode {
     kSceneAligned,   ///< the Gaussians as they are, then one affine colour transform for all views; uses the test images
 };
 
-struct ViewCorrection {
+struct EvalCorrection {
     CorrectionMode mode = CorrectionMode::kOff;
     bool exif = false;     ///< the controller expects EXIF exposures
     double mean_exif = 0;  ///< what they are relative to
@@ -28,7 +28,7 @@ struct ViewCorrection {
 /// "off", "controller", "none", "colour-aligned", "scene-aligned".
 const char* correction_name(CorrectionMode mode);
 /// One sentence for results.json.
-std::string describe_correction(const ViewCorrection& correction);
+std::string describe_correction(const EvalCorrection& correction);
 
 /// The mode of `--ppisp-eval`; empty text = `best` of the model. Throws UsageError for other words, and for a controller that the model does
 /// not have.
@@ -37,9 +37,9 @@ CorrectionMode choose_correction(const std::string& text, CorrectionMode best);
 /// The best a model can do: its controller, else neutral values, or nothing without PPISP.
 CorrectionMode best_correction(const PpispState& state);
 /// That of the model whose ppisp.json is in the run folder; off where there is none.
-ViewCorrection saved_correction(const std::filesystem::path& run_folder);
+EvalCorrection saved_correction(const std::filesystem::path& run_folder);
 
 /// What the renderer is asked for. A camera that the training did not know is taken as camera 0, EXIF that is missing as of mean exposure.
-IspView view_isp(const View& view, const ViewCorrection& correction);
+IspView view_isp(const View& view, const EvalCorrection& correction);
 
 }  // namespace gs

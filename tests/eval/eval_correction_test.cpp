@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How views are corrected when they are scored: what the renderer is asked for, colour fits, and what the results say.
-#include "eval/view_correction.h"
+#include "eval/eval_correction.h"
 
 #include <gtest/gtest.h>
 
@@ -64,7 +64,7 @@ double score(const std::vector<View>& views, CorrectionMode mode) {
     return evaluate_views(backend, views, {0, 0, 0}, options).psnr;
 }
 
-TEST(ViewCorrection, ColourAlignedFitsEachViewAndSceneAlignedAllAtOnce) {
+TEST(EvalCorrection, ColourAlignedFitsEachViewAndSceneAlignedAllAtOnce) {
     const auto same = dimmed_views([](int) { return 0.5f; }), different = dimmed_views([](int v) { return 0.4f + 0.2f * float(v); });
     for (const CorrectionMode mode : {CorrectionMode::kOff, CorrectionMode::kNone, CorrectionMode::kController}) EXPECT_LT(score(same, mode), 15);
     EXPECT_GT(score(same, CorrectionMode::kSceneAligned), 50);
@@ -83,7 +83,7 @@ TEST(ColourFit, OneColourLeavesTheMapOpenButNotTheResult) {
     EXPECT_NEAR(render.rgb[5], 0, 1e-6);
 }
 
-TEST(ViewCorrection, RendererIsAskedForWhatTheModeSays) {
+TEST(EvalCorrection, RendererIsAskedForWhatTheModeSays) {
     View view;
     view.camera_id = 2;
     view.exif_exposure = -6;
@@ -104,14 +104,14 @@ TEST(ViewCorrection, RendererIsAskedForWhatTheModeSays) {
     EXPECT_EQ(view_isp(view, {CorrectionMode::kController, true, -7.5}).camera, 0) << "unknown: the first";
 }
 
-TEST(ViewCorrection, BaseIsCorrectedAndResidualNot) {
+TEST(EvalCorrection, BaseIsCorrectedAndResidualNot) {
     const IspView isp{.mode = IspMode::kController};
     EXPECT_EQ(part_request({}, {}, RenderMode::kFull, isp).isp.mode, IspMode::kController);
     EXPECT_EQ(part_request({}, {}, RenderMode::kBaseOnly, isp).isp.mode, IspMode::kController);
     EXPECT_EQ(part_request({}, {}, RenderMode::kResidualOnly, isp).isp.mode, IspMode::kNone);
 }
 
-TEST(ViewCorrection, WordsOfTheCommandLine) {
+TEST(EvalCorrection, WordsOfTheCommandLine) {
     using M = CorrectionMode;
     EXPECT_EQ(choose_correction("", M::kController), M::kController);
     EXPECT_EQ(choose_correction("none", M::kController), M::kNone);
@@ -123,7 +123,7 @@ TEST(ViewCorrection, WordsOfTheCommandLine) {
     EXPECT_THROW(choose_correction("best", M::kNone), UsageError);
 }
 
-TEST(ViewCorrection, StandsBesideTheScores) {
+TEST(EvalCorrection, StandsBesideTheScores) {
     const test::TemporaryFolder folder;
     EvalOptions options;
     options.iteration = 3;
@@ -155,7 +155,7 @@ TEST(ViewCorrection, StandsBesideTheScores) {
     EXPECT_NE(format_table({read_table_row(folder.path(), 3)}, TableFormat::kMarkdown).find("| colour-aligned |"), std::string::npos);
 }
 
-TEST(ViewCorrection, ASavedModelComesWithItsCorrection) {
+TEST(EvalCorrection, ASavedModelComesWithItsCorrection) {
     const test::TemporaryFolder folder;
     Gaussians g;
     g.count = 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "eval/view_correction.h"
+#include "eval/eval_correction.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -30,7 +30,7 @@ const Word& word(CorrectionMode mode) { return *std::find_if(kWords.begin(), kWo
 
 const char* correction_name(CorrectionMode mode) { return word(mode).name; }
 
-std::string describe_correction(const ViewCorrection& correction) {
+std::string describe_correction(const EvalCorrection& correction) {
     std::string text = word(correction.mode).meaning;
     if (correction.mode == CorrectionMode::kController && correction.exif) text += "; the controller is told the EXIF exposure";
     return text;
@@ -51,7 +51,7 @@ CorrectionMode best_correction(const PpispState& state) {
     return state.controller.empty() ? CorrectionMode::kNone : CorrectionMode::kController;
 }
 
-ViewCorrection saved_correction(const std::filesystem::path& run_folder) {
+EvalCorrection saved_correction(const std::filesystem::path& run_folder) {
     const auto path = RunFolder{run_folder}.ppisp();
     std::error_code ignored;
     if (!std::filesystem::exists(path, ignored)) return {};
@@ -59,7 +59,7 @@ ViewCorrection saved_correction(const std::filesystem::path& run_folder) {
     return {best_correction(file.state), file.exif, file.mean_exif};
 }
 
-IspView view_isp(const View& view, const ViewCorrection& correction) {
+IspView view_isp(const View& view, const EvalCorrection& correction) {
     IspView isp;
     isp.camera = std::max(0, view.camera_id);
     if (correction.mode == CorrectionMode::kController) {
