@@ -65,7 +65,7 @@ double score(const std::vector<View>& views, CorrectionMode mode) {
 }
 
 TEST(EvalCorrection, ColourAlignedFitsEachViewAndSceneAlignedAllAtOnce) {
-    const auto same = dimmed_views([](int) { return 0.5f; }), different = dimmed_views([](int v) { return 0.4f + 0.2f * float(v); });
+    const auto same = dimmed_views([](int) { return 0.5f; }), different = dimmed_views([](int v) { return 0.2f + 0.35f * float(v); });
     for (const CorrectionMode mode : {CorrectionMode::kOff, CorrectionMode::kNone, CorrectionMode::kController}) EXPECT_LT(score(same, mode), 15);
     EXPECT_GT(score(same, CorrectionMode::kSceneAligned), 50);
     EXPECT_GT(score(same, CorrectionMode::kColourAligned), 50);

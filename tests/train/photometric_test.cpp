@@ -136,11 +136,11 @@ TEST(PhotometricVariation, SaysWhyThereIsNothingToTell) {
     EXPECT_EQ(variation_of(5, [](int, int, int) { return 0; }).nothing_to_tell, "all training images have the same pixels");
 }
 
-// 40 views of 40x30 pixels that differ by up to one stop either way.
+// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there slowly.
 TEST(Photometric, RecoversTheExposuresOfTheScene) {
     const test::TemporaryFolder tmp;
-    const Scene scene = builtin("exposure", 40);
-    const TrainOptions o = options_for(tmp.path() / "run", 1500);
+    const Scene scene = builtin("exposure", 32);
+    const TrainOptions o = options_for(tmp.path() / "run", 4000);
     run(o, scene);
     const PpispFile file = result(o);
     std::vector<double> found, truth;
@@ -222,8 +222,8 @@ void expect_resuming_equals_not_stopping(const TrainOptions& whole, std::int64_t
     part.resume = "latest";
     run(part, scene);
     EXPECT_FALSE(bytes_of(RunFolder{whole.model}.ppisp()).empty());
-    EXPECT_EQ(bytes_of(RunFolder{whole.model}.ppisp()), bytes_of(RunFolder{part.model}.ppisp()));
-    EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(whole.iterations)), bytes_of(RunFolder{part.model}.point_cloud(whole.iterations)));
+    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.ppisp()) == bytes_of(RunFolder{part.model}.ppisp())) << "too long to print";
+    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.point_cloud(whole.iterations)) == bytes_of(RunFolder{part.model}.point_cloud(whole.iterations)));
     const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(whole.iterations)), b = read_checkpoint(RunFolder{part.model}.checkpoint(whole.iterations));
     EXPECT_EQ(a.state.ppisp.m, b.state.ppisp.m);
     EXPECT_EQ(a.state.ppisp.step, b.state.ppisp.step);
