@@ -6,6 +6,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -23,6 +24,7 @@ namespace {
 constexpr const char* kFormat = "gsapp-checkpoint-1";
 /// Weights that all Gaussians of the model share.
 constexpr const char* kSharedName = "shared_weights";
+constexpr const char *kPpispName = "ppisp", *kControllerName = "controller";
 
 template <class Int>
 Int metadata_number(const SafetensorsFile& file, const std::string& name, const std::string& key) {
@@ -37,7 +39,7 @@ Int metadata_number(const SafetensorsFile& file, const std::string& name, const 
 
 /// Reads one (count, width) tensor and checks its shape before and its values after.
 std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor, std::int64_t count,
-                             int width) {
+                             std::int64_t width) {
     const auto& shape = file.tensor(tensor).shape;
     if (shape.size() != 2 || shape[0] != count || shape[1] != width) {
         throw DataError(fmt::format("cannot read '{}': tensor '{}' does not have the shape ({}, {})", name, tensor, count, width));
@@ -50,6 +52,46 @@ std::vector<float> read_rows(const SafetensorsFile& file, const std::string& nam
         }
     }
     return values;
+}
+
+/// One row of values with its moments, where it has some.
+void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param, const std::vector<float>& m, const std::vector<float>& v) {
+    const auto add = [&](const std::string& tensor, const std::vector<float>& values) {
+        if (!values.empty()) tensors.push_back({tensor, Dtype::kF32, {1, std::int64_t(values.size())}, values.data()});
+    };
+    add(name, param), add("adam_m." + name, m), add("adam_v." + name, v);
+}
+
+void read_row(const SafetensorsFile& file, const std::string& path, const std::string& name, std::size_t size, std::vector<float>& param, std::vector<float>& m,
+              std::vector<float>& v) {
+    param = read_rows(file, path, name, 1, std::int64_t(size));
+    if (!file.tensors().contains("adam_m." + name)) return;
+    m = read_rows(file, path, "adam_m." + name, 1, std::int64_t(size));
+    v = read_rows(file, path, "adam_v." + name, 1, std::int64_t(size));
+}
+
+void add_ppisp(const PpispState& p, std::vector<TensorView>& tensors, std::map<std::string, std::string>& metadata) {
+    if (!p.active()) return;
+    metadata["ppisp_frames"] = std::to_string(p.num_frames);
+    metadata["ppisp_cameras"] = std::to_string(p.num_cameras);
+    metadata["ppisp_step"] = std::to_string(p.step);
+    metadata["controller_step"] = std::to_string(p.controller_step);
+    add_row(tensors, kPpispName, p.param, p.m, p.v);
+    add_row(tensors, kControllerName, p.controller, p.controller_m, p.controller_v);
+}
+
+PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
+    PpispState p;
+    if (!file.tensors().contains(kPpispName)) return p;
+    p.num_frames = metadata_number<int>(file, name, "ppisp_frames");
+    p.num_cameras = metadata_number<int>(file, name, "ppisp_cameras");
+    p.step = metadata_number<std::int64_t>(file, name, "ppisp_step");
+    p.controller_step = metadata_number<std::int64_t>(file, name, "controller_step");
+    if (!p.active()) throw DataError(fmt::format("cannot read '{}': it holds '{}' of no camera", name, kPpispName));
+    read_row(file, name, kPpispName, p.size(), p.param, p.m, p.v);
+    if (file.tensors().contains(kControllerName))
+        read_row(file, name, kControllerName, std::size_t(p.num_cameras) * kControllerWeights, p.controller, p.controller_m, p.controller_v);
+    return p;
 }
 
 }  // namespace
@@ -75,17 +117,18 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
         tensors.push_back({"gradient_sum", Dtype::kF32, {g.count, 1}, g.gradient_sum.data()});
         tensors.push_back({"gradient_count", Dtype::kF32, {g.count, 1}, g.gradient_count.data()});
     }
-    write_safetensors(path, tensors,
-                      {{"format", kFormat},
-                       {"generator", version_text()},
-                       {"iteration", std::to_string(checkpoint.iteration)},
-                       {"seed", std::to_string(checkpoint.seed)},
-                       {"adam_step", std::to_string(g.step)},
-                       {"active_degree", std::to_string(g.active_degree)},
-                       {"appearance", g.appearance.model},
-                       {"max_degree", std::to_string(g.appearance.max_degree)},
-                       {"color_activation", color_activation_name(g.appearance.activation)},
-                       {"options", checkpoint.options_yaml}});
+    std::map<std::string, std::string> metadata = {{"format", kFormat},
+                                                   {"generator", version_text()},
+                                                   {"iteration", std::to_string(checkpoint.iteration)},
+                                                   {"seed", std::to_string(checkpoint.seed)},
+                                                   {"adam_step", std::to_string(g.step)},
+                                                   {"active_degree", std::to_string(g.active_degree)},
+                                                   {"appearance", g.appearance.model},
+                                                   {"max_degree", std::to_string(g.appearance.max_degree)},
+                                                   {"color_activation", color_activation_name(g.appearance.activation)},
+                                                   {"options", checkpoint.options_yaml}};
+    add_ppisp(g.ppisp, tensors, metadata);
+    write_safetensors(path, tensors, metadata);
 }
 
 Checkpoint read_checkpoint(const std::filesystem::path& path) {
@@ -134,6 +177,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
         g.gradient_sum = read_rows(file, name, "gradient_sum", g.count, 1);
         g.gradient_count = read_rows(file, name, "gradient_count", g.count, 1);
     }
+    g.ppisp = read_ppisp(file, name);
     return c;
 }
 

@@ -20,7 +20,8 @@ struct Checkpoint {
 
 /// Writes the checkpoint atomically and without a second copy of it: 12 bytes per parameter with moments, 4 without.
 /// Tensors: the group names of gaussian_state.h, "adam_m.<group>", "adam_v.<group>", with ADC also
-/// "gradient_sum" and "gradient_count"; all else is metadata.
+/// "gradient_sum" and "gradient_count"; with PPISP "ppisp" and, once there are some, "controller", each one row with moments
+/// likewise; all else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 
 /// Reads it back bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no

