@@ -16,7 +16,7 @@ struct PpispFile {
     struct Frame {
         std::string image;  ///< name of the training image
         int camera = 0;
-        std::optional<double> exif_exposure = {};  ///< View::exif_exposure, where EXIF was used
+        std::optional<double> exif_exposure = {};  ///< View::exif_exposure, where it is known
     };
     std::int64_t iteration = 0;  ///< after which the correction is that of the model
     bool exif = false;           ///< whether exposures began at EXIF values, and the controller was told them

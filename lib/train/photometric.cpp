@@ -33,10 +33,8 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
     file_.exif = options.ppisp_exif;
     double known = 0;
     for (const View& view : scene.train) {
-        file_.frames.push_back({view.name, view.camera_id});
-        if (!file_.exif || !view.exif_exposure) continue;
-        file_.frames.back().exif_exposure = view.exif_exposure;
-        file_.mean_exif += (*view.exif_exposure - file_.mean_exif) / ++known;
+        file_.frames.push_back({view.name, view.camera_id, view.exif_exposure});
+        if (view.exif_exposure) file_.mean_exif += (*view.exif_exposure - file_.mean_exif) / ++known;
     }
     if (!options.ppisp_from.empty())
         take_from(options.ppisp_from);
@@ -56,7 +54,7 @@ PpispState Photometric::begin() const {
 
 float Photometric::prior(std::size_t view) const {
     const auto& exposure = file_.frames[view].exif_exposure;
-    return exposure ? float(*exposure - file_.mean_exif) : 0.0f;
+    return file_.exif && exposure ? float(*exposure - file_.mean_exif) : 0.0f;
 }
 
 void Photometric::take_from(const std::filesystem::path& path) {
@@ -134,6 +132,20 @@ void Photometric::add_controllers(Backend& backend) const {
 void Photometric::apply_controller(std::size_t view, StepRequest& request) const {
     request.isp = {.mode = IspMode::kController, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};
     request.isp_rate = kControllerRate;
+}
+
+void Photometric::report(Backend& backend) const {
+    if (!active_) return;
+    const PpispState state = backend.download(false).ppisp;
+    double n = 0, mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
+    for (std::size_t k = 0; k < file_.frames.size(); ++k) {
+        if (!file_.frames[k].exif_exposure) continue;
+        const double a = state.param[k * kIspFrameValues] - mean_a, b = *file_.frames[k].exif_exposure - mean_b;
+        mean_a += a / ++n, mean_b += b / n;
+        const double after_a = state.param[k * kIspFrameValues] - mean_a, after_b = *file_.frames[k].exif_exposure - mean_b;
+        ab += a * after_b, aa += a * after_a, bb += b * after_b;
+    }
+    if (aa > 0 && bb > 0) spdlog::info("exposures of {:.0f} images against EXIF: correlation {:.4f}, slope {:.3f}", n, ab / std::sqrt(aa * bb), ab / bb);
 }
 
 void Photometric::save(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const {

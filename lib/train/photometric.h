@@ -60,6 +60,8 @@ class Photometric {
     void apply_controller(std::size_t view, StepRequest& request) const;
 
     bool active() const { return active_; }
+    /// Logs how well exposures agree with EXIF, where images have it.
+    void report(Backend& backend) const;
     /// Writes ppisp.json where PPISP is active.
     void save(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const;
 

@@ -333,6 +333,7 @@ class Run {
         train_controllers();
         const double controller_seconds = photometric_.trains_controllers() ? now() - controllers_start : 0;
         if (controller_seconds > 0) photometric_.save(folder_.ppisp(), *backend_, iteration_);
+        photometric_.report(*backend_);
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
         if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
