@@ -166,6 +166,12 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
     return result;
 }
 
+double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, int repeats) {
+    std::vector<Camera> cameras;
+    for (const View& view : views) cameras.push_back(view.camera);
+    return time_frames(backend, cameras, background, repeats).seconds;
+}
+
 double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
     backend.upload(model);
     return Steps(backend, options, scene, model, bench.repeat).in_a_row(bench.repeat);

@@ -49,6 +49,9 @@ Gaussians initial_model(const TrainOptions& options, const Scene& scene);
 /// the same, and the model that is measured last is the one that was measured first.
 BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench);
 
+/// Mean seconds of a frame over `repeats` rounds through the views at their own size.
+double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, int repeats);
+
 /// Only BenchResult::iteration_seconds.
 double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench);
 

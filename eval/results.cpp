@@ -56,6 +56,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     Json& timing = section(section(results, "timing"), key.c_str());
     if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
     if (facts.controller_seconds) timing["controller_seconds"] = *facts.controller_seconds;
+    if (facts.frame_seconds) timing["frame_seconds"] = *facts.frame_seconds;
     timing["render_seconds"] = result.render_seconds;
     if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
     if (!facts.photometric.empty()) section(results, "photometric")[key] = {{"decision", facts.photometric}};

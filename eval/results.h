@@ -23,6 +23,7 @@ struct RunFacts {
     std::optional<double> train_seconds;  ///< absent: an earlier value in the file is kept
     std::optional<double> controller_seconds;  ///< of training the PPISP controllers, not part of train_seconds; absent: as above
     std::string photometric;  ///< what --ppisp auto decided; empty: as above
+    std::optional<double> frame_seconds;  ///< mean of a frame of the test views, images staying on the device; absent: as above
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training; absent: as above
 };
 

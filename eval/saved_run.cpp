@@ -78,7 +78,7 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     facts.scene = scene_name(options.source);
     facts.model = options.appearance;
     if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
-    facts.strategy = options.strategy;
+    facts.strategy = options.strategy + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.background = background;
     facts.num_gaussians = num_gaussians;

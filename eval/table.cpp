@@ -50,6 +50,11 @@ std::string text_fact(const Json& object, const char* name) {
     return object.is_object() && object.contains(name) && object.at(name).is_string() ? object.at(name).get<std::string>() : "";
 }
 
+std::optional<double> number_fact(const Json& object, const char* name) {
+    if (!object.is_object() || !object.contains(name) || !object.at(name).is_number()) return std::nullopt;
+    return object.at(name).get<double>();
+}
+
 std::string duration(double seconds) {
     const auto whole = std::int64_t(std::lround(seconds));
     if (whole < 60) return fmt::format("{:.1f} s", seconds);
@@ -189,8 +194,8 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.correction = text_fact(fact(json, "protocol", key), "ppisp_eval");
     row.ssim_protocol = text_fact(fact(json, "protocol", key), "ssim");
     if (count.is_number_integer()) row.num_gaussians = count.get<std::int64_t>();
-    if (timing.is_object() && timing.contains("train_seconds") && timing.at("train_seconds").is_number())
-        row.train_seconds = timing.at("train_seconds").get<double>();
+    row.train_seconds = number_fact(timing, "train_seconds");
+    row.frame_seconds = number_fact(timing, "frame_seconds");
     if (memory.is_object() && memory.contains("peak_device_bytes") && memory.at("peak_device_bytes").is_number_integer())
         row.peak_device_bytes = memory.at("peak_device_bytes").get<std::int64_t>();
     return row;

@@ -16,6 +16,7 @@ struct TableRow {
     std::optional<std::int64_t> num_gaussians;
     double psnr = 0, ssim = 0;  ///< psnr may be infinite
     std::optional<double> train_seconds;
+    std::optional<double> frame_seconds;  ///< not in the table
     std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string ssim_protocol;  ///< how SSIM was computed; rows with different ones do not compare

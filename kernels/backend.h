@@ -45,7 +45,7 @@ struct RenderRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     RenderMode mode = RenderMode::kFull;
-    IspView isp;
+    IspView isp = {};
 };
 
 struct RenderedImage {
@@ -69,7 +69,7 @@ struct StepRequest {
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
-    IspView isp;                         ///< kFrame or kNone; of `distill`: kController
+    IspView isp = {};                         ///< kFrame or kNone; of `distill`: kController
     double isp_rate = 0;                 ///< learning rate of PPISP's parameters; of `distill`: of the controller's weights; 0 = they stay
 };
 
@@ -167,6 +167,13 @@ class Backend {
     virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
     /// ADC: raw opacity <- min(raw, logit 0.01), zero moments of the opacity group.
     virtual void reset_opacity() = 0;
+    /// How much the images of `views` depend on each Gaussian (densification spec section 3): the sum over views and pixels of
+    /// (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value at the pixel. By row, finite or
+    /// +infinity; 0 of what no view shows.
+    virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
+    /// Removes the share `ratio` (0..1) of lowest scores, and all that score the same as the last of them; at least 1 % stay
+    /// (score_rule.h). Returns how many went.
+    virtual std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) = 0;
     /// Orders all rows by the Morton code of the mean (optimization spec section 6).
     virtual void morton_sort() = 0;
     /// Removes Gaussians whose parameters are not finite or beyond kLargestParameter (rows_device.h); counts per group go to `by_group`.

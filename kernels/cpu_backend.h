@@ -151,6 +151,21 @@ template <class Model> class CpuBackend final : public Backend {
         return adc_densify(state_, params, iteration, seed);
     }
     void reset_opacity() override { adc_reset_opacity(state_); }
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override {
+        std::vector<double> sums(state_.count, 0.0);
+        for (const RenderRequest& view : views) {
+            const std::size_t pixels = std::size_t(view.camera.width) * view.camera.height;
+            image_.resize(3 * pixels);
+            transmittance_.resize(pixels);
+            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree, RenderMode::kFull, image_.data(),
+                            transmittance_.data());
+            raster_.add_scores(image_.data(), transmittance_.data(), sums);
+        }
+        return {sums.begin(), sums.end()};
+    }
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override {
+        return remove_lowest_scores(state_, scores(views), ratio);
+    }
     void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return remove_nonfinite(state_, by_group); }

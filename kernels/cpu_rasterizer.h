@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "kernels/blend/blend_cpu.h"
+#include "kernels/blend/score_cpu.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/depth_key.h"
@@ -84,6 +85,19 @@ template <class Real, class Model> class CpuRasterizer {
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
         gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
+    }
+
+    /// Adds the scores of the last forward() of RenderMode::kFull to `scores`, one a Gaussian.
+    void add_scores(const Real* image, const Real* transmittance, std::vector<double>& scores) {
+        score_sums_.resize(binning_.instances().size());
+        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
+            score_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image, transmittance, score_sums_.data());
+        });
+        parallel_for_rows(std::int64_t(scores.size()), [&](std::int64_t i) {
+            if (bins_.count[i] == 0) return;
+            const Real* s = &score_sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
+            for (std::uint32_t k = 0; k < bins_.count[i]; ++k) scores[i] += s[k];
+        });
     }
 
     std::int64_t num_visible() const { return binning_.num_visible(); }
@@ -161,6 +175,7 @@ template <class Real, class Model> class CpuRasterizer {
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;
+    std::vector<Real> score_sums_; ///< by slot; only where scores are asked for
 };
 
 }  // namespace gs

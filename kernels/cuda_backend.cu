@@ -64,7 +64,7 @@ void CudaBackend::upload(const Gaussians& state) {
     stats_ = {};
     model_.count = 0; // stays so if there is no memory
     meta_ = Gaussians{};
-    meta_.appearance = state.appearance, meta_.ppisp = state.ppisp, meta_.active_degree = state.active_degree, meta_.step = state.step;
+    meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
         const auto& group = state.groups[g];
         meta_.groups[g].width = model_.width[g] = group.width;
@@ -95,6 +95,8 @@ void CudaBackend::upload(const Gaussians& state) {
     model_.has_statistic = !state.gradient_sum.empty();
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
+    ppisp_.upload(state.ppisp);
+    sizes_ = {}; // it takes some of the scratch block
     model_.count = state.count;
     lazy_.reset(meta_.step);
     GS_CUDA(cudaDeviceSynchronize());
@@ -115,6 +117,7 @@ Gaussians CudaBackend::download(bool with_moments) {
     const std::size_t shared = std::size_t(kernels_.shared.count);
     out.shared.param = model_.shared_param.download(shared);
     if (with_moments) out.shared.m = model_.shared_m.download(shared), out.shared.v = model_.shared_v.download(shared);
+    out.ppisp = ppisp_.download(with_moments);
     if (with_moments && model_.has_statistic) {
         out.gradient_sum = model_.gradient_sum.download(model_.count);
         out.gradient_count = model_.gradient_count.download(model_.count);
@@ -128,9 +131,13 @@ void CudaBackend::set_active_degree(int degree) {
     meta_.active_degree = degree;
 }
 
-void CudaBackend::upload_ppisp(const PpispState& state) { meta_.ppisp = state; }
-
-void CudaBackend::distill(const StepRequest&) { throw UsageError("this backend does not train controllers yet"); }
+void CudaBackend::upload_ppisp(const PpispState& state) {
+    synchronize(); // a step that has to be repeated must see what it began with
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    ppisp_.upload(state);
+    sizes_ = {}; // it takes some of the scratch block
+    GS_CUDA(cudaDeviceSynchronize());
+}
 
 // --- one forward pass -----------------------------------------------------------------------------------------------
 
@@ -142,6 +149,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     if (options_.separate_appearance && kernels_.directional) separate_.residuals = c.take<Vec3<float>>(sizes.n);
     image_ = c.take<float>(3 * pixels);
     transmittance_ = c.take<float>(pixels);
+    ppisp_.take(c, sizes.width, sizes.height, sizes.for_step);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
     if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
     // What only binning uses, and what only comes after it, share their place.
@@ -216,26 +224,40 @@ void CudaBackend::make_room(unsigned long long num_instances) {
     capacity_ = std::int64_t(std::min(kMaxInstances, num_instances + num_instances / 4 + 1024));
 }
 
+void CudaBackend::forget(const Step& s) {
+    if (s.adam_step) lazy_.rewind(--meta_.step);
+    ppisp_.rewind(s.isp_step > 0, s.controller_step > 0);
+}
+
 void CudaBackend::abandon_steps() {
     cudaStreamSynchronize(stream_);
-    meta_.step -= std::int64_t(in_flight_.size());
-    lazy_.rewind(meta_.step);
+    for (const Step& s : in_flight_) forget(s);
     in_flight_.clear();
     cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
 }
 
-void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
+CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
     settle();
     const std::int64_t for_steps = capacity_;
+    CudaBins bins;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
         PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
-        enqueue_forward(args, r.background, false);
+        bins = enqueue_forward(args, r.background, false);
         report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
     } while (statuses_->stopped);
     if (for_steps) capacity_ = for_steps; // a single close view must not slow down the training that goes on
+    return bins;
+}
+
+void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
+    forward_whole(r);
+    if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) { // a residual is no colour
+        ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
+        GS_CUDA(cudaStreamSynchronize(stream_));
+    }
     const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
     out.width = r.camera.width, out.height = r.camera.height;
     out.rgb.resize(3 * pixels), out.alpha.resize(pixels);
@@ -261,6 +283,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
         for (const RenderRequest& view : views) {
             PreprocessArgs args = preprocess_args(view.camera, view.mode, {});
             enqueue_forward(args, view.background, false);
+            if (ppisp_.corrects(view.isp)) ppisp_.apply(view.isp, image_, view.camera.width, view.camera.height, image_, stream_);
         }
     GS_CUDA(cudaEventRecord(end, stream_));
     GS_CUDA(cudaEventSynchronize(end));
@@ -284,33 +307,65 @@ void CudaBackend::step(const StepRequest& r) {
     lazily_ = lazily;
     Step s;
     s.request = r;
-    s.slot = next_slot_;
-    s.target = images_.get(r.target, s.slot, stream_);
-    s.request.target = {};
     s.adam_step = ++meta_.step;
     s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates[int(Group::kResidual)]);
-    in_flight_.push_back(std::move(s));
-    try {
-        enqueue(in_flight_.back());
-    } catch (...) {
-        in_flight_.pop_back();
-        lazy_.rewind(--meta_.step);
-        throw;
-    }
-    next_slot_ = (next_slot_ + 1) % kInFlight;
+    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) s.isp_step = ppisp_.begin_step();
+    launch(std::move(s), r.target);
     if (!times_.on) return;
     synchronize();
     times_.add();
 }
 
+void CudaBackend::distill(const StepRequest& r) {
+    check_distillation(ppisp_.host(), r.isp);
+    while (in_flight_.size() >= kInFlight) finish_oldest();
+    if (in_flight_.empty() || in_flight_.back().adam_step) settle(); // residuals as they are at the end of training
+    Step s;
+    s.request = r;
+    if (r.isp_rate > 0) s.controller_step = ppisp_.begin_controller_step();
+    launch(std::move(s), r.target);
+}
+
+void CudaBackend::launch(Step s, const TargetImage& target) {
+    in_flight_.push_back(std::move(s));
+    Step& step = in_flight_.back();
+    step.slot = next_slot_;
+    step.request.target = {};
+    try {
+        step.target = images_.get(target, step.slot, stream_);
+        enqueue(step);
+    } catch (...) {
+        forget(step);
+        in_flight_.pop_back();
+        throw;
+    }
+    next_slot_ = (next_slot_ + 1) % kInFlight;
+}
+
 void CudaBackend::enqueue(const Step& s) {
     const StepRequest& r = s.request;
-    const std::int64_t n = model_.count;
     StepControl* control = control_.get();
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
     const CudaBins bins = enqueue_forward(args, r.background, true);
-    loss_.compute({image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
+    const bool corrected = ppisp_.corrects(r.isp);
+    if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
+    times_.end(CudaStage::kCorrect, stream_);
+    loss_.compute({corrected ? ppisp_.corrected() : image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
     times_.end(CudaStage::kLoss, stream_);
+    if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
+    if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
+    times_.end(CudaStage::kCorrectBackward, stream_);
+    if (s.controller_step) ppisp_.step_controller(image_, r.isp_rate, s.controller_step, control, stream_);
+    if (s.adam_step) enqueue_gaussians(s, args, bins);
+    report_step<<<1, 1, 0, stream_>>>(control, statuses_ + s.slot);
+    GS_CUDA_LAUNCHED("report_step");
+    GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
+}
+
+void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins) {
+    const StepRequest& r = s.request;
+    const std::int64_t n = model_.count;
+    StepControl* control = control_.get();
     if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     const SlotMap slots = binning_.slots();
     blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
@@ -328,9 +383,6 @@ void CudaBackend::enqueue(const Step& s) {
         kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
     }
     times_.end(CudaStage::kUpdate, stream_);
-    report_step<<<1, 1, 0, stream_>>>(control, statuses_ + s.slot);
-    GS_CUDA_LAUNCHED("report_step");
-    GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
 }
 
 void CudaBackend::finish_oldest() {
@@ -360,7 +412,7 @@ void CudaBackend::finish_oldest() {
     ++stats_.steps;
     if (times_.on)
         times_.count(double(model_.count), status.num_visible, double(status.num_instances), 32.0 * double(status.num_pairs),
-                     double(s.request.camera.width) * s.request.camera.height);
+                     double(s.request.camera.width) * s.request.camera.height, ppisp_.corrects(s.request.isp));
     in_flight_.pop_front();
 }
 
@@ -406,6 +458,7 @@ MemoryUse CudaBackend::memory() {
     use.rows = {{"parameters, Adam moments, indices", model_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
                 {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
+    if (ppisp_.host().active()) use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
     // The scratch block of a step: how much of it goes with what. Stages share places, so the parts need not add up to it.
     const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1), std::max(largest_width_, 1), std::max(largest_height_, 1), true};
     const auto bytes = [&](const Sizes& sizes) {
@@ -441,6 +494,24 @@ DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iter
 }
 void CudaBackend::reset_opacity() {
     densify([](CudaDensify& d) { return d.reset_opacity(), 0; });
+}
+void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores) {
+    for (RenderRequest view : views) {
+        view.mode = RenderMode::kFull;
+        const CudaBins bins = forward_whole(view);
+        const SlotMap slots = binning_.slots();
+        scores.add(bins, splats_, blend_image(view.camera, view.background), options_.deterministic ? &slots : nullptr, std::int64_t(statuses_->num_instances));
+    }
+}
+std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) {
+    CudaScores scores(model_.count, stream_);
+    gather_scores(views, scores);
+    return scores.download();
+}
+std::int64_t CudaBackend::prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) {
+    CudaScores scores(model_.count, stream_);
+    gather_scores(views, scores);
+    return densify([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), ratio); });
 }
 void CudaBackend::morton_sort() {
     densify([](CudaDensify& d) { return d.morton_sort(), 0; });

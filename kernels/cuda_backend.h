@@ -8,11 +8,13 @@
 
 #include <deque>
 
+#include "kernels/blend/score_cuda.h"
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/images_cuda.h"
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/model_kernels_cuda.h"
 #include "kernels/optimizer/lazy_cuda.h"
+#include "kernels/ppisp/ppisp_cuda.h"
 #include "kernels/stage_times_cuda.h"
 
 namespace gs {
@@ -52,6 +54,8 @@ class CudaBackend final : public Backend {
     DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
     DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override;
     void reset_opacity() override;
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override;
     void morton_sort() override;
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override;
     std::int64_t prune_invisible() override;
@@ -63,7 +67,9 @@ class CudaBackend final : public Backend {
     struct Step {
         StepRequest request; ///< its target points to nothing; `target` does
         DeviceTarget target;
-        std::int64_t adam_step = 0;
+        std::int64_t adam_step = 0;       ///< 0: the Gaussians stay
+        std::int64_t isp_step = 0;        ///< of PPISP's parameters; 0: they stay
+        std::int64_t controller_step = 0; ///< of a controller; 0: it stays
         LazyArgs lazy{};
         int slot = 0;
     };
@@ -79,11 +85,20 @@ class CudaBackend final : public Backend {
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     void enqueue(const Step& step);
+    /// What follows the loss: the way back to the Gaussians, and their optimizer's step.
+    void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins);
+    /// Puts a step in flight, where it stays if it could be enqueued.
+    void launch(Step step, const TargetImage& target);
     /// Completes `args` with what it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
+    /// Makes room until the view fits, and waits.
+    CudaBins forward_whole(const RenderRequest& request);
+    void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
+    /// Takes back what a step that never took place was counted as.
+    void forget(const Step& step);
     /// Forgets all steps in flight, none of which has changed anything.
     void abandon_steps();
     PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
@@ -98,7 +113,8 @@ class CudaBackend final : public Backend {
     cudaStream_t stream_ = nullptr;
     CudaModel model_;
     CudaLazyResiduals lazy_;
-    Gaussians meta_; ///< all but count and arrays
+    CudaPpisp ppisp_;
+    Gaussians meta_; ///< all but count, arrays and PPISP
 
     Scratch scratch_;
     Sizes sizes_;

@@ -97,6 +97,11 @@ std::string cuda_unavailable_reason() {
     return count > 0 ? "" : "no device";
 }
 
+int cuda_device_count() {
+    int count = 0;
+    return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
+}
+
 bool cuda_available() { return cuda_unavailable_reason().empty(); }
 
 std::string cuda_driver_description() {

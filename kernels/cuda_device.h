@@ -11,6 +11,9 @@ namespace gs {
 /// Compiled in, and a device answers.
 bool cuda_available();
 
+/// How many answer; 0 where cuda_available() is false.
+int cuda_device_count();
+
 /// One line saying why cuda_available() is false ("built without CUDA", the driver's message).
 std::string cuda_unavailable_reason();
 

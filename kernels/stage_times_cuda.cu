@@ -24,8 +24,12 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          "as blend; and what the tensor cores add up passes through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
          visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, "", true}};
+    // Instructions per pixel as on the CPU; four powers, each as its own logarithm and exponential.
+    if (corrected_pixels_ > 0)
+        costs.push_back({"PPISP", seconds(CudaStage::kCorrect) + seconds(CudaStage::kCorrectBackward), corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5,
+                         corrected_pixels_ * 770, "five small kernels in a row, three of them of a single block"});
     std::fill(seconds_, seconds_ + kNumCudaStages, 0);
-    gaussians_ = visible_ = instances_ = pairs_ = pixels_ = 0;
+    gaussians_ = visible_ = instances_ = pairs_ = pixels_ = corrected_pixels_ = 0;
     return costs;
 }
 

@@ -7,8 +7,8 @@
 
 namespace gs {
 
-enum class CudaStage : int { kPreprocess, kSort, kBlend, kLoss, kBlendBackward, kUpdate };
-inline constexpr int kNumCudaStages = 6;
+enum class CudaStage : int { kPreprocess, kSort, kBlend, kCorrect, kLoss, kCorrectBackward, kBlendBackward, kUpdate };
+inline constexpr int kNumCudaStages = 8;
 
 class StageTimes {
   public:
@@ -33,8 +33,9 @@ class StageTimes {
         }
     }
     /// What that step worked on; a pair is one pixel and one Gaussian.
-    void count(double gaussians, double visible, double instances, double pairs, double pixels) {
+    void count(double gaussians, double visible, double instances, double pairs, double pixels, bool corrected) {
         gaussians_ += gaussians, visible_ += visible, instances_ += instances, pairs_ += pairs, pixels_ += pixels;
+        if (corrected) corrected_pixels_ += pixels;
     }
     /// Costs since the last call, for a model with this many active residual parameters, whose residual takes so many operations.
     std::vector<StageCost> take(double residual_width, double operations, double operations_backward);
@@ -45,7 +46,7 @@ class StageTimes {
         GS_CUDA(cudaEventRecord(marks_[mark], stream));
     }
     cudaEvent_t marks_[kNumCudaStages + 1] = {};
-    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0;
+    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0, corrected_pixels_ = 0;
 };
 
 }  // namespace gs

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp bench`: what an iteration and a frame cost on this machine; and how stable the appearance models compute.
+// `gsapp bench`: what an iteration and a frame cost on this machine; how stable the appearance models compute; and suites of
+// training runs.
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
@@ -7,10 +8,12 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/suite.h"
 #include "eval/bench.h"
 #include "eval/generated_set.h"
 #include "eval/saved_run.h"
 #include "eval/stability.h"
+#include "eval/suite.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "lib/core/log.h"
@@ -28,6 +31,8 @@ struct BenchArguments {
     std::int64_t iteration = -1;       ///< -1 = the last saved one
     std::vector<std::int64_t> generate;
     bool compare_deterministic = false, stability = false;
+    std::string suite;                 ///< empty = none
+    std::vector<std::string> appearances = {"sh", "nasgabor", "neural"};
 };
 
 /// A GPU needs many short steps for one good number; on the CPU the same number of them would take minutes.
@@ -87,6 +92,12 @@ void run_bench_command(const TrainArguments& train, const BenchArguments& argume
         std::fputs(format_stability(measure_stability()).c_str(), stdout);
         return;
     }
+    if (!arguments.suite.empty()) {
+        const TrainOptions base = train.combine();
+        setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
+        run_suite(arguments.suite, arguments.appearances, base);
+        return;
+    }
     const bool generate = !arguments.generate.empty();
     const TrainOptions options = train.resolve({.stored_run = !generate, .default_source = generate ? "generated" : ""});
     setup_log(options.quiet ? "warn" : options.log_level);
@@ -117,9 +128,18 @@ void add_bench_command(CLI::App& app, Command& selected) {
         ->check(CLI::Range(std::int64_t(1), std::int64_t(1000000000)))
         ->excludes(iteration);
     command->add_flag("--compare-deterministic", arguments->compare_deterministic, "Also measure iterations with --deterministic, and print the ratio");
-    command->add_flag("--stability", arguments->stability, "Instead: numerical errors of every appearance model at the extremes; needs no scene and no GPU")
-        ->excludes(iteration)
-        ->excludes(generate);
+    CLI::Option* stability =
+        command->add_flag("--stability", arguments->stability, "Instead: numerical errors of every appearance model at the extremes; needs no scene and no GPU")
+            ->excludes(iteration)
+            ->excludes(generate);
+    CLI::Option* suite = command->add_option("--suite", arguments->suite,
+                                             "Instead: train the runs of an experiment, one at a time or one on each GPU, and tabulate them; "
+                                             "finished ones in -m FOLDER are kept")
+                             ->check(CLI::IsMember(suite_names()))
+                             ->excludes(iteration)
+                             ->excludes(generate)
+                             ->excludes(stability);
+    command->add_option("--appearances", arguments->appearances, "With --suite: appearance models")->delimiter(',')->capture_default_str()->needs(suite);
     command->callback([train, arguments, &selected] { selected = [train, arguments] { run_bench_command(*train, *arguments); }; });
 }
 

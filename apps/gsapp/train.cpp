@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "apps/gsapp/command.h"
+#include "eval/bench.h"
 #include "eval/results.h"
 #include "eval/saved_run.h"
 #include "eval/table.h"
@@ -50,8 +51,9 @@ void describe_scene(const Scene& scene) {
 /// Measures the held-out views during and after training, and keeps the latest scores.
 class Evaluation {
   public:
-    Evaluation(const TrainOptions& options, const Scene& scene, Progress& progress)
-        : options_(options), scene_(scene), progress_(progress) {
+    /// `frame_rounds`: how often frames of the trained model are timed; 0 = not at all.
+    Evaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds)
+        : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
         const auto rgb = parse_background(options.background).rgb;  // black where the training draws random ones
         background_ = {rgb[0], rgb[1], rgb[2]};
     }
@@ -62,6 +64,7 @@ class Evaluation {
         eval_ = {.run_folder = last ? fs::path(options_.model) : fs::path(), .iteration = iteration, .correction = saved_correction(options_.model)};
         result_ = evaluate_views(backend, scene_.test, background_, eval_);
         facts_ = run_facts(options_, scene_, background_, backend.count());
+        if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
         if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
         const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
@@ -94,13 +97,14 @@ class Evaluation {
     const TrainOptions& options_;
     const Scene& scene_;
     Progress& progress_;
+    const int frame_rounds_;
     Vec3<float> background_;
     EvalOptions eval_;
     EvalResult result_;
     RunFacts facts_;
 };
 
-void run_training(TrainOptions options) {
+void run_training(TrainOptions options, int frame_rounds) {
     setup_log(log_level(options));
     if (options.device == "cuda" && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = default_run_folder(options);
@@ -112,7 +116,7 @@ void run_training(TrainOptions options) {
     describe_scene(scene);
 
     Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
-    Evaluation evaluation(options, scene, progress);
+    Evaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
     const bool measure = options.eval && !scene.test.empty();
     if (measure)
@@ -141,7 +145,10 @@ void run_training(TrainOptions options) {
 void add_train_command(CLI::App& app, Command& selected) {
     CLI::App* command = app.add_subcommand("train", "Train a scene");
     const auto arguments = std::make_shared<TrainArguments>(*command);
-    command->callback([arguments, &selected] { selected = [arguments] { run_training(arguments->resolve()); }; });
+    const auto frame_rounds = std::make_shared<int>(0);
+    command->add_option("--time-frames", *frame_rounds, "With --eval: rounds through the test views in which frames of the trained model are timed, for results.json")
+        ->check(CLI::Range(0, 100000));
+    command->callback([=, &selected] { selected = [=] { run_training(arguments->resolve(), *frame_rounds); }; });
 }
 
 }  // namespace gs

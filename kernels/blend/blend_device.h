@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// Scores of one fragment above this come from colours that no image holds.
+inline constexpr double kLargestScore = 1e30;
+
 /// A splat with its conic scaled so that alpha = opacity * 2^(qa dx^2 + qb dx dy + qc dy^2).
 template <class P> struct FragmentShape {
     P mx, my, qa, qb, qc, opacity;
@@ -65,19 +68,50 @@ template <class P> struct FragmentGradient {
     P w, h;
 };
 
-template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb) {
+/// w = T alpha and dL/dalpha of one fragment; both 0 where it is not blended.
+template <class P> struct FragmentSlope {
+    P w, dL_dalpha;
+};
+
+/// Passes a fragment front to back: `t`, `behind` and `background` are those of PixelBackward, color_gradient is
+/// dL/dpixel . colour of the fragment.
+template <class P, class T> GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient) {
     const P zero(T(0)), one(T(1));
-    const auto active = at_least(alpha, P(T(kMinAlpha))) & at_least(s.t, P(T(kMinTransmittance)));
-    const P w = select(active, s.t * alpha, zero);
-    const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
-    const P t_after = s.t - w;
+    const auto active = at_least(alpha, P(T(kMinAlpha))) & at_least(t, P(T(kMinTransmittance)));
+    const P w = select(active, t * alpha, zero);
+    const P t_after = t - w;
     // Behind the fragment that finishes a pixel there is exactly nothing. Setting so removes the one badly
     // conditioned case: 1/(1-alpha) up to 1e6 times rounding noise.
-    s.behind = select(at_least(t_after, P(T(kMinTransmittance))), s.behind - w * color_gradient, zero);
+    behind = select(at_least(t_after, P(T(kMinTransmittance))), behind - w * color_gradient, zero);
     const P inverse = reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))));
-    const P dL_dalpha = s.t * color_gradient - (s.behind + s.background) * inverse;
-    s.t = t_after;
-    return {w, select(active, -(alpha * dL_dalpha), zero)};
+    const P dL_dalpha = t * color_gradient - (behind + background) * inverse;
+    t = t_after;
+    return {w, select(active, dL_dalpha, zero)};
+}
+
+template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb) {
+    const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
+    const FragmentSlope<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient);
+    return {f.w, -(alpha * f.dL_dalpha)};
+}
+
+/// Front-to-back state of a pixel while its fragments are scored: that of PixelBackward for L = I, the sum of the channels
+/// of the composited colour.
+template <class P> struct PixelScore {
+    P t, behind, background;
+
+    /// Of a pixel with this colour and final transmittance.
+    template <class T> static GS_HD PixelScore of(const Vec3<T>& color, T transmittance, const Vec3<T>& bg) {
+        const T background = transmittance * (bg.x + bg.y + bg.z);
+        return {P(T(1)), P(color.x + color.y + color.z - background), P(background)};
+    }
+};
+
+/// (dI/dG)^2 of one fragment, G = alpha / opacity its Gaussian's value (densification spec section 3). What is not finite
+/// counts as nothing: such a Gaussian is not worth more than one that was never seen.
+template <class P, class T> GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum) {
+    const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum).dL_dalpha, square = slope * slope;
+    return select(at_least(P(T(kLargestScore)), square), square, P(T(0)));
 }
 
 template <class P, class T>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How threads, pixels and a batch of splats are laid out in the blend kernels. Included by blend*.cu only.
+// How threads, pixels and a batch of splats are laid out in the blend kernels. Included by the .cu files of this folder only.
 #pragma once
 
 #include "kernels/blend/blend_cuda.h"

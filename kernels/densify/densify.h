@@ -25,6 +25,9 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
 /// Removes Gaussians that no view can show: opacity < 1/255 or |q|^2 < 1e-8. Returns how many went.
 std::int64_t remove_invisible(Gaussians& state);
 
+/// Removes the share `ratio` of lowest scores (score_rule.h), one score a row. Returns how many went.
+std::int64_t remove_lowest_scores(Gaussians& state, const std::vector<float>& scores, double ratio);
+
 /// Order of the Morton codes of the means, 21 bits an axis (optimization spec section 6).
 std::vector<std::uint32_t> morton_order(const Gaussians& state);
 

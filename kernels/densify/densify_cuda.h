@@ -18,6 +18,8 @@ class CudaDensify {
     void morton_sort();
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]);
     std::int64_t prune_invisible();
+    /// scores: on the device, not in the scratch.
+    std::int64_t prune_lowest_scores(const float* scores, double ratio);
 
   private:
     CudaModel& model_;

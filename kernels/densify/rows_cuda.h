@@ -82,4 +82,48 @@ inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows,
 /// there on are copies and start with none. order: on the device; there must be room for `total` rows. Sets the count.
 void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total, const RowSlice& slice, cudaStream_t stream);
 
+struct IsUnmarked {
+    const unsigned char* marked;
+    __device__ bool operator()(std::uint32_t i) const { return !marked[i]; }
+};
+
+/// A mark a row, zero at first, and what it takes to remove the marked rows.
+struct PruneSpace {
+    unsigned char* marked = nullptr;
+    unsigned long long* num_bad = nullptr; ///< a counter a group, zero at first
+
+    PruneSpace(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), stream_(stream) {
+        const std::int64_t n = model.count, block = scratch.bytes();
+        cub_.ask([&](void* m, std::size_t& b) { return select(m, b); });
+        scratch.carve([&](Carver& c) {
+            marked = c.take<unsigned char>(n), num_bad = c.take<unsigned long long>(kNumGroups);
+            order_ = c.take<std::uint32_t>(n), num_kept_ = c.take<std::int64_t>(1);
+            cub_.take(c);
+            slice_ = take_slice(c, model, n, block);
+        });
+        GS_CUDA(cudaMemsetAsync(marked, 0, n, stream));
+        GS_CUDA(cudaMemsetAsync(num_bad, 0, kNumGroups * sizeof *num_bad, stream));
+    }
+    /// How many went. Waits.
+    std::int64_t remove_marked() {
+        const std::int64_t n = model_.count;
+        cub_.run([&](void* m, std::size_t& b) { return select(m, b); });
+        const std::int64_t kept = read_back(num_kept_, stream_);
+        if (kept == n) return 0;
+        gather_rows(model_, order_, kept, kept, slice_, stream_);
+        GS_CUDA(cudaStreamSynchronize(stream_));
+        return n - kept;
+    }
+
+  private:
+    cudaError_t select(void* m, std::size_t& b) const { return select_rows(m, b, model_.count, IsUnmarked{marked}, order_, num_kept_, stream_); }
+
+    CudaModel& model_;
+    cudaStream_t stream_;
+    std::uint32_t* order_ = nullptr;
+    std::int64_t* num_kept_ = nullptr;
+    CubSpace cub_;
+    RowSlice slice_;
+};
+
 }  // namespace gs

@@ -35,12 +35,6 @@ void linear_backward(const Real* weights, const ControllerLayer& layer, const Re
     }
 }
 
-/// Blocks in one bin of an image of (columns, rows) blocks.
-int bin_size(int bin, int columns, int rows) {
-    const int x = bin % kControllerBins, y = bin / kControllerBins;
-    return (controller_bin_end(x, columns) - controller_bin_begin(x, columns)) * (controller_bin_end(y, rows) - controller_bin_begin(y, rows));
-}
-
 constexpr int kEncoded = kControllerConv[3]; ///< channels of a bin
 
 }  // namespace
@@ -70,7 +64,7 @@ template <class Real> void Controller<Real>::forward(const Real* weights, const 
         const int column = bin % kControllerBins, row = bin / kControllerBins;
         for (int y = controller_bin_begin(row, rows); y < controller_bin_end(row, rows); ++y)
             for (int c = 0; c < kControllerChannels; ++c) mean[c] += row_sums_[std::size_t(y) * kRowValues + column * kControllerChannels + c];
-        for (int c = 0; c < kControllerChannels; ++c) mean[c] /= Real(bin_size(bin, columns, rows));
+        for (int c = 0; c < kControllerChannels; ++c) mean[c] /= Real(controller_bin_size(bin, columns, rows));
         linear(weights, controller_layer(2), mean, encoded);
         for (int c = 0; c < kEncoded; ++c) inputs_[0][c * kControllerGrid + bin] = encoded[c];
     }
@@ -99,7 +93,7 @@ template <class Real> void Controller<Real>::backward(const Real* weights, const
         Real dL_dencoded[kEncoded], *dL_dmean = dL_dbins.data() + bin * kControllerChannels;
         for (int c = 0; c < kEncoded; ++c) dL_dencoded[c] = dL_dlayer[c * kControllerGrid + bin];
         linear_backward(weights, controller_layer(2), bins_.data() + bin * kControllerChannels, dL_dencoded, dL_dmean, dL_dweights);
-        for (int c = 0; c < kControllerChannels; ++c) dL_dmean[c] /= Real(bin_size(bin, columns, rows));
+        for (int c = 0; c < kControllerChannels; ++c) dL_dmean[c] /= Real(controller_bin_size(bin, columns, rows));
     }
     row_gradients_.assign(std::size_t(rows) * kControllerBlockWeights, Real(0));
     parallel_for(rows, [&](std::int64_t y) {

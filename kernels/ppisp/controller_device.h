@@ -44,6 +44,11 @@ GS_HD constexpr bool controller_sees(int width, int height) { return controller_
 GS_HD constexpr int controller_bin_begin(int bin, int n) { return bin * n / kControllerBins; }
 GS_HD constexpr int controller_bin_end(int bin, int n) { return ((bin + 1) * n + kControllerBins - 1) / kControllerBins; }
 GS_HD constexpr bool controller_bin_has(int bin, int n, int block) { return controller_bin_begin(bin, n) <= block && block < controller_bin_end(bin, n); }
+/// Blocks in bin `bin` (row-major) of an image of columns x rows blocks.
+GS_HD constexpr int controller_bin_size(int bin, int columns, int rows) {
+    const int x = bin % kControllerBins, y = bin / kControllerBins;
+    return (controller_bin_end(x, columns) - controller_bin_begin(x, columns)) * (controller_bin_end(y, rows) - controller_bin_begin(y, rows));
+}
 
 /// A block of pixels of a planar image.
 template <class Real> struct ControllerBlock {

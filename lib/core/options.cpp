@@ -202,8 +202,10 @@ void validate(TrainOptions& options) {
         options.ppisp = "on";
     }
     if (options.ppisp_exif && options.ppisp == "off") throw UsageError("option ppisp-exif: there is no correction to start; give --ppisp on or auto as well");
+    if (options.speedy_splat && options.strategy != "adc")
+        throw UsageError(fmt::format("option speedy-splat: goes with strategy adc, not with {}", options.strategy));
     const bool mcmc = options.strategy == "mcmc";
-    if (options.opacity_lr == 0) options.opacity_lr = mcmc ? 0.05 : 0.025;
+    if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;
 }
 

@@ -116,10 +116,15 @@ TrainOptions TrainArguments::base(bool stored_run) const {
 }
 
 TrainOptions TrainArguments::resolve(const ResolveRules& rules) const {
+    TrainOptions options = combine(rules);
+    validate(options);
+    return options;
+}
+
+TrainOptions TrainArguments::combine(const ResolveRules& rules) const {
     TrainOptions options = base(rules.stored_run);
     apply_flags(options);
     if (options.source.empty()) options.source = rules.default_source;
-    validate(options);
     return options;
 }
 

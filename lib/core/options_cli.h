@@ -30,6 +30,9 @@ class TrainArguments {
     /// Call after parsing. Throws UsageError.
     TrainOptions resolve(const ResolveRules& rules = {}) const;
 
+    /// The same, not validated: for callers that change options before they do.
+    TrainOptions combine(const ResolveRules& rules = {}) const;
+
   private:
     TrainOptions base(bool stored_run) const;
     void apply_flags(TrainOptions& options) const;

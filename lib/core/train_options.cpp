@@ -253,8 +253,8 @@ void add_rate_options(Table& table) {
     table.push_back({.key = "opacity-lr",
                      .field = &O::opacity_lr,
                      .group = group,
-                     .help = "rate of the opacity logits; 0: 0.05 with mcmc, 0.025 otherwise; auto: 0.025 to 0.05, the higher the "
-                             "farther apart the cameras are",
+                     .help = "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
+                             "0.05, the higher the farther apart the cameras are",
                      .min = 0,
                      .max = 10,
                      .nan_word = "auto"});
@@ -275,6 +275,12 @@ void add_densification_options(Table& table) {
                      .group = group,
                      .help = "how the number of Gaussians changes: mcmc = relocate and grow to the cap, adc = the original 3DGS rule",
                      .choices = {"mcmc", "adc", "none"}});
+    table.push_back({.key = "speedy-splat",
+                     .field = &O::speedy_splat,
+                     .group = group,
+                     .help = "with adc: every 3000 iterations from 6000 on, remove the Gaussians that the training images depend on least; 80 % of them "
+                             "while densification lasts, then 30 %",
+                     .names = {"--speedy"}});
     table.push_back({.key = "cap-max",
                      .field = &O::cap_max,
                      .group = group,

@@ -54,10 +54,11 @@ struct TrainOptions {
     double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
     std::int64_t position_lr_max_steps = 30000;
     double scaling_lr = 0.005, rotation_lr = 0.001;
-    double opacity_lr = 0;                ///< 0 = 0.05 with mcmc, 0.025 with adc; NaN = auto, from the camera spacing
+    double opacity_lr = 0;                ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
     double lobe_lr = 0.0025;              ///< NASG, NASGabor; NaN = auto, from the camera spacing
     // Densification
     std::string strategy = "mcmc";        ///< mcmc | adc | none
+    bool speedy_splat = false;            ///< with adc: Speedy-Splat's pruning by score
     std::int64_t cap_max = 1000000;
     std::int64_t densify_from_iter = 600, densify_until_iter = -1; ///< -1 = 24900 with mcmc, 14900 with adc
     std::int64_t densification_interval = 100;

@@ -15,14 +15,22 @@ constexpr std::int64_t kPruneLargeFrom = 3000;
 /// ADC resets once more, early, when a bright background could be taken for geometry.
 constexpr std::int64_t kExtraReset = 500;
 
+/// Speedy-Splat's pruning (spec section 3): not before two opacity resets have shown what is needed, then with every third
+/// thousand. These are iterations of the reference; they do not stretch with the length of a run.
+constexpr std::int64_t kScorePruneFrom = 6000, kScorePruneInterval = 3000;
+/// While ADC still grows what is missing most can go; afterwards nothing comes back.
+constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
+
 }  // namespace
 
-DensificationSchedule::DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background)
+DensificationSchedule::DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background,
+                                             std::vector<RenderRequest> views)
     : options_(options),
       initial_degree_(appearance_model(appearance.model).initial_degree),
       max_degree_(appearance.max_degree),
       extent_(extent),
-      black_background_(black_background) {}
+      black_background_(black_background),
+      views_(std::move(views)) {}
 
 int DensificationSchedule::active_degree(std::int64_t iteration) const {
     return int(std::min<std::int64_t>(max_degree_, initial_degree_ + iteration / kDegreeInterval));
@@ -32,8 +40,8 @@ bool DensificationSchedule::gathers(std::int64_t iteration) const {
     return options_.strategy == "adc" && iteration < options_.densify_until_iter;
 }
 
-DensifyStats DensificationSchedule::apply(Backend& backend, std::int64_t iteration) {
-    DensifyStats stats;
+ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration) {
+    ScheduledChange change;
     if (iteration % kDegreeInterval == 0) backend.set_active_degree(active_degree(iteration));
     const bool adc = options_.strategy == "adc";
     const bool due = options_.strategy != "none" && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
@@ -44,17 +52,34 @@ DensifyStats DensificationSchedule::apply(Backend& backend, std::int64_t iterati
         p.extent = float(extent_);
         p.prune_large = iteration > kPruneLargeFrom;
         p.cap = options_.cap_max;
-        stats = backend.densify_adc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify_adc(p, iteration, options_.seed);
     } else if (due) {
         McmcParams p;
         p.cap = options_.cap_max;
-        stats = backend.densify_mcmc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify_mcmc(p, iteration, options_.seed);
     }
+    // Before the opacity reset, after which all Gaussians look alike.
+    if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
     if (iteration % kMortonInterval == 0 && iteration <= options_.densify_until_iter + kMortonInterval) backend.morton_sort();
     const bool reset = iteration > 0 && iteration < options_.densify_until_iter &&
                        (iteration % options_.opacity_reset_interval == 0 || (iteration == kExtraReset && !black_background_));
     if (adc && reset) backend.reset_opacity();
-    return stats;
+    return change;
+}
+
+ScheduledChange DensificationSchedule::after_step(Backend& backend, std::int64_t iteration) {
+    ScheduledChange change;
+    if (prunes_by_score(iteration) && iteration > options_.densify_until_iter) prune(backend, kHardRatio, change);
+    return change;
+}
+
+bool DensificationSchedule::prunes_by_score(std::int64_t iteration) const {
+    return options_.speedy_splat && iteration >= kScorePruneFrom && iteration % kScorePruneInterval == 0;
+}
+
+void DensificationSchedule::prune(Backend& backend, double ratio, ScheduledChange& change) const {
+    change.pruned_by_score = backend.prune_lowest_scores(views_, ratio);
+    change.count = backend.count();
 }
 
 }  // namespace gs

@@ -2,19 +2,33 @@
 // When the set of Gaussians changes (optimization spec section 1, densification spec).
 #pragma once
 
+#include <vector>
+
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
 
 namespace gs {
 
-/// Everything that happens before the step of an iteration: degree, densification, Morton order, opacity reset.
+/// What a densification did, and how many Gaussians Speedy-Splat's pruning removed after it.
+struct ScheduledChange : DensifyStats {
+    std::int64_t pruned_by_score = 0;
+};
+
+/// Everything that happens before the step of an iteration: degree, densification, pruning, Morton order, opacity reset; and
+/// the pruning after a step.
 class DensificationSchedule {
   public:
-    /// `options` validated; `black_background` spares ADC its early extra reset.
-    DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background);
+    /// `options` validated; `black_background` spares ADC its early extra reset; `views`: all training views, for the scores of
+    /// Speedy-Splat's pruning.
+    DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background,
+                          std::vector<RenderRequest> views);
 
-    /// Runs what is due at `iteration` (0-based). Returns what densification did; all zero where it was not due.
-    DensifyStats apply(Backend& backend, std::int64_t iteration);
+    /// Runs what is due before the step of `iteration` (0-based). Returns what densification and pruning did; all zero where they
+    /// were not due.
+    ScheduledChange before_step(Backend& backend, std::int64_t iteration);
+
+    /// Runs what is due after that step.
+    ScheduledChange after_step(Backend& backend, std::int64_t iteration);
 
     /// The degree active in the step of `iteration`: one more at 1000, 2000, ...
     int active_degree(std::int64_t iteration) const;
@@ -23,10 +37,14 @@ class DensificationSchedule {
     bool gathers(std::int64_t iteration) const;
 
   private:
+    bool prunes_by_score(std::int64_t iteration) const;
+    void prune(Backend& backend, double ratio, ScheduledChange& change) const;
+
     const TrainOptions& options_;
     int initial_degree_, max_degree_;
     double extent_;
     bool black_background_;
+    std::vector<RenderRequest> views_;
 };
 
 }  // namespace gs

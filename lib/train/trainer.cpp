@@ -63,7 +63,7 @@ class Run {
           appearance_(appearance_spec(options)),
           background_(parse_background(options.background)),
           rates_(options, appearance_, scene),
-          schedule_(options_, appearance_, scene.extent, options.background == "black"),
+          schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
           photometric_(options_, scene),
           order_(scene.train.size(), options.seed),
           prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
@@ -113,6 +113,16 @@ class Run {
                 throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " + how_to_continue());
             }
         }
+    }
+
+    /// On one background, black where that of the steps is random: scores compare Gaussians, not backgrounds.
+    std::vector<RenderRequest> training_views() const {
+        std::vector<RenderRequest> views(scene_.train.size());
+        for (std::size_t k = 0; k < views.size(); ++k) {
+            views[k].camera = camera_params(scene_.train[k].camera);
+            views[k].background = fixed_background();
+        }
+        return views;
     }
 
     template <class Fn> void timed(Fn&& fn) {
@@ -181,10 +191,7 @@ class Run {
 
     void iterate() {
         decide_photometric();
-        const DensifyStats change = schedule_.apply(*backend_, iteration_);
-        if (change.relocated || change.added || change.cloned || change.split || change.pruned)
-            log_->write({{"event", "densify"}, {"iteration", iteration_ + 1}, {"relocated", change.relocated}, {"added", change.added},
-                         {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned}, {"num_gaussians", change.count}});
+        write_change(schedule_.before_step(*backend_, iteration_));
         const std::size_t index = order_.at(iteration_);
         const auto image = images_.get(index);
         if (iteration_ + prefetch_ < options_.iterations) images_.prefetch(ahead_.at(iteration_ + prefetch_));
@@ -196,6 +203,7 @@ class Run {
         rates_.apply(iteration_, request);
         photometric_.apply(index, iteration_, request);
         backend_->step(request);
+        write_change(schedule_.after_step(*backend_, iteration_));
         ++iteration_;
         if (iteration_ % kMaxSkips == 0) read_stats();
         if (iteration_ % kLogInterval == 0) prune_nonfinite();
@@ -246,6 +254,13 @@ class Run {
         }
         settle();
         progress_.finish();
+    void write_change(const ScheduledChange& change) {
+        if (change.relocated || change.added || change.cloned || change.split || change.pruned)
+            log_->write({{"event", "densify"}, {"iteration", iteration_ + 1}, {"relocated", change.relocated}, {"added", change.added},
+                         {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned},
+                         {"num_gaussians", change.count + change.pruned_by_score}});
+        if (change.pruned_by_score)
+            log_->write({{"event", "prune_by_score"}, {"iteration", iteration_ + 1}, {"pruned", change.pruned_by_score}, {"num_gaussians", change.count}});
     }
 
     void settle() {

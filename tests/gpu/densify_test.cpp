@@ -4,6 +4,7 @@
 
 #include <bit>
 
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
 #include "tests/kernels/random_scene.h"
@@ -171,6 +172,31 @@ TEST_F(CudaDensification, AdcGrowsAgainAndAgain) {
         s = both.gpu->download(true);
     }
     EXPECT_GT(s.count, 1000);
+}
+
+TEST_F(CudaDensification, AdcMovesTheResidualsOfEveryModel) {
+    for (const ModelInfo* info : appearance_models()) {
+        SCOPED_TRACE(info->name);
+        Gaussians s = random_model(700, 1, 21);
+        s.appearance = {info->name, info->max_degree_limit, ColorActivation::kRelu};
+        auto& residuals = s[Group::kResidual];
+        residuals.width = info->residual_width(info->max_degree_limit);
+        residuals.param.resize(std::size_t(s.count) * residuals.width);
+        std::iota(residuals.param.begin(), residuals.param.end(), 1.0f);
+        residuals.m = residuals.v = residuals.param;
+        s.shared.width = info->num_shared;
+        s.shared.param.assign(std::size_t(info->num_shared), 0.25f);
+        gather_statistic(s, 22);
+        const Both both(s);
+        AdcParams p;
+        p.extent = 20;
+        const DensifyStats stats = both.gpu->densify_adc(p, 600, 3);
+        expect_same(both.cpu->densify_adc(p, 600, 3), stats);
+        EXPECT_GT(stats.cloned, 0);
+        EXPECT_GT(stats.split, 0);
+        both.expect_same(2e-6f, {Group::kMean});
+        Both::expect_same(both.cpu->download(true).shared.param, both.gpu->download(true).shared.param, 0, "shared weights");
+    }
 }
 
 TEST_F(CudaDensification, AdcThatLeavesNothingIsTheSameError) {

@@ -118,5 +118,39 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
     EXPECT_EQ(moved > 0.01, TypeParam::kDirectional);
 }
 
+TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
+    const auto camera = test_camera(20, 18);
+    std::vector<std::unique_ptr<Backend>> backends;
+    const AppearanceSpec appearance{this->info.name, this->info.max_degree_limit, ColorActivation::kRelu};
+    backends.push_back(make_cpu_backend(appearance));
+    if (cuda_available()) backends.push_back(make_cuda_backend(appearance));
+    for (auto& backend : backends) {
+        SCOPED_TRACE(backend->describe());
+        Gaussians s = cast<float>(this->random_model(60, ColorActivation::kRelu, camera));
+        s.gradient_sum.assign(60, 1.0f), s.gradient_count.assign(60, 1.0f); // all grow
+        for (float& x : s[Group::kOpacity].param) x = std::abs(x);
+        backend->upload(s);
+        AdcParams p;
+        p.extent = 40; // clones and splits, about as many
+        const DensifyStats stats = backend->densify_adc(p, 600, 1);
+        EXPECT_GT(stats.cloned, 0);
+        EXPECT_GT(stats.split, 0);
+        EXPECT_EQ(backend->count(), 120);
+        RenderRequest view;
+        view.camera = cast<float>(camera);
+        EXPECT_GE(backend->prune_lowest_scores({view}, 0.3), 36);
+        const Gaussians after = backend->download(false);
+        const int width = s[Group::kResidual].width;
+        for (std::int64_t i = 0; i < after.count; ++i) { // the base colour names the parent
+            std::int64_t parent = 0;
+            while (parent < 60 && after[Group::kBase].param[3 * i] != s[Group::kBase].param[3 * parent]) ++parent;
+            ASSERT_LT(parent, 60) << i;
+            for (int c = 0; c < width; ++c)
+                EXPECT_EQ(after[Group::kResidual].param[i * width + c], s[Group::kResidual].param[parent * width + c]) << "row " << i << " column " << c;
+        }
+        EXPECT_EQ(after.shared.param, s.shared.param);
+    }
+}
+
 }  // namespace
 }  // namespace gs::test

@@ -117,6 +117,12 @@ struct BruteForcePixel {
     double threshold_distance = 1e9; ///< nearest relative distance of an alpha to 1/255 or of T to 1e-4
 };
 
+/// Added to the value of one Gaussian at a pixel.
+struct Bump {
+    std::int64_t gaussian = -1;
+    double value = 0;
+};
+
 /// All Gaussians at every pixel in depth order, in double, straight from the definitions (matrix inverse and all).
 class BruteForce {
   public:
@@ -146,7 +152,7 @@ class BruteForce {
             cov[0][0] += 0.3, cov[1][1] += 0.3;
             const double det = cov[0][0] * cov[1][1] - cov[0][1] * cov[0][1];
             Item item{p.z, camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy, cov[1][1] / det, -cov[0][1] / det, cov[0][0] / det,
-                      1 / (1 + std::exp(-s[Group::kOpacity].param[i])), {}};
+                      1 / (1 + std::exp(-s[Group::kOpacity].param[i])), {}, i};
             const Vec3<double> d = Vec3<double>{m[0], m[1], m[2]} - camera.position;
             const Vec3<double> res = appearance::Sh::residual(s[Group::kResidual].param.data() + i * s[Group::kResidual].width,
                                                               d * (1 / std::sqrt(dot(d, d))), s.active_degree);
@@ -158,12 +164,14 @@ class BruteForce {
         std::stable_sort(items_.begin(), items_.end(), [](const Item& a, const Item& b) { return a.depth < b.depth; });
     }
 
-    BruteForcePixel pixel(int px, int py, const Vec3<double>& background, bool truncate) const {
+    BruteForcePixel pixel(int px, int py, const Vec3<double>& background, bool truncate, Bump bump = {}) const {
         BruteForcePixel out{{0, 0, 0}};
         double t = 1;
         for (const Item& s : items_) {
             const double dx = s.x - (px + 0.5), dy = s.y - (py + 0.5);
-            const double alpha = s.opacity * std::exp(-0.5 * (s.a * dx * dx + s.c * dy * dy) - s.b * dx * dy);
+            double value = std::exp(-0.5 * (s.a * dx * dx + s.c * dy * dy) - s.b * dx * dy);
+            if (s.gaussian == bump.gaussian) value += bump.value;
+            const double alpha = s.opacity * value;
             out.threshold_distance = std::min(out.threshold_distance, std::abs(alpha * 255 - 1));
             if (alpha < 1.0 / 255) {
                 out.dropped_alpha += alpha;
@@ -183,6 +191,7 @@ class BruteForce {
     struct Item {
         double depth, x, y, a, b, c, opacity;
         Vec3<double> color;
+        std::int64_t gaussian;
     };
     std::vector<Item> items_;
     double max_color_ = 0;

@@ -33,6 +33,8 @@ class ForwardingBackend : public Backend {
         return inner_->densify_adc(params, iteration, seed);
     }
     void reset_opacity() override { inner_->reset_opacity(); }
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override { return inner_->scores(views); }
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override { return inner_->prune_lowest_scores(views, ratio); }
     void morton_sort() override { inner_->morton_sort(); }
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return inner_->prune_nonfinite(by_group); }
     std::int64_t prune_invisible() override { return inner_->prune_invisible(); }

@@ -127,6 +127,49 @@ TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
     expect_resuming_equals_not_stopping(small_options(tmp.path() / "whole", GetParam()), 37, tmp.path() / "part");
 }
 
+/// Values of `name` in the log lines of this event.
+std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event, const std::string& name) {
+    std::ifstream log(RunFolder{o.model}.train_log());
+    std::vector<std::int64_t> values;
+    for (std::string line; std::getline(log, line);) {
+        const auto json = nlohmann::json::parse(line);
+        if (json["event"] == event) values.push_back(json[name]);
+    }
+    return values;
+}
+
+// The pruning at 6000 is soft, before the step, where densification lasts, and else hard, after it. The runs start from a
+// checkpoint that says it had 5990 iterations.
+TEST(TrainSpeedySplat, ResumingAroundAPruningEqualsNotStopping) {
+    const test::TemporaryFolder tmp;
+    Scene scene = small_scene();
+    scene.extent = 10; // or all would be too large for it
+    TrainOptions first = small_options(tmp.path() / "first", "adc");
+    run(first, scene);
+    Checkpoint start = read_checkpoint(RunFolder{first.model}.checkpoint(60));
+    start.iteration = 5990;
+    for (const bool hard : {false, true}) {
+        TrainOptions whole = small_options(tmp.path() / (hard ? "hard" : "soft"), "adc");
+        whole.speedy_splat = true, whole.iterations = 6010, whole.densify_until_iter = hard ? 5995 : 6100;
+        whole.resume = (tmp.path() / "start.safetensors").string();
+        write_checkpoint(whole.resume, start);
+        run(whole, scene);
+        EXPECT_EQ(logged(whole, "prune_by_score", "iteration"), (std::vector<std::int64_t>{6001}));
+        const std::int64_t pruned = logged(whole, "prune_by_score", "pruned").at(0), left = logged(whole, "prune_by_score", "num_gaussians").at(0);
+        EXPECT_NEAR(double(pruned) / double(pruned + left), hard ? 0.3 : 0.8, 0.1);
+        for (const std::int64_t stop : {6000, 6001}) {
+            TrainOptions part = whole;
+            part.model = (tmp.path() / (std::to_string(stop) + (hard ? "h" : "s"))).string();
+            part.iterations = stop;
+            run(part, scene);
+            part.iterations = whole.iterations, part.resume = "latest";
+            run(part, scene);
+            EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(6010)), bytes_of(RunFolder{part.model}.point_cloud(6010))) << stop;
+            EXPECT_EQ(logged(part, "prune_by_score", "pruned"), std::vector<std::int64_t>{pruned}) << stop;
+        }
+    }
+}
+
 class TrainModels : public ::testing::TestWithParam<const ModelInfo*> {};
 INSTANTIATE_TEST_SUITE_P(All, TrainModels, ::testing::ValuesIn(appearance_models()), [](const auto& info) { return info.param->name; });
 
@@ -448,7 +491,7 @@ TEST(DegreeSchedule, RaisesByOneEveryThousandIterations) {
     TrainOptions o;
     o.source = "x";
     validate(o);
-    const DensificationSchedule s(o, appearance_spec(o), 1, true);
+    const DensificationSchedule s(o, appearance_spec(o), 1, true, {});
     EXPECT_EQ(s.active_degree(0), 0);
     EXPECT_EQ(s.active_degree(999), 0);
     EXPECT_EQ(s.active_degree(1000), 1);

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// The grids, and reading their run folders back.
+#include "eval/suite.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
+
+#include <algorithm>
+#include <functional>
+#include <limits>
+
+#include "eval/table.h"
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+#include "lib/model/run_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Row {
+    std::string name, folder;
+    std::function<void(TrainOptions&)> vary;
+};
+
+std::vector<Row> densification_rows() {
+    const auto strategy = [](const char* name, bool speedy) {
+        return [=](TrainOptions& o) { o.strategy = name, o.speedy_splat = speedy; };
+    };
+    const auto tenth = [](TrainOptions& o) {
+        o.strategy = "mcmc", o.speedy_splat = false;
+        o.cap_max = std::max<std::int64_t>(1, o.cap_max / 10);
+    };
+    return {{"MCMC", "mcmc", strategy("mcmc", false)},
+            {"MCMC 0.1x", "mcmc-0.1x", tenth},
+            {"ADC", "adc", strategy("adc", false)},
+            {"ADC + Speedy-Splat", "adc-speedy", strategy("adc", true)}};
+}
+
+std::vector<Row> activation_rows() {
+    struct Rate {
+        const char* name;
+        double value;
+    };
+    constexpr Rate kRates[] = {{"0.05", 0.05}, {"0.025", 0.025}, {"auto", std::numeric_limits<double>::quiet_NaN()}};
+    std::vector<Row> rows;
+    for (const char* activation : {"relu", "softplus", "sigmoid", "hardsigmoid"})
+        for (const Rate& rate : kRates)
+            rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name), fmt::format("{}-{}", activation, rate.name),
+                            [=, value = rate.value](TrainOptions& o) { o.color_activation = activation, o.opacity_lr = value; }});
+    return rows;
+}
+
+struct Suite {
+    const char* name;
+    std::vector<Row> (*rows)();
+};
+constexpr Suite kSuites[] = {{"densification", densification_rows}, {"activations", activation_rows}};
+
+std::vector<Row> rows_of(const std::string& suite) {
+    for (const Suite& s : kSuites)
+        if (s.name == suite) return s.rows();
+    throw UsageError(fmt::format("--suite: '{}' is not one of {}", suite, fmt::join(suite_names(), ", ")));
+}
+
+/// What a run may differ in and still have made the same figures.
+bool is_immaterial(const Option& option) {
+    static const std::vector<std::string> keys = {"source",          "model",           "image-cache",           "overwrite",    "resume",
+                                                  "test-iterations", "save-iterations", "checkpoint-iterations", "preview-every"};
+    return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
+}
+
+bool same_training(const TrainOptions& a, const TrainOptions& b) {
+    std::error_code ignored;
+    if (a.source != b.source && !fs::equivalent(a.source, b.source, ignored)) return false;
+    const std::vector<Option>& table = train_option_table();
+    return std::all_of(table.begin(), table.end(), [&](const Option& o) { return is_immaterial(o) || option_text(o, a) == option_text(o, b); });
+}
+
+}  // namespace
+
+std::vector<std::string> suite_names() {
+    std::vector<std::string> names;
+    for (const Suite& suite : kSuites) names.push_back(suite.name);
+    return names;
+}
+
+std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<std::string>& appearances, const TrainOptions& base) {
+    std::vector<SuiteCell> cells;
+    for (const std::string& appearance : appearances)
+        for (const Row& row : rows_of(suite)) {
+            SuiteCell cell{row.name, appearance, base};
+            cell.options.appearance = appearance;
+            cell.options.eval = true;
+            cell.options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
+            row.vary(cell.options);
+            validate(cell.options);
+            cells.push_back(std::move(cell));
+        }
+    return cells;
+}
+
+bool holds_same_run(const SuiteCell& cell) {
+    std::error_code ignored;
+    if (!fs::exists(RunFolder{cell.options.model}.config(), ignored)) return false;
+    try {
+        return same_training(load_run_options(cell.options.model), cell.options);
+    } catch (const Error&) { // not a configuration of this program
+        return false;
+    }
+}
+
+std::optional<CellResult> finished_cell(const SuiteCell& cell) {
+    const RunFolder folder{cell.options.model};
+    const fs::path cloud = folder.point_cloud(cell.options.iterations);
+    std::error_code ignored;
+    if (!fs::exists(folder.results(), ignored) || !fs::exists(cloud, ignored) || !holds_same_run(cell)) return std::nullopt;
+    try {
+        const TableRow row = read_table_row(folder.root, cell.options.iterations);
+        // Written last, when a run has ended.
+        if (!row.num_gaussians || !row.train_seconds || !row.frame_seconds) return std::nullopt;
+        return CellResult{row.psnr, row.ssim, *row.num_gaussians, *row.train_seconds, *row.frame_seconds, std::int64_t(fs::file_size(cloud))};
+    } catch (const DataError&) { // results of another iteration, or cut short
+        return std::nullopt;
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scoring walks the lists of the forward pass once more: what a fragment is worth takes the final colour of its pixel.
+#include "kernels/blend/score_cuda.h"
+#include "kernels/blend/sub_tile_cuda.h"
+
+namespace gs {
+namespace {
+
+__device__ float warp_sum(float x) {
+#pragma unroll
+    for (int step = 16; step; step /= 2) x += __shfl_xor_sync(~0u, x, step);
+    return x;
+}
+
+/// A warp per sub-tile, through the whole list. out: by Gaussian, or by (slot, sub-tile) with a fixed order.
+template <bool kFixedOrder>
+__global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
+    __shared__ SplatBatch batches[kSubTiles];
+    __shared__ std::uint32_t all_targets[kSubTiles][32];
+    const int tile = bins.longest_first[blockIdx.x], warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
+    const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
+    SplatBatch& batch = batches[warp];
+    std::uint32_t* targets = all_targets[warp];
+    PixelScore<float> p{}; // outside of the image no light is left
+    if (pixel.x < image.width && pixel.y < image.height) {
+        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
+        p = PixelScore<float>::of(Vec3<float>{image.rgb[i], image.rgb[i + plane], image.rgb[i + 2 * plane]}, image.transmittance[i], image.background);
+    }
+    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
+    for (std::uint32_t base = begin; base < end; base += 32) {
+        if (__all_sync(~0u, p.t < float(kMinTransmittance))) break;
+        Splat<float> mine{};
+        std::uint32_t instance = 0;
+        bool hit = false;
+        if (base + lane < end) {
+            instance = bins.instances[base + lane];
+            mine = splats[kFixedOrder ? bins.gaussians[instance] : instance].splat();
+            hit = reaches(mine, sub_tile);
+        }
+        const unsigned hits = __ballot_sync(~0u, hit);
+        const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
+        if (hit) batch.store(place, mine), targets[place] = instance;
+        __syncwarp();
+        float of_lane = 0; // the sum of the lane-th splat
+        for (int k = 0; k < count; ++k) {
+            const SplatBatch::Entry s = batch.load(k);
+            const float sum = warp_sum(fragment_score<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.shape.opacity, s.r + s.g + s.b));
+            if (lane == k) of_lane = sum;
+        }
+        if (lane < count) {
+            if (kFixedOrder)
+                out[std::size_t(targets[lane]) * kSubTiles + warp] = of_lane;
+            else if (of_lane > 0)
+                atomicAdd(&out[targets[lane]], of_lane);
+        }
+        __syncwarp();
+    }
+}
+
+/// One thread per Gaussian: adds up its instances in their order, and the sub-tiles of each in theirs.
+__global__ void add_partial_scores(std::int64_t n, SlotMap slots, const float* __restrict__ partial, float* __restrict__ scores) {
+    const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;
+    if (k >= n) return;
+    const std::size_t begin = k ? slots.slot_ends[k - 1] : 0, end = slots.slot_ends[k];
+    if (begin == end) return;
+    float sum = 0;
+    for (std::size_t i = begin * kSubTiles; i < end * kSubTiles; ++i) sum += partial[i];
+    scores[slots.order[k]] += sum;
+}
+
+}  // namespace
+
+CudaScores::CudaScores(std::int64_t n, cudaStream_t stream) : n_(n), stream_(stream) {
+    if (n > 0) GS_CUDA(cudaMemsetAsync(scores_.reserve(n), 0, n * sizeof(float), stream));
+}
+
+void CudaScores::add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots, std::int64_t num_instances) {
+    if (num_instances == 0) return;
+    if (!slots) {
+        score_tiles<false><<<bins.num_tiles(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, scores_.get());
+        GS_CUDA_LAUNCHED("score_tiles");
+        return;
+    }
+    const std::size_t sums = std::size_t(num_instances) * kSubTiles;
+    GS_CUDA(cudaMemsetAsync(partial_.reserve(sums), 0, sums * sizeof(float), stream_));
+    score_tiles<true><<<bins.num_tiles(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, partial_.get());
+    GS_CUDA_LAUNCHED("score_tiles");
+    add_partial_scores<<<num_blocks(n_, 256), 256, 0, stream_>>>(n_, *slots, partial_.get(), scores_.get());
+    GS_CUDA_LAUNCHED("add_partial_scores");
+}
+
+std::vector<float> CudaScores::download() const {
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    return scores_.download(n_);
+}
+
+}  // namespace gs

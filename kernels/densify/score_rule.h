@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which Gaussians go when those of lowest score do (densification spec section 3), the same on every backend.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "kernels/core/portable.h"
+
+namespace gs {
+
+/// How many of n rows have to score at most the threshold: the threshold is the score of that rank, 1 the lowest.
+inline std::int64_t score_rank(double ratio, std::int64_t n) {
+    return std::clamp<std::int64_t>(std::int64_t(std::floor(ratio * double(n - 1))) + 1, 1, n);
+}
+
+/// Rows that stay whatever the scores: a hundredth. Where no view shows anything all scores are 0, and all would go.
+inline std::int64_t least_kept(std::int64_t n) { return (n + 99) / 100; }
+
+/// The last row that stays when rows are ordered by falling score, equal ones by index.
+struct ScoreCut {
+    float score;
+    std::uint32_t row;
+    GS_HD bool keeps(float other_score, std::uint32_t other_row) const {
+        return other_score > score || (other_score == score && other_row <= row);
+    }
+};
+
+}  // namespace gs

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// The controllers on the device: the same as controller.h. Included by .cu files only.
+#pragma once
+
+#include "kernels/core/device_memory.h"
+#include "kernels/ppisp/controller_device.h"
+#include "kernels/preprocess/splat_cuda.h"
+
+namespace gs {
+
+/// What one evaluation leaves behind, and the gradients with respect to it. Bins are means over blocks, (25, 32); what is encoded
+/// from them is laid out as the inputs of the first dense layer are.
+struct ControllerActivations {
+    static constexpr int kGridValues = kControllerGrid * kControllerChannels, kEncoded = kControllerInputs - 1;
+    float bins[kGridValues], inputs[kControllerInputs], hidden[3][kControllerHidden], out[kIspFrameValues];
+    float dL_dbins[kGridValues];                                                ///< with respect to the sum over a bin's blocks
+    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before their activation
+    int nonfinite;                                                              ///< a gradient of the last step was not finite
+};
+
+class CudaController {
+  public:
+    void upload(const PpispState& state);
+    void download(PpispState& state, bool with_moments) const;
+    void take(Carver& c, int width, int height, bool for_step);
+
+    /// Evaluates the controller of one camera on a planar (3,H,W) image; the result stays on the device.
+    const float* forward(int camera, const float* image, int width, int height, float prior_exposure, cudaStream_t stream);
+    /// Optimizer step of that controller. dL_dout: kIspFrameValues, on the device.
+    void step(int camera, const float* image, int width, int height, const float* dL_dout, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
+
+    bool exists() const { return count_ > 0; }
+    std::int64_t bytes() const;
+
+  private:
+    int count_ = 0;
+    DeviceBuffer<float> weights_, m_, v_; ///< (cameras, kControllerWeights)
+    DeviceBuffer<ControllerActivations> activations_;
+    float *row_sums_ = nullptr, *row_gradients_ = nullptr, *gradient_ = nullptr; ///< a row of blocks each; (kControllerWeights)
+};
+
+}  // namespace gs

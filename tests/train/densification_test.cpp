@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// At which iterations the schedule prunes by score, in which order, and that resuming does not change it.
+#include "lib/train/densification.h"
+
+#include <gtest/gtest.h>
+
+#include "lib/core/options.h"
+#include "lib/train/trainer.h"
+#include "tests/train/forwarding_backend.h"
+
+namespace gs {
+namespace {
+
+/// Writes down what is asked of it and does nothing.
+class Watched : public test::ForwardingBackend {
+  public:
+    Watched() : ForwardingBackend({}) {}
+    std::int64_t iteration = 0;
+    std::vector<std::pair<std::int64_t, double>> prunings;
+    std::vector<std::string> at_9000;
+    std::size_t num_views = 0;
+
+    std::int64_t count() const override { return 5; }
+    void set_active_degree(int) override {}
+    void morton_sort() override {}
+    DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override {
+        note("densify");
+        return {};
+    }
+    void reset_opacity() override { note("reset"); }
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override {
+        note("prune");
+        prunings.push_back({iteration, ratio});
+        num_views = views.size();
+        return 2;
+    }
+
+  private:
+    void note(const char* what) {
+        if (iteration == 9000) at_9000.push_back(what);
+    }
+};
+
+TrainOptions speedy_options() {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.strategy = "adc", o.speedy_splat = true;
+    return o;
+}
+
+/// All calls of a whole training; returns how many Gaussians before_step and after_step said went.
+std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
+    validate(o);
+    DensificationSchedule schedule(o, appearance_spec(o), 1, true, std::vector<RenderRequest>(3));
+    std::pair<std::int64_t, std::int64_t> pruned{0, 0};
+    for (std::int64_t k = 0; k < o.iterations; ++k) {
+        backend.iteration = k;
+        pruned.first += schedule.before_step(backend, k).pruned_by_score;
+        const ScheduledChange after = schedule.after_step(backend, k);
+        pruned.second += after.pruned_by_score;
+        if (after.pruned_by_score) {
+            EXPECT_EQ(after.count, 5);
+        }
+    }
+    return pruned;
+}
+
+using Prunings = std::vector<std::pair<std::int64_t, double>>;
+
+TEST(SpeedySchedule, IsTheOneOfTheSpec) {
+    Watched backend;
+    EXPECT_EQ(walk(speedy_options(), backend), (std::pair<std::int64_t, std::int64_t>{6, 10}));
+    EXPECT_EQ(backend.prunings,
+              (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.8}, {15000, 0.3}, {18000, 0.3}, {21000, 0.3}, {24000, 0.3}, {27000, 0.3}}));
+    EXPECT_EQ(backend.num_views, 3u);
+    EXPECT_EQ(backend.at_9000, (std::vector<std::string>{"densify", "prune", "reset"}));
+}
+
+TEST(SpeedySchedule, FollowsTheEndOfDensificationAndOfTheRun) {
+    Watched backend;
+    TrainOptions o = speedy_options();
+    o.densify_until_iter = 9000, o.iterations = 15000;
+    walk(o, backend);
+    EXPECT_EQ(backend.prunings, (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.3}}));
+}
+
+TEST(SpeedySchedule, IsSilentUnlessAskedFor) {
+    Watched backend;
+    TrainOptions o = speedy_options();
+    o.speedy_splat = false;
+    walk(o, backend);
+    EXPECT_TRUE(backend.prunings.empty());
+}
+
+}  // namespace
+}  // namespace gs
