@@ -21,7 +21,7 @@ constexpr std::array<Word, 5> kWords = {{
     {CorrectionMode::kController, "controller", "exposure and colour of each view predicted by the controller from its own render; vignetting and response of its camera; no use of the photograph"},
     {CorrectionMode::kNone, "none", "neutral exposure and colour; vignetting and response of its camera; no use of the photograph"},
     {CorrectionMode::kColourAligned, "colour-aligned", "neutral exposure and colour, then for each view the affine map of colours (3x4, least squares) that fits its photograph best: uses the test images"},
-    {CorrectionMode::kSceneAligned, "scene-aligned", "the Gaussians without any correction, then one affine map of colours (3x4, least squares) for all views: uses the test images"},
+    {CorrectionMode::kSceneAligned, "scene-aligned", "the Gaussians without any correction, then for all views together the power of their values and the affine map of colours (3x4, least squares) that fit the photographs best: uses the test images"},
 }};
 
 const Word& word(CorrectionMode mode) { return *std::find_if(kWords.begin(), kWords.end(), [&](const Word& w) { return w.mode == mode; }); }

@@ -16,7 +16,7 @@ enum class CorrectionMode {
     kController,     ///< exposure and colour predicted from the view's own render (and EXIF, where the model was told)
     kNone,           ///< neutral exposure and colour; vignetting and response of the camera
     kColourAligned,  ///< as kNone, then the affine colour transform that fits the photograph best; uses the test image
-    kSceneAligned,   ///< the Gaussians as they are, then one affine colour transform for all views; uses the test images
+    kSceneAligned,   ///< the Gaussians as they are, then one power and affine colour transform for all views; uses the test images
 };
 
 struct EvalCorrection {

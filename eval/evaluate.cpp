@@ -23,8 +23,6 @@ struct Pair {
     double render_seconds = 0;
 };
 
-using ColourMap = Eigen::Matrix<double, 3, 4>;
-
 /// The photograph, of the size of its camera.
 Image truth_of(const View& view, const Vec3<float>& background) {
     Image truth = quantized_target(view.load().color, background);
@@ -42,7 +40,7 @@ class Renderer {
     /// Fits the map that all views share.
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
-        ColourFit fit;
+        PowerFit fit;
         for (const View& view : views) fit.add(rendered(view), truth_of(view, background_));
         common_ = fit.solve();
     }

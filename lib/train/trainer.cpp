@@ -254,6 +254,8 @@ class Run {
         }
         settle();
         progress_.finish();
+    }
+
     void write_change(const ScheduledChange& change) {
         if (change.relocated || change.added || change.cloned || change.split || change.pruned)
             log_->write({{"event", "densify"}, {"iteration", iteration_ + 1}, {"relocated", change.relocated}, {"added", change.added},
