@@ -8,6 +8,7 @@
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/learning_rates.h"
+#include "lib/train/photometric.h"
 #include "lib/train/target_image.h"
 #include "lib/train/trainer.h"
 
@@ -49,6 +50,8 @@ class Steps {
         request_.camera = camera_params(scene_.train[views_[k]].camera);
         request_.target = target_image(images_[k], std::int64_t(views_[k]));
         rates_.apply(request_.iteration, request_);
+        request_.isp = {.mode = IspMode::kFrame, .frame = int(views_[k]), .camera = scene_.train[views_[k]].camera_id};
+        request_.isp_rate = kFrozen * ppisp_rate(0);
         for (double& rate : request_.rates) rate *= kFrozen;
         for (double& rate : request_.residual_rates) rate *= kFrozen;
         request_.shared_rate *= kFrozen;
@@ -111,7 +114,7 @@ double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<St
 
 FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
     std::vector<RenderRequest> requests(cameras.size());
-    for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background;
+    for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background, requests[k].isp.mode = IspMode::kController;
     return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.time_frames(requests, repeats)};
 }
 

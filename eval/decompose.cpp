@@ -6,10 +6,10 @@
 
 namespace gs {
 
-RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>& background, RenderMode mode) {
+RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>& background, RenderMode mode, const IspView& isp) {
     RenderRequest request;
     request.camera = camera;
-    if (mode != RenderMode::kResidualOnly) request.background = background;
+    if (mode != RenderMode::kResidualOnly) request.background = background, request.isp = isp;
     request.mode = mode;
     return request;
 }

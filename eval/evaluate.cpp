@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "eval/colour_fit.h"
 #include "eval/decompose.h"
 #include "eval/psnr.h"
 #include "eval/quantize.h"
@@ -22,22 +23,61 @@ struct Pair {
     double render_seconds = 0;
 };
 
-Pair render_pair(Backend& backend, const View& view, const Vec3<float>& background) {
-    RenderRequest request;
-    request.camera = camera_params(view.camera);
-    request.background = background;
-    RenderedImage rendered;
-    const auto start = std::chrono::steady_clock::now();
-    backend.render(request, rendered);
-    Pair pair;
-    pair.render_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    pair.render = quantized_render(rendered);
-    pair.truth = quantized_target(view.load().color, background);
-    if (pair.truth.width != pair.render.width || pair.truth.height != pair.render.height)
-        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, pair.truth.width, pair.truth.height,
-                                    pair.render.width, pair.render.height));
-    return pair;
+/// The photograph, of the size of its camera.
+Image truth_of(const View& view, const Vec3<float>& background) {
+    Image truth = quantized_target(view.load().color, background);
+    if (truth.width != view.camera.width || truth.height != view.camera.height)
+        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width, truth.height, view.camera.width, view.camera.height));
+    return truth;
 }
+
+/// Views as the renderer and, of the aligned modes, the fit make them.
+class Renderer {
+  public:
+    Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction)
+        : backend_(backend), background_(background), correction_(correction) {}
+
+    /// Fits the map that all views share.
+    void align(const std::vector<View>& views) {
+        if (correction_.mode != CorrectionMode::kSceneAligned) return;
+        PowerFit fit;
+        for (const View& view : views) fit.add(rendered(view), truth_of(view, background_));
+        common_ = fit.solve();
+    }
+
+    Pair pair(const View& view) {
+        const auto start = std::chrono::steady_clock::now();
+        RenderedImage image = rendered(view);
+        Pair pair;
+        pair.render_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        pair.truth = truth_of(view, background_);
+        if (correction_.mode == CorrectionMode::kColourAligned) {
+            ColourFit fit;
+            fit.add(image, pair.truth);
+            apply_colours(fit.solve(), image);
+        } else if (common_) {
+            apply_colours(*common_, image);
+        }
+        pair.render = quantized_render(image);
+        return pair;
+    }
+
+  private:
+    RenderedImage rendered(const View& view) {
+        RenderRequest request;
+        request.camera = camera_params(view.camera);
+        request.background = background_;
+        request.isp = view_isp(view, correction_);
+        RenderedImage image;
+        backend_.render(request, image);
+        return image;
+    }
+
+    Backend& backend_;
+    const Vec3<float> background_;
+    const EvalCorrection correction_;
+    std::optional<ColourMap> common_;
+};
 
 /// Renders the parts beside the full picture, writes them where pictures are wanted, and returns the residual's mean.
 double decompose(Backend& backend, const View& view, int index, const Vec3<float>& background, const EvalOptions& options) {
@@ -45,7 +85,7 @@ double decompose(Backend& backend, const View& view, int index, const Vec3<float
     for (const auto& [mode, name] : kPictureParts) {
         if (mode == RenderMode::kFull) continue;
         RenderedImage image;
-        backend.render(part_request(camera_params(view.camera), background, mode), image);
+        backend.render(part_request(camera_params(view.camera), background, mode, view_isp(view, options.correction)), image);
         if (mode == RenderMode::kResidualOnly) residual_mean = mean_value(image);
         if (!options.run_folder.empty())
             write_image(RunFolder{options.run_folder}.picture_part(options.split, options.iteration, name, index), quantized_render(image));
@@ -67,8 +107,10 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
         throw UsageError(fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
     EvalResult result;
     if (options.decompose) result.residual_mean = 0;
+    Renderer renderer(backend, background, options.correction);
+    renderer.align(views);
     for (std::size_t i = 0; i < views.size(); ++i) {
-        const Pair pair = render_pair(backend, views[i], background);
+        const Pair pair = renderer.pair(views[i]);
         result.views.push_back(
             {views[i].name, psnr(pair.render, pair.truth), ssim(pair.render, pair.truth, options.ssim_border), pair.render_seconds});
         ViewScore& score = result.views.back();
@@ -88,13 +130,15 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
 }
 
 void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                      int max_views) {
+                      int max_views, const EvalCorrection& correction) {
     const int count = std::min<int>(max_views, int(views.size()));
     if (count <= 0) throw UsageError(fmt::format("{}: no views to compare", path.string()));
     std::vector<Pair> pairs;
+    Renderer renderer(backend, background, correction);
+    renderer.align(views);
     Image sheet{0, 0, 3, {}, {}};
     for (int i = 0; i < count; ++i) {
-        pairs.push_back(render_pair(backend, views[std::size_t(i) * views.size() / std::size_t(count)], background));
+        pairs.push_back(renderer.pair(views[std::size_t(i) * views.size() / std::size_t(count)]));
         sheet.width = std::max(sheet.width, 2 * pairs.back().truth.width);
         sheet.height += pairs.back().truth.height;
     }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "eval/ssim.h"
+#include "eval/eval_correction.h"
 #include "kernels/backend.h"
 #include "lib/scene/scene.h"
 
@@ -18,6 +19,7 @@ struct EvalOptions {
     std::filesystem::path run_folder;  ///< pictures go to <run>/<split>/ours_<iteration>/{renders,gt}; empty = none are written
     std::int64_t iteration = 0;
     std::string split = "test";
+    EvalCorrection correction;
     bool decompose = false;  ///< also render base and residual of each view; pictures go beside renders, to {base,residual}
 };
 
@@ -37,12 +39,13 @@ struct EvalResult {
 };
 
 /// Renders each view at the size of its camera, quantises render and photograph to 8 bits and compares these (protocol:
-/// optimization spec section 8; masks are ignored). Throws UsageError without views, DataError when an image cannot be
+/// optimization spec section 8; masks are ignored). Of the parts of a decomposed picture the base is corrected like the picture
+/// (with a controller: by what it makes of the base), the residual never. Throws UsageError without views, DataError when an image cannot be
 /// read, has another size than its camera, or a picture cannot be written.
 EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, const EvalOptions& options);
 
-/// Writes up to `max_views` of the views, evenly spread, below one another: photograph left, render right.
+/// Writes up to `max_views` of the views, evenly spread, below one another: photograph left, corrected render right.
 void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                      int max_views);
+                      int max_views, const EvalCorrection& correction = {});
 
 }  // namespace gs

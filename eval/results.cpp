@@ -40,8 +40,12 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     const std::string key = fmt::format("ours_{}", options.iteration);
     Json results = existing(folder.results());
     results[key] = {{"SSIM", result.ssim}, {"PSNR", finite_or_null(result.psnr)}};
+    const bool aligned = options.correction.mode == CorrectionMode::kColourAligned || options.correction.mode == CorrectionMode::kSceneAligned;
     section(results, "protocol")[key] = {
-        {"images", "8 bits: clamped to [0,1], *255, +0.5, truncated; no crop, no mask, no colour alignment"},
+        {"images", aligned ? "8 bits: aligned to the photographs, clamped to [0,1], *255, +0.5, truncated; no crop, no mask"
+                           : "8 bits: clamped to [0,1], *255, +0.5, truncated; no crop, no mask, no colour alignment"},
+        {"ppisp_eval", correction_name(options.correction.mode)},
+        {"photometric", describe_correction(options.correction)},
         {"psnr", "10 log10(1/MSE) over all pixels and channels, mean over images; null = identical images"},
         {"ssim", describe_ssim(options.ssim_border) + ", mean over images"},
         {"background", {facts.background.x, facts.background.y, facts.background.z}},
@@ -51,9 +55,11 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     };
     Json& timing = section(section(results, "timing"), key.c_str());
     if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
+    if (facts.controller_seconds) timing["controller_seconds"] = *facts.controller_seconds;
     if (facts.frame_seconds) timing["frame_seconds"] = *facts.frame_seconds;
     timing["render_seconds"] = result.render_seconds;
     if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
+    if (!facts.photometric.empty()) section(results, "photometric")[key] = {{"decision", facts.photometric}};
     if (result.residual_mean) section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};
     section(results, "num_gaussians")[key] = facts.num_gaussians;
     section(results, "run")[key] = {{"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}};

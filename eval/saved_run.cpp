@@ -3,11 +3,13 @@
 #include "eval/saved_run.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
 
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
+#include "lib/model/ppisp_json.h"
 #include "lib/model/run_folder.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
@@ -15,15 +17,9 @@
 namespace gs {
 
 namespace fs = std::filesystem;
+namespace {
 
-bool holds_model(const fs::path& run_folder) {
-    std::error_code ignored;
-    if (run_folder.empty()) return false;
-    return fs::exists(run_folder / "point_cloud", ignored) || fs::exists(run_folder / "checkpoints", ignored);
-}
-
-SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
-    const RunFolder folder{run_folder};
+SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> iteration) {
     std::error_code ignored;
     if (iteration) {
         if (fs::exists(folder.point_cloud(*iteration), ignored)) return {read_ply(folder.point_cloud(*iteration)), *iteration};
@@ -39,12 +35,36 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     return {std::move(checkpoint.state), checkpoint.iteration};
 }
 
-SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
+}  // namespace
+
+bool holds_model(const fs::path& run_folder) {
+    std::error_code ignored;
+    if (run_folder.empty()) return false;
+    return fs::exists(run_folder / "point_cloud", ignored) || fs::exists(run_folder / "checkpoints", ignored);
+}
+
+SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
+    const RunFolder folder{run_folder};
+    SavedModel model = read_gaussians(folder, iteration);
+    std::error_code ignored;
+    if (fs::exists(folder.ppisp(), ignored)) {
+        PpispFile file = read_ppisp_json(folder.ppisp());
+        if (file.iteration != model.iteration) spdlog::warn("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
+        model.correction.exif = file.exif, model.correction.mean_exif = file.mean_exif;
+        model.state.ppisp = std::move(file.state);
+    }
+    model.correction.mode = best_correction(model.state.ppisp);
+    return model;
+}
+
+SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const std::string& source) {
     SavedRun run;
     run.folder = run_folder;
     run.options = load_run_options(run_folder);
+    if (!source.empty()) run.options.source = source;
     const SavedModel model = read_saved_model(run_folder, iteration);
     run.iteration = model.iteration;
+    run.correction = model.correction;
     run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
     run.backend->upload(model.state);
     run.scene = load_scene(scene_options(run.options));

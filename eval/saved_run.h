@@ -20,24 +20,27 @@ struct SavedRun {
     std::int64_t iteration = 0;
     std::unique_ptr<Backend> backend;  ///< holds the model
     Scene scene;
+    EvalCorrection correction;  ///< the best that the model can do
     Vec3<float> background{0, 0, 0};  ///< for evaluation: black when the training drew random ones
 };
 
 /// A model without the scene and the options it came from.
 struct SavedModel {
-    Gaussians state;
+    Gaussians state;  ///< with PPISP from ppisp.json, where there is one
     std::int64_t iteration = 0;
+    EvalCorrection correction = {};
 };
 
 /// Whether a point cloud or a checkpoint is in the folder.
 bool holds_model(const std::filesystem::path& run_folder);
 
 /// The model of `iteration` (the last saved one when empty): its PLY, or its checkpoint where there is no PLY. Throws
-/// DataError naming what is missing.
+/// DataError naming what is missing. Warns where ppisp.json is of another iteration.
 SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
-/// Opens a model as read_saved_model does, and the scene the run was trained on. Throws what load_scene throws, too.
-SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
+/// Opens a model as read_saved_model does, and the scene the run was trained on (`source` instead, loaded with the run's options,
+/// unless empty). Throws what load_scene throws, too.
+SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration, const std::string& source = "");
 
 /// What results.json says about a run with these options.
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians);

@@ -20,9 +20,9 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kNumColumns = 9;
+constexpr int kNumColumns = 10;
 using Cells = std::array<std::string, kNumColumns>;
-constexpr int kFirstNumber = 4;  ///< columns from here on hold numbers and are aligned right
+constexpr int kFirstNumber = 5;  ///< columns from here on hold numbers and are aligned right
 
 std::optional<std::int64_t> iteration_of(const std::string& key) {
     std::int64_t n = 0;
@@ -66,8 +66,8 @@ std::string or_dash(const std::string& text) { return text.empty() ? "-" : text;
 
 Cells header(TableFormat format) {
     if (format == TableFormat::kCsv)
-        return {"run", "scene", "model", "strategy", "num_gaussians", "psnr", "ssim", "train_seconds", "peak_device_bytes"};
-    return {"run", "scene", "model", "strategy", "#Gs", "PSNR", "SSIM", "train time", "peak memory"};
+        return {"run", "scene", "model", "strategy", "ppisp", "num_gaussians", "psnr", "ssim", "train_seconds", "peak_device_bytes"};
+    return {"run", "scene", "model", "strategy", "ppisp", "#Gs", "PSNR", "SSIM", "train time", "peak memory"};
 }
 
 Cells cells_of(const TableRow& row, TableFormat format) {
@@ -78,6 +78,7 @@ Cells cells_of(const TableRow& row, TableFormat format) {
                 row.scene,
                 row.model,
                 row.strategy,
+                row.correction,
                 count,
                 fmt::format("{}", row.psnr),
                 fmt::format("{}", row.ssim),
@@ -88,6 +89,7 @@ Cells cells_of(const TableRow& row, TableFormat format) {
             or_dash(row.scene),
             or_dash(row.model),
             or_dash(row.strategy),
+            or_dash(row.correction),
             or_dash(count),
             fmt::format("{:.2f}", row.psnr),
             fmt::format("{:.4f}", row.ssim),
@@ -189,6 +191,7 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.scene = text_fact(run, "scene");
     row.model = text_fact(run, "model");
     row.strategy = text_fact(run, "strategy");
+    row.correction = text_fact(fact(json, "protocol", key), "ppisp_eval");
     row.ssim_protocol = text_fact(fact(json, "protocol", key), "ssim");
     if (count.is_number_integer()) row.num_gaussians = count.get<std::int64_t>();
     row.train_seconds = number_fact(timing, "train_seconds");
@@ -207,7 +210,7 @@ std::string format_table(const std::vector<TableRow>& rows, TableFormat format) 
         for (const Cells& cells : lines) text += joined(cells, ",", csv_escaped) + "\n";
         return text;
     }
-    text = "\\begin{tabular}{llllrrrrr}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
+    text = "\\begin{tabular}{lllllrrrrr}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
     for (std::size_t i = 1; i < lines.size(); ++i) text += joined(lines[i], " & ", latex_escaped) + " \\\\\n";
     return text + "\\hline\n\\end{tabular}\n";
 }

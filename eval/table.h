@@ -18,6 +18,7 @@ struct TableRow {
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;  ///< not in the table
     std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
+    std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string ssim_protocol;  ///< how SSIM was computed; rows with different ones do not compare
 };
 
@@ -30,7 +31,7 @@ TableFormat parse_table_format(const std::string& name);
 /// that have the 3DGS keys are read as well. Throws DataError naming file and field.
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
-/// Columns run, scene, model, strategy, #Gs, PSNR, SSIM, train time, peak memory (of the GPU); ends with a newline. CSV
+/// Columns run, scene, model, strategy, ppisp (how views were corrected), #Gs, PSNR, SSIM, train time, peak memory (of the GPU); ends with a newline. CSV
 /// carries full numbers (times in seconds, memory in bytes), the others are rounded for reading.
 std::string format_table(const std::vector<TableRow>& rows, TableFormat format);
 

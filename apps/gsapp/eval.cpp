@@ -9,6 +9,7 @@
 #include "apps/gsapp/command.h"
 #include "eval/saved_run.h"
 #include "eval/table.h"
+#include "lib/train/scene_options.h"
 
 namespace gs {
 namespace {
@@ -18,17 +19,30 @@ struct EvalArguments {
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     std::string format = "markdown";
     std::string ssim_border = "valid";
+    std::string ppisp_eval, source;
     bool skip_render = false;
     bool decompose = false;
 };
 
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, bool decompose) {
-    SavedRun run = open_saved_run(folder, iteration);
-    spdlog::info("{}: iteration {}, {} Gaussians, {} test views", folder, run.iteration, run.backend->count(), run.scene.test.size());
-    const EvalOptions options{border, run.folder, run.iteration, "test", decompose};
+/// Scores of views that are not the run's own stay apart from its results.
+std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source) {
+    return source.empty() ? run : run / ("on-" + scene_name(source));
+}
+
+void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, const EvalArguments& arguments) {
+    SavedRun run = open_saved_run(folder, iteration, arguments.source);
+    EvalOptions options;
+    options.ssim_border = border;
+    options.run_folder = results_folder(run.folder, arguments.source);
+    options.iteration = run.iteration;
+    options.correction = run.correction;
+    options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
+    options.decompose = arguments.decompose;
+    spdlog::info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
+                 run.options.source, correction_name(options.correction.mode));
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
     if (result.residual_mean) spdlog::info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
-    write_results(RunFolder{run.folder}, options, result, run_facts(run.options, run.scene, run.background, run.backend->count()));
+    write_results(RunFolder{options.run_folder}, options, result, run_facts(run.options, run.scene, run.background, run.backend->count()));
 }
 
 void run_eval(const EvalArguments& arguments) {
@@ -38,9 +52,13 @@ void run_eval(const EvalArguments& arguments) {
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, border, arguments.decompose);
-        rows.push_back(read_table_row(run, iteration));
+        if (!arguments.skip_render) evaluate_run(run, iteration, border, arguments);
+        rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
+        if (!arguments.source.empty()) rows.back().run = run;
     }
+    const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
+    if (corrected != rows.end())
+        spdlog::warn("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
     const auto other =
         std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.ssim_protocol != rows[0].ssim_protocol; });
     if (other != rows.end())
@@ -63,6 +81,12 @@ void add_eval_command(CLI::App& app, Command& selected) {
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
     command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
+    command->add_option("--ppisp-eval", arguments->ppisp_eval,
+                        "How views are corrected photometrically: controller (default where the model has one), none, colour-aligned (fits each view to its "
+                        "photograph), scene-aligned (fits the uncorrected scene's colours to all photographs at once)")
+        ->excludes(skip);
+    command->add_option("-s,--source", arguments->source,
+                        "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");
     command->callback([arguments, &selected] { selected = [arguments] { run_eval(*arguments); }; });
 }
 

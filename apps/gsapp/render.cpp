@@ -18,43 +18,47 @@ namespace gs {
 namespace {
 
 struct RenderArguments {
-    std::string run, views = "test", path, output;
+    std::string run, views = "test", path, output, ppisp_eval;
     int orbit = 0;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     bool decompose = false;
 };
 
-std::vector<Camera> wanted_cameras(const RenderArguments& arguments, const Scene& scene) {
-    std::vector<Camera> cameras;
-    if (!arguments.path.empty()) return read_camera_path(arguments.path);
-    if (arguments.orbit > 0) return orbit_path(scene.train, arguments.orbit);
-    if (arguments.views != "train") {  // test first, as in cameras.json
-        for (const View& view : scene.test) cameras.push_back(view.camera);
-    }
-    if (arguments.views != "test") {
-        for (const View& view : scene.train) cameras.push_back(view.camera);
-    }
-    if (cameras.empty())
+std::vector<View> without_photographs(const std::vector<Camera>& cameras) {
+    std::vector<View> views(cameras.size());
+    for (std::size_t i = 0; i < cameras.size(); ++i) views[i].camera = cameras[i];
+    return views;
+}
+
+std::vector<View> wanted_views(const RenderArguments& arguments, const Scene& scene) {
+    if (!arguments.path.empty()) return without_photographs(read_camera_path(arguments.path));
+    if (arguments.orbit > 0) return without_photographs(orbit_path(scene.train, arguments.orbit));
+    std::vector<View> views;
+    if (arguments.views != "train") views = scene.test;  // test first, as in cameras.json
+    if (arguments.views != "test") views.insert(views.end(), scene.train.begin(), scene.train.end());
+    if (views.empty())
         throw UsageError(fmt::format("{} has no {} views; --eval holds some out when training", arguments.run, arguments.views));
-    return cameras;
+    return views;
 }
 
 void run_render(const RenderArguments& arguments) {
     SavedRun run = open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
-    const std::vector<Camera> cameras = wanted_cameras(arguments, run.scene);
+    const std::vector<View> views = wanted_views(arguments, run.scene);
+    EvalCorrection correction = run.correction;
+    correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
     const std::filesystem::path folder = arguments.output.empty() ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
                                                                   : std::filesystem::path(arguments.output);
     RenderedImage image;
-    for (std::size_t i = 0; i < cameras.size(); ++i) {
+    for (std::size_t i = 0; i < views.size(); ++i) {
         const std::string file = fmt::format("{:05}.png", i);
         for (const auto& [mode, name] : kPictureParts) {
             if (!arguments.decompose && mode != RenderMode::kFull) continue;
-            run.backend->render(part_request(camera_params(cameras[i]), run.background, mode), image);
+            run.backend->render(part_request(camera_params(views[i].camera), run.background, mode, view_isp(views[i], correction)), image);
             write_image(arguments.decompose ? folder / name / file : folder / file, quantized_render(image));
         }
     }
     const char* what = arguments.decompose ? "pictures, each with base and residual," : "pictures";
-    spdlog::info("{} {} in {}", cameras.size(), what, folder.string());
+    spdlog::info("{} {} in {}", views.size(), what, folder.string());
 }
 
 }  // namespace
@@ -63,6 +67,9 @@ void add_render_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<RenderArguments>();
     CLI::App* command = app.add_subcommand("render", "Write pictures of a finished run");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
+    command->add_option("--ppisp-eval", arguments->ppisp_eval,
+                        "Photometric correction: controller (default where the model has one), or none = neutral exposure and colour")
+        ->check(CLI::IsMember({"controller", "none"}));
     CLI::Option* views =
         command->add_option("--views", arguments->views, "Cameras of the scene: test, train or all")->capture_default_str();
     views->check(CLI::IsMember({"test", "train", "all"}));

@@ -61,24 +61,28 @@ class Evaluation {
     void operator()(std::int64_t iteration, Backend& backend) {
         // Pictures of intermediate iterations would fill disks; their scores are kept.
         const bool last = iteration == options_.iterations;
-        eval_ = {.run_folder = last ? fs::path(options_.model) : fs::path(), .iteration = iteration};
+        eval_ = {.run_folder = last ? fs::path(options_.model) : fs::path(), .iteration = iteration, .correction = saved_correction(options_.model)};
         result_ = evaluate_views(backend, scene_.test, background_, eval_);
         facts_ = run_facts(options_, scene_, background_, backend.count());
         if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
-        if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews);
-        spdlog::info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views", iteration, result_.psnr, result_.ssim,
-                     result_.views.size());
+        if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
+        const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
+        spdlog::info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
+                     corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
         progress_.event({{"event", "evaluation"},
                          {"iteration", iteration},
                          {"views", result_.views.size()},
                          {"psnr", result_.psnr},
-                         {"ssim", result_.ssim}});
+                         {"ssim", result_.ssim},
+                         {"ppisp_eval", correction_name(eval_.correction.mode)}});
     }
 
     /// Adds time and memory of the training, which are known only now, and prints the table.
     void finish(const TrainSummary& summary) {
         facts_.train_seconds = summary.train_seconds;
+        if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
+        facts_.photometric = summary.photometric;
         if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
         const std::string table = format_table({read_table_row(options_.model, eval_.iteration)}, TableFormat::kMarkdown);
@@ -124,11 +128,13 @@ void run_training(TrainOptions options, int frame_rounds) {
     progress.finish();
     spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
+    if (summary.controller_seconds > 0) spdlog::info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
     if (measure) evaluation.finish(summary);
     nlohmann::ordered_json finished = {{"event", "finished"},
                                        {"iteration", options.iterations},
                                        {"num_gaussians", summary.num_gaussians},
                                        {"train_seconds", summary.train_seconds}};
+    if (summary.controller_seconds > 0) finished["controller_seconds"] = summary.controller_seconds;
     if (summary.memory.peak > 0) finished["peak_device_bytes"] = summary.memory.peak;
     finished["model"] = options.model;
     progress.event(finished);

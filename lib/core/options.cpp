@@ -197,6 +197,11 @@ void validate(TrainOptions& options) {
     if (options.resume == "latest" && options.model.empty()) {
         throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
     }
+    if (!options.ppisp_from.empty()) {
+        if (options.ppisp == "auto") throw UsageError("option ppisp-from: the correction of another run is taken as it is; ppisp auto would decide whether one is needed");
+        options.ppisp = "on";
+    }
+    if (options.ppisp_exif && options.ppisp == "off") throw UsageError("option ppisp-exif: there is no correction to start; give --ppisp on or auto as well");
     if (options.speedy_splat && options.strategy != "adc")
         throw UsageError(fmt::format("option speedy-splat: goes with strategy adc, not with {}", options.strategy));
     const bool mcmc = options.strategy == "mcmc";

@@ -39,7 +39,8 @@ Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, 
       lines_(lines),
       interval_(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds_between_lines))) {}
 
-void Progress::start(std::int64_t total, std::int64_t done) {
+void Progress::start(std::int64_t total, std::int64_t done, const std::string& stage) {
+    stage_ = stage;
     total_ = total;
     shown_iteration_ = done;
     shown_time_ = Clock::now();
@@ -69,7 +70,7 @@ void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaus
 }
 
 void Progress::show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
-    bar_ << fmt::format("\r\033[K{}/{} {:3.0f}%  loss {:.4f}  {} Gaussians  {:.1f} it/s  ETA {}", iteration, total_,
+    bar_ << fmt::format("\r\033[K{}{}/{} {:3.0f}%  loss {:.4f}  {} Gaussians  {:.1f} it/s  ETA {}", stage_.empty() ? "" : stage_ + " ", iteration, total_,
                         100.0 * double(iteration) / double(total_), loss, num_gaussians, rate_,
                         rate_ > 0 ? clock_text(eta_seconds(iteration)) : "-")
          << std::flush;
@@ -82,6 +83,7 @@ void Progress::show_line(std::int64_t iteration, double loss, std::int64_t num_g
     line["num_gaussians"] = num_gaussians;
     line["iterations_per_second"] = rate_ > 0 ? finite_or_null(rate_) : nullptr;
     line["eta_seconds"] = rate_ > 0 ? finite_or_null(eta_seconds(iteration)) : nullptr;
+    if (!stage_.empty()) line["stage"] = stage_;
     lines_ << line.dump() << std::endl;
 }
 

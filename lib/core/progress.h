@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
+#include <string>
 
 namespace gs {
 
@@ -28,8 +29,9 @@ class Progress {
 
     ProgressStyle style() const { return style_; }
 
-    /// Before the first iteration. `done` iterations of `total` were made by an earlier run.
-    void start(std::int64_t total, std::int64_t done);
+    /// Before the first iteration. `done` iterations of `total` were made by an earlier run. `stage` names what is counted where it
+    /// is not the training itself; JSON lines then have it as "stage".
+    void start(std::int64_t total, std::int64_t done, const std::string& stage = "");
 
     /// Whether `update` would show something now. Ask before fetching the loss from the device.
     bool due(std::int64_t iteration) const;
@@ -53,6 +55,7 @@ class Progress {
     std::ostream& bar_;
     std::ostream& lines_;
     Clock::duration interval_;
+    std::string stage_;
     std::int64_t total_ = 0;
     std::int64_t shown_iteration_ = 0;
     Clock::time_point shown_time_;

@@ -182,6 +182,33 @@ void add_model_options(Table& table) {
                      .max = 1});
 }
 
+void add_photometric_options(Table& table) {
+    const std::string group = "Photometric correction";
+    table.push_back({.key = "ppisp",
+                     .field = &O::ppisp,
+                     .group = group,
+                     .help = "learn exposure and colour of every image, vignetting and response of every camera beside the scene; auto: only if the images "
+                             "of the first 1000 iterations turn out to differ",
+                     .choices = {"off", "on", "auto"}});
+    table.push_back({.key = "ppisp-exif",
+                     .field = &O::ppisp_exif,
+                     .group = group,
+                     .help = "with ppisp: exposures start from the images' EXIF data, which the controller is told as well"});
+    table.push_back({.key = "ppisp-from",
+                     .field = &O::ppisp_from,
+                     .group = group,
+                     .help = "take the correction, controller included, from another run and keep it as it is; images are matched by name. Turns ppisp on",
+                     .values = "file ppisp.json"});
+    table.push_back({.key = "controller-iterations",
+                     .field = &O::controller_iterations,
+                     .group = group,
+                     .help = "with ppisp: iterations after the training in which a controller learns to predict exposure and colour of new views from "
+                             "their render; 0: none",
+                     .unit = "iterations",
+                     .min = 0,
+                     .max = kMaxIterations});
+}
+
 void add_loss_options(Table& table) {
     const std::string group = "Loss";
     table.push_back({.key = "lambda-dssim",
@@ -323,6 +350,7 @@ const std::vector<Option>& train_option_table() {
         add_input_options(t);
         add_run_options(t);
         add_model_options(t);
+        add_photometric_options(t);
         add_loss_options(t);
         add_rate_options(t);
         add_densification_options(t);

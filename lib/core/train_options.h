@@ -38,6 +38,11 @@ struct TrainOptions {
     std::string appearance = "sh";
     int sh_degree = 3;
     std::string color_activation = "relu"; ///< relu | softplus | sigmoid | hardsigmoid
+    // Photometric correction (PPISP)
+    std::string ppisp = "off";            ///< off | on | auto
+    bool ppisp_exif = false;
+    std::string ppisp_from;               ///< ppisp.json of another run; implies on
+    std::int64_t controller_iterations = 5000; ///< 0 = no controller
     // Initialisation
     std::int64_t init_points = 100000;    ///< random initialisation only
     double hostile_start = 0;             ///< share of the first Gaussians that are made extreme; a stress test

@@ -155,6 +155,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     }
     if (!overwrite) return;
     remove_iterations(folder, after);
+    remove_file(folder.ppisp()); // of the run's end
     if (resume_iteration) return;
     for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
                              folder.per_view(), folder.train_log()}) {

@@ -103,6 +103,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
     for (const ColmapImage& image : model.images) {
         SourceView view;
         view.name = image.name;
+        view.camera_id = int(image.camera_id);
         view.lens = model.cameras.at(image.camera_id);
         view.rotation = image.rotation;
         view.translation = image.translation;

@@ -8,6 +8,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/scene/colmap_reader.h"
+#include "lib/scene/exif.h"
 #include "lib/scene/image_files.h"
 #include "lib/scene/procedural.h"
 #include "lib/scene/source_scene.h"
@@ -94,6 +95,40 @@ std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions
     return test;
 }
 
+/// From the dataset's camera ids to indices of the devices that took training images.
+void number_cameras(Scene& scene) {
+    std::map<int, int> index;
+    for (const View& view : scene.train) index.emplace(view.camera_id, 0);
+    // Photographs that were calibrated one by one: that they have parameters of their own does not make them devices.
+    const bool one_by_one = index.size() > 1 && index.size() == scene.train.size();
+    scene.num_cameras = one_by_one ? 1 : int(index.size());
+    int next = 0;
+    for (auto& [id, number] : index) number = one_by_one ? 0 : next++;
+    for (auto* views : {&scene.train, &scene.test}) {
+        for (View& view : *views) {
+            const auto found = index.find(view.camera_id);
+            view.camera_id = found != index.end() ? found->second : one_by_one ? 0 : -1;
+        }
+    }
+}
+
+/// `test` says of each source view whether it went to scene.test, else to scene.train, in this order.
+void add_exposures(const std::vector<SourceView>& sources, const std::vector<bool>& test, Scene& scene) {
+    std::vector<ExifSettings> settings;
+    for (const SourceView& source : sources) settings.push_back(read_exif_settings(source.image_path));
+    const std::vector<std::optional<double>> stops = exposure_stops(settings);
+    std::size_t num_train = 0, num_test = 0, without = 0;
+    for (std::size_t i = 0; i < sources.size(); ++i) {
+        (test[i] ? scene.test[num_test++] : scene.train[num_train++]).exif_exposure = stops[i];
+        without += !stops[i];
+    }
+    if (without == sources.size())
+        scene.notes.push_back("EXIF: no image has an exposure time");
+    else if (without > 0)
+        scene.notes.push_back(fmt::format("EXIF: {} of {} images lack exposure time, ISO or f-number that others have: taken as of mean exposure",
+                                          without, sources.size()));
+}
+
 }  // namespace
 
 double camera_extent(const std::vector<View>& views, const PointCloud& points) {
@@ -131,6 +166,8 @@ Scene load_scene(const SceneOptions& options) {
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i) (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
     for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
+    number_cameras(scene);
+    if (options.exif) add_exposures(source.views, test, scene);
     scene.has_alpha = builder.has_alpha();
 
     std::vector<View> all = scene.train;

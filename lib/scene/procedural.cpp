@@ -30,12 +30,16 @@ void apply_resolution(procedural::CameraRig& rig, int resolution) {
     rig.height = std::max(1, int(std::lround(double(rig.height) * rig.width / width)));
 }
 
-/// 8-bit by the rounding of the evaluation protocol.
-Image quantized(const Image& in, double exposure) {
+/// Exposed, then 8-bit by the rounding of the evaluation protocol.
+Image photographed(const Image& in, const Description& description, const procedural::Photography& photography) {
     Image out{in.width, in.height, 3, {}, {}};
-    out.u8.resize(in.f32.size());
-    std::transform(in.f32.begin(), in.f32.end(), out.u8.begin(),
-                   [&](float v) { return std::uint8_t(std::clamp(double(v) * exposure, 0.0, 1.0) * 255 + 0.5); });
+    out.u8.reserve(in.f32.size());
+    for (int y = 0; y < in.height; ++y) {
+        for (int x = 0; x < in.width; ++x) {
+            const Eigen::Vector3d factor = procedural::exposure_factor(description, photography, x, y);
+            for (int c = 0; c < 3; ++c) out.u8.push_back(std::uint8_t(std::clamp(in.value(x, y, c) * factor[c], 0.0, 1.0) * 255 + 0.5));
+        }
+    }
     return out;
 }
 
@@ -44,10 +48,11 @@ View make_view(const Description& description, bool test, int index) {
     view.name = fmt::format("{}/{:03}.png", test ? "test" : "train", index);
     view.camera = procedural::rig_camera(description.cameras, test, index);
     const procedural::World world = test ? description.world : procedural::train_world(description, index);
-    const double exposure = test ? 1.0 : procedural::train_exposure(description, index);
-    auto pixels = std::make_shared<const Image>(quantized(procedural::render(world, view.camera, description.pixel_grid), exposure));
+    const procedural::Photography photography = procedural::photography(description, test, index);
+    auto pixels = std::make_shared<const Image>(photographed(procedural::render(world, view.camera, description.pixel_grid), description, photography));
     view.image_bytes = pixels->bytes();
     view.load = [pixels] { return ViewImage{*pixels, std::nullopt}; };
+    if (description.exposure) view.exif_exposure = photography.stops;
     return view;
 }
 
@@ -76,7 +81,8 @@ void note_violations(const Description& description, Scene& scene) {
                                           description.moved->shape, description.moved->every));
     if (description.exposure)
         scene.notes.push_back(
-            fmt::format("training views differ in exposure by up to {} stops, as the scene asks for", description.exposure->stops));
+            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as the scene asks for",
+                        description.exposure->stops, description.exposure->white_balance));
     if (description.shadow)
         scene.notes.push_back(
             fmt::format("a shadow passes through every {}. training view, as the scene asks for", description.shadow->every));

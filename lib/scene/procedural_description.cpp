@@ -142,10 +142,12 @@ void read_violations(const YAML::Node& node, const std::string& where, Descripti
             throw UsageError(fmt::format("{}: no shape is named '{}'", moved.where("shape"), out.moved->shape));
     }
     if (section.has("exposure")) {
-        const YamlSection exposure(section.node("exposure"), section.where("exposure"), {"stops", "seed"});
+        const YamlSection exposure(section.node("exposure"), section.where("exposure"), {"stops", "white_balance", "vignetting", "seed"});
         out.exposure.emplace();
         int seed = 0;
         exposure.read("stops", out.exposure->stops, 0, 10);
+        exposure.read("white_balance", out.exposure->white_balance, 0, 10);
+        exposure.read("vignetting", out.exposure->vignetting, 0, 1);
         exposure.read("seed", seed, 0, 1 << 30);
         out.exposure->seed = std::uint64_t(seed);
     }
@@ -249,10 +251,23 @@ World train_world(const Description& description, int index) {
     return world;
 }
 
-double train_exposure(const Description& description, int index) {
-    if (!description.exposure) return 1;
-    const double u = uniform_from_bits<double>(philox(description.exposure->seed, RngStream::kScene, 0, std::uint32_t(index)).v[0]);
-    return std::exp2(description.exposure->stops * (2 * u - 1));
+Photography photography(const Description& description, bool test, int index) {
+    if (!description.exposure) return {};
+    const ExposureJitter& jitter = *description.exposure;
+    const Philox4 bits = philox(jitter.seed, RngStream::kScene, test ? 2 : 0, std::uint32_t(index)); // 1: initial points
+    const auto drawn = [&](int k, double range) { return range * (2 * uniform_from_bits<double>(bits.v[k]) - 1); };
+    const Vector3d gain(drawn(1, jitter.white_balance), drawn(2, jitter.white_balance), drawn(3, jitter.white_balance));
+    Photography out;
+    out.stops = drawn(0, jitter.stops);
+    for (int c = 0; c < 3; ++c) out.gain[c] = std::exp2(gain[c] - gain.mean());
+    return out;
+}
+
+Vector3d exposure_factor(const Description& description, const Photography& photography, int x, int y) {
+    const double width = description.cameras.width, height = description.cameras.height;
+    const double dx = x + 0.5 - 0.5 * width, dy = y + 0.5 - 0.5 * height;
+    const double lost = description.exposure ? description.exposure->vignetting : 0;
+    return std::exp2(photography.stops) * (1 - lost * 4 * (dx * dx + dy * dy) / (width * width + height * height)) * photography.gain;
 }
 
 }  // namespace gs::procedural

@@ -28,10 +28,19 @@ struct MovedShape {
     int every = 2;
 };
 
-/// Each training view is multiplied by 2^(stops*u), u uniform in (-1, 1).
+/// Every view, training and test, is taken with settings of its own: each is drawn uniformly and depends on (seed, set, index)
+/// alone. One device takes all of them.
 struct ExposureJitter {
-    double stops = 0.5;
+    double stops = 0.5;       ///< exposure: factor 2^e, e in (-stops, stops)
+    double white_balance = 0; ///< channels: factors 2^g, g in (-white_balance, white_balance) less their mean
+    double vignetting = 0;    ///< light lost in the corner of the image, 0..1; falls with the square of the distance to the centre
     std::uint64_t seed = 0;
+};
+
+/// With which settings a view was taken.
+struct Photography {
+    double stops = 0;                         ///< exposure
+    Eigen::Vector3d gain = Eigen::Vector3d::Ones(); ///< white balance; their product is 1
 };
 
 /// In every `every`-th training view an unseen sphere blocks the light; it passes from `from` to `to` over the views.
@@ -64,8 +73,12 @@ Camera rig_camera(const CameraRig& rig, bool test, int index);
 /// The world as training view `index` saw it. Test views always see `description.world`.
 World train_world(const Description& description, int index);
 
-/// Exposure factor of training view `index`; 1 without jitter.
-double train_exposure(const Description& description, int index);
+/// Settings of view `index` of the training or test set; neutral without jitter.
+Photography photography(const Description& description, bool test, int index);
+
+/// What reaches the sensor at a pixel, as a factor: 2^stops * gain * (1 - vignetting * r^2), r = distance of the pixel's centre
+/// to that of the image, 1 in the corner.
+Eigen::Vector3d exposure_factor(const Description& description, const Photography& photography, int x, int y);
 
 /// Text of a built-in scene's YAML file; null when there is none of this name. Generated from scenes/procedural/.
 const char* embedded_scene(const std::string& name);

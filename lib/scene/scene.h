@@ -36,6 +36,10 @@ struct View {
     Camera camera;
     std::function<ViewImage()> load;
     std::size_t image_bytes = 0; ///< expected bytes of `load()`, for the memory plan
+    int camera_id = 0;           ///< which device took it, 0..Scene::num_cameras-1; -1 = one that took no training image
+    /// How much light the device let in, stops: log2(seconds * ISO/100 / f-number^2). Empty where the file does not say, or
+    /// nobody asked (SceneOptions::exif).
+    std::optional<double> exif_exposure;
 };
 
 struct PointCloud {
@@ -48,6 +52,9 @@ struct Scene {
     std::string kind;             ///< "colmap", "nerf-synthetic", "transforms", "builtin"
     std::string image_folder;     ///< e.g. "images_4"; empty where not applicable
     std::vector<View> train, test;
+    /// Devices that took training images: the cameras of a COLMAP model, in the order of their ids. One where the dataset does
+    /// not tell devices apart, which includes a COLMAP model with a camera for every image.
+    int num_cameras = 1;
     std::string split_rule;       ///< in words, written to the results
     PointCloud points;            ///< may be empty: random initialisation
     bool has_alpha = false;       ///< images carry alpha
@@ -67,6 +74,7 @@ struct SceneOptions {
     std::string mask_mode = "ignore"; ///< "ignore" = loss weight, "transparent" = target composited on the background
     bool invert_masks = false;
     std::string alpha_mode = "transparent"; ///< for RGBA photographs: "transparent" or "mask"
+    bool exif = false;            ///< read View::exif_exposure, which opens every file once more
     std::uint64_t seed = 0;
 };
 

@@ -22,6 +22,7 @@ struct SourceView {
     LensCamera lens;                                         ///< for the image's actual size
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+    int camera_id = 0;  ///< of the device that took it, as the dataset numbers them
     std::optional<MaskFile> mask;
     bool given_test = false;  ///< the dataset assigns this view to its test set
 };

@@ -17,6 +17,7 @@ SceneOptions scene_options(const TrainOptions& options) {
             .mask_mode = options.mask_mode,
             .invert_masks = options.invert_masks,
             .alpha_mode = options.alpha_mode,
+            .exif = options.ppisp_exif,
             .seed = options.seed};
 }
 

@@ -27,6 +27,7 @@
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/memory_plan.h"
+#include "lib/train/photometric.h"
 #include "lib/train/target_image.h"
 #include "lib/train/train_log.h"
 #include "lib/train/view_order.h"
@@ -63,6 +64,7 @@ class Run {
           background_(parse_background(options.background)),
           rates_(options, appearance_, scene),
           schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
+          photometric_(options_, scene),
           order_(scene.train.size(), options.seed),
           prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
           images_(scene.train, parse_bytes(options.image_cache), decode_threads(options.device)) {
@@ -118,7 +120,7 @@ class Run {
         std::vector<RenderRequest> views(scene_.train.size());
         for (std::size_t k = 0; k < views.size(); ++k) {
             views[k].camera = camera_params(scene_.train[k].camera);
-            views[k].background = {background_.rgb[0], background_.rgb[1], background_.rgb[2]};
+            views[k].background = fixed_background();
         }
         return views;
     }
@@ -163,6 +165,7 @@ class Run {
             spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
                          make_hostile(state, options_.hostile_start, options_.seed), state.count);
         state.active_degree = schedule_.active_degree(0);
+        state.ppisp = photometric_.initial_state();
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
         backend_ = make_backend();
@@ -177,6 +180,7 @@ class Run {
         if (checkpoint.seed != options_.seed)
             spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
+        photometric_.resume(checkpoint.state, iteration_);
         backend_ = make_backend();
         backend_->upload(checkpoint.state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
@@ -186,27 +190,70 @@ class Run {
     }
 
     void iterate() {
+        decide_photometric();
         write_change(schedule_.before_step(*backend_, iteration_));
         const std::size_t index = order_.at(iteration_);
         const auto image = images_.get(index);
         if (iteration_ + prefetch_ < options_.iterations) images_.prefetch(ahead_.at(iteration_ + prefetch_));
-        StepRequest request;
-        request.camera = camera_params(scene_.train[index].camera);
-        request.background = background_at(iteration_);
-        request.target = target_image(*image, std::int64_t(index));
-        request.iteration = iteration_;
-        request.lambda_dssim = float(options_.lambda_dssim);
+        StepRequest request = request_for(index, *image, iteration_);
         const bool mcmc = options_.strategy == "mcmc";
         request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
         request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
-        request.seed = options_.seed;
         request.gather_gradient_stats = schedule_.gathers(iteration_);
         rates_.apply(iteration_, request);
+        photometric_.apply(index, iteration_, request);
         backend_->step(request);
         write_change(schedule_.after_step(*backend_, iteration_));
         ++iteration_;
         if (iteration_ % kMaxSkips == 0) read_stats();
         if (iteration_ % kLogInterval == 0) prune_nonfinite();
+    }
+
+    /// What steps on Gaussians and on controllers have in common. Points to the image.
+    StepRequest request_for(std::size_t view, const ViewImage& image, std::int64_t iteration) const {
+        StepRequest request;
+        request.camera = camera_params(scene_.train[view].camera);
+        request.background = background_at(iteration);
+        request.target = target_image(image, std::int64_t(view));
+        request.iteration = iteration;
+        request.lambda_dssim = float(options_.lambda_dssim);
+        request.seed = options_.seed;
+        return request;
+    }
+
+    void decide_photometric() {
+        const auto decision = photometric_.decide(*backend_, iteration_, fixed_background(), [&](std::size_t view) { return images_.get(view); });
+        if (!decision) return;
+        log_->write({{"event", "photometric"}, {"iteration", iteration_ + 1}, {"on", decision->on}, {"stops", decision->variation.stops},
+                     {"threshold", kPhotometricThreshold}, {"images", decision->variation.num_images}, {"reason", describe(*decision)}});
+        photometric_decision_ = describe(*decision);
+    }
+
+    /// After the last change of the Gaussians. What it does is in no checkpoint: stopped, it begins anew in the resumed run.
+    void train_controllers() {
+        if (!photometric_.trains_controllers()) return;
+        photometric_.add_controllers(*backend_);
+        progress_.start(options_.controller_iterations, 0, "controller");
+        for (std::int64_t k = 0; k < options_.controller_iterations; ++k) {
+            if (interrupted()) {
+                progress_.finish();
+                throw Interrupted("interrupted after " + std::to_string(k) + " iterations of the controllers, which are lost; the model and its checkpoint are written; " +
+                                  how_to_continue());
+            }
+            const std::size_t index = order_.at(iteration_ + k);
+            const auto image = images_.get(index);
+            if (k + prefetch_ < options_.controller_iterations) images_.prefetch(ahead_.at(iteration_ + k + prefetch_));
+            StepRequest request = request_for(index, *image, iteration_ + k);
+            photometric_.apply_controller(index, request);
+            backend_->distill(request);
+            if ((k + 1) % kMaxSkips == 0) read_stats();
+            if (progress_.due(k + 1)) {
+                settle();
+                progress_.update(k + 1, last_.loss, backend_->count());
+            }
+        }
+        settle();
+        progress_.finish();
     }
 
     void write_change(const ScheduledChange& change) {
@@ -233,8 +280,10 @@ class Run {
                                "). Lower the learning rates, or check the images");
     }
 
+    /// Black where that of the steps is random.
+    Vec3<float> fixed_background() const { return {background_.rgb[0], background_.rgb[1], background_.rgb[2]}; }
     Vec3<float> background_at(std::int64_t iteration) const {
-        if (!background_.random) return {background_.rgb[0], background_.rgb[1], background_.rgb[2]};
+        if (!background_.random) return fixed_background();
         const Philox4 r = philox(options_.seed, RngStream::kBackground, std::uint64_t(iteration), 0);
         return {uniform_from_bits(r.v[0]), uniform_from_bits(r.v[1]), uniform_from_bits(r.v[2])};
     }
@@ -280,7 +329,10 @@ class Run {
         if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0) save_preview();
         if (contains(options_.checkpoint_iterations, iteration_) && !last) save_checkpoint();
         if (contains(options_.save_iterations, iteration_) && !last) save_ply();
-        if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
+        if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
+            photometric_.save(folder_.ppisp(), *backend_, iteration_); // says how these views are corrected
+            hooks_.evaluate(iteration_, *backend_);
+        }
     }
 
     TrainSummary finish() {
@@ -294,10 +346,15 @@ class Run {
         backend_->morton_sort();
         if (backend_->count() == 0) throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
         save_ply();
+        const double controllers_start = now();
+        train_controllers();
+        const double controller_seconds = photometric_.trains_controllers() ? now() - controllers_start : 0;
+        if (controller_seconds > 0) photometric_.save(folder_.ppisp(), *backend_, iteration_);
+        photometric_.report(*backend_);
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
         if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
-        return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds(), memory};
+        return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds(), memory, controller_seconds, photometric_decision_};
     }
 
     void save_checkpoint() {
@@ -307,12 +364,14 @@ class Run {
         PlyOptions ply;
         ply.iteration = iteration_;
         write_ply(folder_.point_cloud(iteration_), backend_->download(false), ply);
+        photometric_.save(folder_.ppisp(), *backend_, iteration_);
     }
     void save_preview() {
         const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
         RenderRequest request;
         request.camera = camera_params(view.camera);
-        request.background = {background_.rgb[0], background_.rgb[1], background_.rgb[2]};
+        request.background = fixed_background();
+        request.isp = photometric_.active() ? IspView{.mode = IspMode::kFrame, .camera = std::max(0, view.camera_id)} : IspView{};
         RenderedImage rendered;
         backend_->render(request, rendered);
         Image image{rendered.width, rendered.height, 3, {}, {}};
@@ -332,6 +391,7 @@ class Run {
     Background background_;
     LearningRates rates_;
     DensificationSchedule schedule_;
+    Photometric photometric_;
     ViewOrder order_;
     const std::int64_t prefetch_; ///< views asked for ahead; not the same view twice
     ViewOrder ahead_{order_}; ///< asked prefetch_ iterations ahead, where the next epoch may have begun
@@ -341,6 +401,7 @@ class Run {
     std::int64_t iteration_ = 0; ///< finished iterations
     StepStats last_;
     double train_seconds_ = 0, logged_wait_ = 0;
+    std::string photometric_decision_;
     std::int64_t nonfinite_gradients_ = 0, pruned_nonfinite_ = 0;
 };
 

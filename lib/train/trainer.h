@@ -40,10 +40,12 @@ struct TrainSummary {
     double train_seconds = 0;         ///< of the loop until its last step was done; without loading, saving and evaluation
     double data_wait_seconds = 0;     ///< part of it spent waiting for images
     MemoryUse memory;                 ///< of the device at the end of the loop; empty on the CPU
+    double controller_seconds = 0;    ///< of the PPISP controllers, after train_seconds; 0 where none were trained
+    std::string photometric;          ///< what --ppisp auto decided, with its figure; empty where nothing was to decide in this part of the run
 };
 
-/// Trains until options.iterations and writes config.yaml, cfg_args, cameras.json, input.ply, stats/train.jsonl,
-/// checkpoints and point clouds. On the CPU, and with options.deterministic on one GPU, bitwise reproducible for equal
+/// Trains until options.iterations, then the PPISP controllers, and writes config.yaml, cfg_args, cameras.json, input.ply,
+/// stats/train.jsonl, ppisp.json, checkpoints and point clouds. On the CPU, and with options.deterministic on one GPU, bitwise reproducible for equal
 /// options, also across a resume and for any number of threads. Throws NumericError when parameters or losses stay
 /// non-finite, Interrupted after the checkpoint that Ctrl-C asked for, DeviceError when memory ran out: if an iteration had
 /// been done and the model can still be read, after writing a checkpoint that the message names. (A densification done for

@@ -2,6 +2,7 @@
 // A short training through the program: files, progress lines, resuming, interrupting.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -119,6 +120,32 @@ TEST(Train, InterruptWritesACheckpointThatResumes) {
     ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
     EXPECT_EQ(json_lines(resumed.out).back()["iteration"], iteration + 5);
     EXPECT_TRUE(std::filesystem::exists(program.path("run/point_cloud/iteration_" + total + "/point_cloud.ply")));
+}
+
+TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
+    const Program program;
+    const Outcome stopped = program.run("train -s builtin:exposure --device cpu --eval -r 8 --iterations 5 --ppisp on --controller-iterations 1000000 -m run",
+                                        "timeout --preserve-status -s INT 6");
+    ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
+    EXPECT_NE(stopped.err.find("iterations of the controllers, which are lost"), std::string::npos) << stopped.err;
+    const Outcome neutral = program.run("eval run");
+    ASSERT_EQ(neutral.exit_code, 0) << neutral.err;
+    EXPECT_NE(neutral.out.find("| none "), std::string::npos) << neutral.out;
+    EXPECT_EQ(program.run("eval run --ppisp-eval controller").exit_code, 2);
+    const Outcome resumed = program.run("train -m run --resume --controller-iterations 3");
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    const auto lines = json_lines(resumed.out);
+    EXPECT_EQ(lines.back()["event"], "finished");
+    EXPECT_GT(lines.back()["controller_seconds"], 0.0);
+    EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), [](const auto& line) { return line.value("stage", "") == "controller"; })) << resumed.out;
+    const Outcome controlled = program.run("eval run");
+    ASSERT_EQ(controlled.exit_code, 0) << controlled.err;
+    EXPECT_NE(controlled.out.find("| controller "), std::string::npos) << controlled.out;
+    EXPECT_EQ(program.run("render run --orbit 1 -o pictures").exit_code, 0);
+    const Outcome own = program.run("eval run --source builtin:glossy --ppisp-eval scene-aligned");
+    ASSERT_EQ(own.exit_code, 0) << own.err;
+    EXPECT_NE(own.out.find("| scene-aligned "), std::string::npos) << own.out;
+    EXPECT_TRUE(std::filesystem::exists(program.path("run/on-glossy/results.json")));
 }
 
 }  // namespace

@@ -61,6 +61,7 @@ TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {
         if (option.key != "source") words.insert(words.begin(), "here");
         if (option.key == "background") words.back() = "white";
         if (option.key == "resume") words.insert(words.end(), {"-m", "there"});
+        if (option.key == "ppisp-exif") words.insert(words.end(), {"--ppisp", "on"});
         if (option.key == "speedy-splat") words.insert(words.end(), {"--strategy", "adc"});
         const TrainOptions options = parse(words);
         const std::string expected = is_switch ? "true" : option.key == "background" ? "white" : value;

@@ -252,10 +252,10 @@ TEST(Table, ThreeFormats) {
     EXPECT_NE(markdown.find("| -        |"), std::string::npos) << "unknown strategy: " << markdown;
     EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 3);
     EXPECT_EQ(format_table({row}, TableFormat::kCsv),
-              "run,scene,model,strategy,num_gaussians,psnr,ssim,train_seconds,peak_device_bytes\n"
-              "a_b|c,\"x,\"\"y\"\"\",50%,,10000,27.126,0.91234,125,1610612736\n");
+              "run,scene,model,strategy,ppisp,num_gaussians,psnr,ssim,train_seconds,peak_device_bytes\n"
+              "a_b|c,\"x,\"\"y\"\"\",50%,,,10000,27.126,0.91234,125,1610612736\n");
     const std::string latex = format_table({row}, TableFormat::kLatex);
-    EXPECT_NE(latex.find("a\\_b|c & x,\"y\" & 50\\% & - & 10000 & 27.13 & 0.9123 & 2 min 05 s & 1.50 GiB \\\\"), std::string::npos) << latex;
+    EXPECT_NE(latex.find("a\\_b|c & x,\"y\" & 50\\% & - & - & 10000 & 27.13 & 0.9123 & 2 min 05 s & 1.50 GiB \\\\"), std::string::npos) << latex;
     EXPECT_NE(latex.find("\\#Gs"), std::string::npos);
     EXPECT_THROW(parse_table_format("html"), UsageError);
 }

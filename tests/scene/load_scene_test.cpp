@@ -2,6 +2,7 @@
 // Whole scenes: image folders, sizes, splits, masks, pre-flight notes, extent.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "kernels/core/error.h"
@@ -347,6 +348,41 @@ TEST(CameraExtent, IsElevenTenthsOfTheLargestDistance) {
     EXPECT_NEAR(camera_extent({views[0]}, points), 0.5, 1e-6) << "one camera: a hundredth of the scene box";
     EXPECT_EQ(camera_extent({views[0]}, {}), 1e-6);
     EXPECT_GT(camera_extent({}, {}), 0);
+}
+
+/// Names a.png, b.png, ...; the camera ids of the model for each.
+Scene scene_with_cameras(const std::vector<std::uint32_t>& ids, bool eval) {
+    TempFolder folder;
+    const auto names = numbered(int(ids.size()));
+    auto images = row_of_images(names);
+    std::vector<TestCamera> cameras;
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+        images[i].camera_id = ids[i];
+        if (std::none_of(cameras.begin(), cameras.end(), [&](const TestCamera& c) { return c.id == ids[i]; })) cameras.push_back({.id = ids[i]});
+        write_png(folder.path() / "images" / names[i]);
+    }
+    write_model(folder.path() / "sparse/0", cameras, images, {{1, 0, 0, 0, 255, 128, 0, 2}});
+    return load_scene(at(folder.path(), eval));
+}
+
+TEST(LoadScene, CamerasAreNumberedByTheirIds) {
+    const Scene scene = scene_with_cameras({9, 4, 9, 4}, false);
+    EXPECT_EQ(scene.num_cameras, 2);
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(scene.train[std::size_t(i)].camera_id, 1 - i % 2);
+}
+
+TEST(LoadScene, ACameraWithoutTrainingImagesIsUnknown) {
+    const Scene scene = scene_with_cameras({9, 4, 4}, true); // the first is the test view
+    EXPECT_EQ(scene.num_cameras, 1);
+    EXPECT_EQ(scene.train[0].camera_id, 0);
+    EXPECT_EQ(scene.test[0].camera_id, -1);
+}
+
+TEST(LoadScene, ACameraForEveryImageIsOneDevice) {
+    const Scene scene = scene_with_cameras({1, 2, 3, 4}, true);
+    EXPECT_EQ(scene.num_cameras, 1);
+    EXPECT_EQ(scene.train[2].camera_id, 0);
+    EXPECT_EQ(scene.test[0].camera_id, 0);
 }
 
 }  // namespace

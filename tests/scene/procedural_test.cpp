@@ -322,27 +322,38 @@ TEST(BuiltinScenes, ShadowOnlyDarkensAndIsNeverSeen) {
     EXPECT_GT(darkened, 10);
 }
 
-TEST(BuiltinScenes, ExposureScalesTrainingViewsOnly) {
+TEST(BuiltinScenes, ExposureIsTheBaseSceneTimesKnownFactors) {
     SceneOptions options;
     options.eval = true;
     options.resolution = 16;
     const Scene jittered = load_builtin_scene("exposure", options), clean = load_builtin_scene("glossy", options);
-    const Description d = load_description("exposure");
-    for (std::size_t i = 0; i < clean.test.size(); ++i) EXPECT_EQ(jittered.test[i].load().color.u8, clean.test[i].load().color.u8);
-    double smallest = 10, largest = 0;
-    for (std::size_t i = 0; i < clean.train.size(); ++i) {
-        const double factor = train_exposure(d, int(i));
-        smallest = std::min(smallest, factor), largest = std::max(largest, factor);
-        const Image a = jittered.train[i].load().color, b = clean.train[i].load().color;
-        for (std::size_t k = 0; k < a.u8.size(); ++k) {
-            if (b.u8[k] < 255) {
-                ASSERT_NEAR(a.u8[k], std::min(255.0, b.u8[k] * factor), 0.5 * factor + 0.5 + 1e-6) << "view " << i;
+    Description d = load_description("exposure");
+    d.cameras.width = 16, d.cameras.height = 12;
+    std::vector<double> stops;
+    for (const bool test : {false, true}) {
+        const auto &views = test ? jittered.test : jittered.train, &base = test ? clean.test : clean.train;
+        ASSERT_EQ(views.size(), base.size());
+        for (std::size_t i = 0; i < base.size(); ++i) {
+            const Photography settings = photography(d, test, int(i));
+            EXPECT_EQ(views[i].exif_exposure, settings.stops);
+            EXPECT_FALSE(base[i].exif_exposure);
+            EXPECT_NEAR(settings.gain.prod(), 1, 1e-12);
+            stops.push_back(settings.stops);
+            const Image a = views[i].load().color, b = base[i].load().color;
+            for (std::size_t k = 0; k < a.u8.size(); ++k) {
+                const double factor = exposure_factor(d, settings, int(k / 3) % 16, int(k / 3) / 16)[int(k % 3)];
+                if (b.u8[k] < 255) {
+                    ASSERT_NEAR(a.u8[k], std::min(255.0, b.u8[k] * factor), 0.5 * factor + 0.5 + 1e-6) << "view " << i;
+                }
             }
         }
     }
-    EXPECT_GE(smallest, std::exp2(-0.5));
-    EXPECT_LE(largest, std::exp2(0.5));
-    EXPECT_GT(largest / smallest, 1.5);
+    EXPECT_GE(*std::min_element(stops.begin(), stops.end()), -1);
+    EXPECT_LE(*std::max_element(stops.begin(), stops.end()), 1);
+    EXPECT_GT(*std::max_element(stops.begin(), stops.end()) - *std::min_element(stops.begin(), stops.end()), 1.5);
+    EXPECT_NE(photography(d, true, 0).stops, photography(d, false, 0).stops);
+    EXPECT_NEAR(exposure_factor(d, {}, 0, 0).x() / exposure_factor(d, {}, 8, 6).x(), 0.7, 0.1) << "corner against centre";
+    EXPECT_EQ(photography(load_description("glossy"), false, 3).stops, 0);
 }
 
 TEST(BuiltinScenes, MistakesAreNamed) {

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/train/photometric.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+constexpr double kRate = 0.002;
+/// Names that a message lists before it stops.
+constexpr std::size_t kNamed = 3;
+
+}  // namespace
+
+std::string describe(const PhotometricDecision& decision) {
+    if (!decision.variation.nothing_to_tell.empty()) return "off: " + decision.variation.nothing_to_tell;
+    return fmt::format("{}: images vary by {:.3f} stops, threshold {}", decision.on ? "on" : "off", decision.variation.stops, kPhotometricThreshold);
+}
+
+double ppisp_rate(std::int64_t steps) {
+    constexpr double kWarmUp = 500, kDecay = 30000, kFirst = 0.01, kLast = 0.01;
+    const auto n = double(steps);
+    return kRate * (n < kWarmUp ? kFirst + (1 - kFirst) * n / kWarmUp : std::pow(kLast, (n - kWarmUp) / kDecay));
+}
+
+Photometric::Photometric(const TrainOptions& options, const Scene& scene) : options_(options), scene_(scene) {
+    file_.exif = options.ppisp_exif;
+    double known = 0;
+    for (const View& view : scene.train) {
+        file_.frames.push_back({view.name, view.camera_id, view.exif_exposure});
+        if (view.exif_exposure) file_.mean_exif += (*view.exif_exposure - file_.mean_exif) / ++known;
+    }
+    if (!options.ppisp_from.empty())
+        take_from(options.ppisp_from);
+    else if (options.ppisp == "on")
+        initial_ = begin();
+    active_ = initial_.active();
+    if (options.ppisp == "auto" && options.iterations <= kPhotometricDecision)
+        spdlog::warn("--ppisp auto decides after {} iterations, this run has {}: off", kPhotometricDecision, options.iterations);
+    if (active_) spdlog::info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
+}
+
+PpispState Photometric::begin() const {
+    PpispState state = identity_ppisp(int(scene_.train.size()), scene_.num_cameras);
+    for (std::size_t k = 0; k < scene_.train.size(); ++k) state.param[k * kIspFrameValues] = prior(k);
+    return state;
+}
+
+float Photometric::prior(std::size_t view) const {
+    const auto& exposure = file_.frames[view].exif_exposure;
+    return file_.exif && exposure ? float(*exposure - file_.mean_exif) : 0.0f;
+}
+
+void Photometric::take_from(const std::filesystem::path& path) {
+    PpispFile from = read_ppisp_json(path);
+    if (from.exif != options_.ppisp_exif)
+        throw UsageError(fmt::format("option ppisp-from: {} was made {} --ppisp-exif, which its controller depends on; {} it here as well", path.string(),
+                                     from.exif ? "with" : "without", from.exif ? "give" : "leave out"));
+    if (from.state.num_cameras != scene_.num_cameras)
+        throw DataError(fmt::format("{}: {} cameras, but the images of {} come from {}", path.string(), from.state.num_cameras, scene_.source, scene_.num_cameras));
+    std::map<std::string, std::size_t> index;
+    for (std::size_t k = 0; k < from.frames.size(); ++k) index.emplace(from.frames[k].image, k);
+    initial_ = identity_ppisp(int(scene_.train.size()), scene_.num_cameras);
+    std::vector<std::string> missing;
+    for (std::size_t k = 0; k < scene_.train.size(); ++k) {
+        const auto found = index.find(scene_.train[k].name);
+        if (found == index.end()) {
+            missing.push_back(scene_.train[k].name);
+            continue;
+        }
+        std::copy_n(from.state.param.begin() + std::ptrdiff_t(found->second) * kIspFrameValues, kIspFrameValues, initial_.param.begin() + std::ptrdiff_t(k) * kIspFrameValues);
+    }
+    if (!missing.empty()) {
+        std::string names;
+        for (std::size_t k = 0; k < std::min(kNamed, missing.size()); ++k) names += (k ? ", " : "") + missing[k];
+        throw DataError(fmt::format("{}: no values for {} of {} training images: {}{}", path.string(), missing.size(), scene_.train.size(), names, missing.size() > kNamed ? ", ..." : ""));
+    }
+    std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(), initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
+    initial_.controller = std::move(from.state.controller);
+    file_.mean_exif = from.mean_exif; // what the controller learnt with
+    frozen_ = true;
+}
+
+void Photometric::resume(Gaussians& state, std::int64_t iteration) {
+    const PpispState& held = state.ppisp;
+    if (held.active()) {
+        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with the correction; off cannot continue it");
+        if (held.num_frames != int(scene_.train.size()) || held.num_cameras != scene_.num_cameras)
+            throw DataError(fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of {}; is it another scene or split?", held.num_frames,
+                                        held.num_cameras, scene_.train.size(), scene_.num_cameras));
+        active_ = true;
+        first_ = iteration - held.step;
+        return;
+    }
+    state.ppisp = initial_;
+    first_ = iteration;
+}
+
+std::optional<PhotometricDecision> Photometric::decide(Backend& backend, std::int64_t iteration, const Vec3<float>& background,
+                                                       const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
+    if (options_.ppisp != "auto" || active_ || iteration != kPhotometricDecision) return {};
+    PhotometricDecision decision;
+    decision.variation = measure_variation(backend, scene_.train, background, image);
+    decision.on = decision.variation.nothing_to_tell.empty() && decision.variation.stops > kPhotometricThreshold;
+    spdlog::info("--ppisp auto: {}", describe(decision));
+    if (decision.on) {
+        backend.upload_ppisp(begin());
+        active_ = true;
+        first_ = iteration;
+    }
+    return decision;
+}
+
+void Photometric::apply(std::size_t view, std::int64_t iteration, StepRequest& request) const {
+    if (!active_) return;
+    request.isp = {.mode = IspMode::kFrame, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};
+    request.isp_rate = frozen_ ? 0 : ppisp_rate(iteration - first_);
+}
+
+void Photometric::add_controllers(Backend& backend) const {
+    PpispState state = backend.download(false).ppisp;
+    initialize_controller(state, options_.seed);
+    backend.upload_ppisp(state);
+}
+
+void Photometric::apply_controller(std::size_t view, StepRequest& request) const {
+    request.isp = {.mode = IspMode::kController, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};
+    request.isp_rate = kControllerRate;
+}
+
+void Photometric::report(Backend& backend) const {
+    if (!active_) return;
+    const PpispState state = backend.download(false).ppisp;
+    double n = 0, mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
+    for (std::size_t k = 0; k < file_.frames.size(); ++k) {
+        if (!file_.frames[k].exif_exposure) continue;
+        const double a = state.param[k * kIspFrameValues] - mean_a, b = *file_.frames[k].exif_exposure - mean_b;
+        mean_a += a / ++n, mean_b += b / n;
+        const double after_a = state.param[k * kIspFrameValues] - mean_a, after_b = *file_.frames[k].exif_exposure - mean_b;
+        ab += a * after_b, aa += a * after_a, bb += b * after_b;
+    }
+    if (aa > 0 && bb > 0) spdlog::info("exposures of {:.0f} images against EXIF: correlation {:.4f}, slope {:.3f}", n, ab / std::sqrt(aa * bb), ab / bb);
+}
+
+void Photometric::save(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const {
+    if (!active_) return;
+    PpispFile file = file_;
+    file.iteration = iteration;
+    file.state = backend.download(false).ppisp;
+    write_ppisp_json(path, file);
+}
+
+}  // namespace gs

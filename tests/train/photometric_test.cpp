@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another run's values.
+#include "lib/train/photometric.h"
+
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "kernels/core/error.h"
+#include "kernels/core/rng.h"
+#include "lib/core/options.h"
+#include "lib/scene/procedural.h"
+#include "lib/train/trainer.h"
+#include "tests/core/temporary_folder.h"
+#include "tests/train/forwarding_backend.h"
+
+namespace gs {
+namespace {
+
+const bool quiet = (spdlog::set_level(spdlog::level::err), true);
+
+Scene builtin(const std::string& name, int width) {
+    SceneOptions options;
+    options.resolution = width;
+    return load_builtin_scene(name, options);
+}
+
+TrainOptions options_for(const std::filesystem::path& folder, std::int64_t iterations) {
+    TrainOptions o;
+    o.source = "builtin:exposure";
+    o.model = folder.string();
+    o.iterations = iterations;
+    o.device = "cpu";
+    o.cap_max = 5000;
+    o.ppisp = "on";
+    o.controller_iterations = 0;
+    validate(o);
+    return o;
+}
+
+TrainSummary run(const TrainOptions& options, const Scene& scene) {
+    Progress progress(ProgressStyle::kSilent);
+    return train(options, scene, open_run(options), progress, {});
+}
+
+PpispFile result(const TrainOptions& o) { return read_ppisp_json(RunFolder{o.model}.ppisp()); }
+
+std::string bytes_of(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+double correlation(const std::vector<double>& a, const std::vector<double>& b) {
+    double ma = 0, mb = 0, ab = 0, aa = 0, bb = 0;
+    for (std::size_t k = 0; k < a.size(); ++k) ma += a[k] / double(a.size()), mb += b[k] / double(b.size());
+    for (std::size_t k = 0; k < a.size(); ++k) ab += (a[k] - ma) * (b[k] - mb), aa += (a[k] - ma) * (a[k] - ma), bb += (b[k] - mb) * (b[k] - mb);
+    return ab / std::sqrt(aa * bb);
+}
+
+template <class Error> std::string message_of(const std::function<void()>& action) {
+    try {
+        action();
+    } catch (const Error& e) {
+        return e.what();
+    }
+    return "";
+}
+
+TEST(PhotometricOptions, ConflictsAreNamed) {
+    const auto message = [](auto change) {
+        TrainOptions o;
+        o.source = "x";
+        change(o);
+        const std::string text = message_of<UsageError>([&] { validate(o); });
+        return text.empty() ? "ppisp " + o.ppisp : text;
+    };
+    EXPECT_EQ(message([](TrainOptions&) {}), "ppisp off");
+    EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_from = "a.json"; }), "ppisp on");
+    EXPECT_NE(message([](TrainOptions& o) { o.ppisp_from = "a.json", o.ppisp = "auto"; }).find("ppisp-from"), std::string::npos);
+    EXPECT_NE(message([](TrainOptions& o) { o.ppisp_exif = true; }).find("ppisp-exif"), std::string::npos);
+    EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_exif = true, o.ppisp = "auto"; }), "ppisp auto");
+}
+
+TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
+    EXPECT_DOUBLE_EQ(ppisp_rate(0), 0.002 * 0.01);
+    EXPECT_DOUBLE_EQ(ppisp_rate(250), 0.002 * (0.01 + 0.99 / 2));
+    EXPECT_DOUBLE_EQ(ppisp_rate(500), 0.002);
+    EXPECT_NEAR(ppisp_rate(30500), 0.002 * 0.01, 1e-12);
+    EXPECT_NEAR(ppisp_rate(30000), 2.16e-5, 1e-7);
+}
+
+/// Renders 0.5 everywhere; the photographs are given.
+class FlatBackend : public test::ForwardingBackend {
+  public:
+    FlatBackend() : ForwardingBackend({"none", 0, ColorActivation::kRelu}) {}
+    void render(const RenderRequest& request, RenderedImage& out) override {
+        out.width = request.camera.width, out.height = request.camera.height;
+        out.rgb.assign(std::size_t(3) * out.width * out.height, 0.5f);
+    }
+};
+
+/// Of photographs whose pixels are 0.5 * 2^stops(view, x, y).
+PhotometricVariation variation_of(int views, const std::function<double(int, int, int)>& stops) {
+    std::vector<View> list(static_cast<std::size_t>(views));
+    for (View& view : list) view.camera.width = 32, view.camera.height = 24;
+    FlatBackend backend;
+    return measure_variation(backend, list, {0, 0, 0}, [&](std::size_t view) {
+        auto image = std::make_shared<ViewImage>();
+        image->color = {32, 24, 3, {}, {}};
+        for (int y = 0; y < 24; ++y)
+            for (int x = 0; x < 32; ++x)
+                for (int c = 0; c < 3; ++c) image->color.f32.push_back(float(0.5 * std::exp2(stops(int(view), x, y))));
+        return image;
+    });
+}
+
+/// Uniform in -1..1, its standard deviation 0.577.
+double noise(int view, int block) { return 2 * uniform_from_bits<double>(philox(3, RngStream::kScene, std::uint64_t(view), std::uint32_t(block)).v[0]) - 1; }
+
+TEST(PhotometricVariation, CountsWhatMovesWholeImages) {
+    EXPECT_NEAR(variation_of(100, [](int v, int, int) { return noise(v, 0); }).stops, 0.577, 0.1);
+    EXPECT_EQ(variation_of(100, [](int v, int, int) { return noise(v, 0); }).num_images, 64);
+    const double one_bright = variation_of(40, [](int v, int, int) { return v == 7 ? 1 : 0; }).stops;
+    EXPECT_NEAR(one_bright, std::sqrt(1.0 / 40), 0.01) << "one image of forty";
+}
+
+TEST(PhotometricVariation, LeavesOutWhatDoesNot) {
+    EXPECT_LT(variation_of(64, [](int v, int x, int y) { return 0.3 * noise(v, y / 6 * 4 + x / 8); }).stops, 0.03) << "errors of single blocks";
+    EXPECT_LT(variation_of(64, [](int v, int x, int) { return 0.5 - x / 32.0 + (v ? 0 : 1e-3); }).stops, 1e-3) << "what all images have in common";
+}
+
+TEST(PhotometricVariation, SaysWhyThereIsNothingToTell) {
+    EXPECT_EQ(variation_of(1, [](int, int, int) { return 0; }).nothing_to_tell, "there is only one training image");
+    EXPECT_EQ(variation_of(5, [](int, int, int) { return 0; }).nothing_to_tell, "all training images have the same pixels");
+}
+
+// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there slowly.
+TEST(Photometric, RecoversTheExposuresOfTheScene) {
+    const test::TemporaryFolder tmp;
+    const Scene scene = builtin("exposure", 32);
+    const TrainOptions o = options_for(tmp.path() / "run", 4000);
+    run(o, scene);
+    const PpispFile file = result(o);
+    std::vector<double> found, truth;
+    for (std::size_t k = 0; k < scene.train.size(); ++k) {
+        EXPECT_EQ(file.frames[k].image, scene.train[k].name);
+        found.push_back(file.state.param[k * kIspFrameValues]);
+        truth.push_back(*scene.train[k].exif_exposure);
+    }
+    EXPECT_GT(correlation(found, truth), 0.99);
+}
+
+class PhotometricAuto : public ::testing::TestWithParam<std::pair<const char*, bool>> {};
+INSTANTIATE_TEST_SUITE_P(Scenes, PhotometricAuto,
+                         ::testing::Values(std::pair("exposure", true), std::pair("glossy", false), std::pair("diffuse", false), std::pair("moved", false), std::pair("shadow", false)),
+                         [](const auto& info) { return info.param.first; });
+
+TEST_P(PhotometricAuto, DecidesByTheImages) {
+    const test::TemporaryFolder tmp;
+    const Scene scene = builtin(GetParam().first, 40);
+    TrainOptions o = options_for(tmp.path() / "run", kPhotometricDecision + 1);
+    o.ppisp = "auto";
+    const TrainSummary summary = run(o, scene);
+    const bool on = GetParam().second;
+    EXPECT_EQ(summary.photometric.substr(0, 3), on ? "on:" : "off") << summary.photometric;
+    EXPECT_NE(bytes_of(RunFolder{o.model}.train_log()).find("\"event\":\"photometric\""), std::string::npos);
+    EXPECT_EQ(std::filesystem::exists(RunFolder{o.model}.ppisp()), on);
+    EXPECT_EQ(read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations)).state.ppisp.active(), on);
+}
+
+TEST(Photometric, OneImageCanBeCorrectedButAutoDoesNot) {
+    const test::TemporaryFolder tmp;
+    Scene scene = builtin("exposure", 16);
+    scene.train.resize(1);
+    TrainOptions o = options_for(tmp.path() / "on", 5);
+    run(o, scene);
+    EXPECT_EQ(result(o).frames.size(), 1u);
+    o = options_for(tmp.path() / "auto", kPhotometricDecision + 1);
+    o.ppisp = "auto";
+    EXPECT_EQ(run(o, scene).photometric, "off: there is only one training image");
+}
+
+TEST(Photometric, ImagesOfOneCameraMayDifferInSize) {
+    const test::TemporaryFolder tmp;
+    Scene scene = builtin("exposure", 24);
+    const Scene other = builtin("exposure", 16);
+    for (std::size_t k = 0; k < scene.train.size(); k += 2) scene.train[k] = other.train[k];
+    TrainOptions o = options_for(tmp.path() / "run", 50);
+    o.controller_iterations = 4;
+    run(o, scene);
+    for (const float value : result(o).state.param) EXPECT_TRUE(std::isfinite(value));
+}
+
+TEST(Photometric, ExposuresStartFromExif) {
+    const test::TemporaryFolder tmp;
+    Scene scene = builtin("exposure", 16);
+    scene.train[3].exif_exposure.reset();
+    TrainOptions o = options_for(tmp.path() / "run", 1);
+    o.ppisp_exif = true;
+    run(o, scene);
+    const PpispFile file = result(o);
+    double sum = 0;
+    for (std::size_t k = 0; k < scene.train.size(); ++k) {
+        const double exposure = file.state.param[k * kIspFrameValues];
+        sum += exposure;
+        EXPECT_EQ(file.frames[k].exif_exposure.has_value(), k != 3);
+        EXPECT_NEAR(exposure, k == 3 ? 0 : *scene.train[k].exif_exposure - file.mean_exif, 1e-3);
+    }
+    EXPECT_NEAR(sum, 0, 0.01);
+}
+
+void expect_resuming_equals_not_stopping(const TrainOptions& whole, std::int64_t stop, const std::filesystem::path& folder) {
+    const Scene scene = builtin("exposure", 16);
+    run(whole, scene);
+    TrainOptions part = whole;
+    part.model = folder.string();
+    part.iterations = stop;
+    run(part, scene);
+    part.iterations = whole.iterations;
+    part.resume = "latest";
+    run(part, scene);
+    EXPECT_FALSE(bytes_of(RunFolder{whole.model}.ppisp()).empty());
+    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.ppisp()) == bytes_of(RunFolder{part.model}.ppisp())) << "too long to print";
+    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.point_cloud(whole.iterations)) == bytes_of(RunFolder{part.model}.point_cloud(whole.iterations)));
+    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(whole.iterations)), b = read_checkpoint(RunFolder{part.model}.checkpoint(whole.iterations));
+    EXPECT_EQ(a.state.ppisp.m, b.state.ppisp.m);
+    EXPECT_EQ(a.state.ppisp.step, b.state.ppisp.step);
+}
+
+TEST(Photometric, ResumingEqualsNotStoppingBitForBit) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "whole", 60);
+    o.controller_iterations = 12;
+    expect_resuming_equals_not_stopping(o, 37, tmp.path() / "part");
+    EXPECT_FALSE(result(o).state.controller.empty());
+    EXPECT_TRUE(read_checkpoint(RunFolder{o.model}.checkpoint(60)).state.ppisp.controller.empty()) << "a longer run goes on without";
+}
+
+// The decision is made again by a run that is resumed just before it, and remembered by one that is resumed later.
+TEST(Photometric, ResumingAroundTheDecisionEqualsNotStopping) {
+    for (const std::int64_t stop : {kPhotometricDecision, kPhotometricDecision + 3}) {
+        const test::TemporaryFolder tmp;
+        TrainOptions o = options_for(tmp.path() / "whole", kPhotometricDecision + 8);
+        o.ppisp = "auto";
+        expect_resuming_equals_not_stopping(o, stop, tmp.path() / "part");
+    }
+}
+
+TEST(Photometric, ACheckpointOfOtherImagesOrWithoutTheOptionIsRefused) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run", 4);
+    Scene scene = builtin("exposure", 16);
+    run(o, scene);
+    o.iterations = 6;
+    o.resume = "latest";
+    TrainOptions off = o;
+    off.ppisp = "off";
+    EXPECT_NE(message_of<UsageError>([&] { run(off, scene); }).find("option ppisp"), std::string::npos);
+    scene.train.pop_back();
+    EXPECT_NE(message_of<DataError>([&] { run(o, scene); }).find("40 images of 1 cameras, but the scene has 39"), std::string::npos);
+}
+
+class PpispFrom : public ::testing::Test {
+  protected:
+    PpispFrom() {
+        TrainOptions first = options_for(tmp_.path() / "first", 30);
+        first.controller_iterations = 5;
+        run(first, scene_);
+        source_ = result(first);
+        o_ = options_for(tmp_.path() / "second", 20);
+        o_.controller_iterations = 5;
+        o_.ppisp_from = RunFolder{first.model}.ppisp().string();
+    }
+    const test::TemporaryFolder tmp_;
+    Scene scene_ = builtin("exposure", 16);
+    PpispFile source_;
+    TrainOptions o_;
+};
+
+TEST_F(PpispFrom, ValuesAndControllerStayAsTheyAre) {
+    std::swap(scene_.train[2], scene_.train[5]); // matched by name
+    const TrainSummary summary = run(o_, scene_);
+    EXPECT_EQ(summary.controller_seconds, 0);
+    const PpispFile file = result(o_);
+    EXPECT_EQ(file.state.controller, source_.state.controller);
+    const auto frame = [](const PpispFile& f, int k) { return std::vector(f.state.param.begin() + k * kIspFrameValues, f.state.param.begin() + (k + 1) * kIspFrameValues); };
+    EXPECT_EQ(frame(file, 2), frame(source_, 5));
+    EXPECT_EQ(frame(file, 5), frame(source_, 2));
+    EXPECT_EQ(frame(file, 7), frame(source_, 7));
+    EXPECT_EQ(std::vector(file.state.param.end() - kIspCameraValues, file.state.param.end()), std::vector(source_.state.param.end() - kIspCameraValues, source_.state.param.end()));
+}
+
+TEST_F(PpispFrom, ImagesWithoutValuesAreNamed) {
+    for (const int k : {1, 4, 6, 9}) scene_.train[std::size_t(k)].name = "other/" + std::to_string(k) + ".png";
+    const std::string message = message_of<DataError>([&] { run(o_, scene_); });
+    EXPECT_NE(message.find("ppisp.json: no values for 4 of 40 training images: other/1.png, other/4.png, other/6.png, ..."), std::string::npos) << message;
+    scene_.num_cameras = 2;
+    EXPECT_NE(message_of<DataError>([&] { run(o_, scene_); }).find("1 cameras, but the images of"), std::string::npos);
+}
+
+TEST_F(PpispFrom, BothRunsUseExifOrNeither) {
+    o_.ppisp_exif = true;
+    EXPECT_NE(message_of<UsageError>([&] { run(o_, scene_); }).find("without --ppisp-exif"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace gs
