@@ -61,6 +61,8 @@ TEST(SceneFiles, SayWhatTheProtocolSays) {
         EXPECT_EQ(options.resolution, 1);
         EXPECT_EQ(options.background, "black");
         EXPECT_EQ(options.init_points, 100000);
+        const bool rendered = std::string(expected.scene).starts_with("nerf-synthetic/");
+        EXPECT_EQ(options.ppisp, rendered ? "off" : "on");
         EXPECT_TRUE(options.eval);
         EXPECT_EQ(options.test_every, 8);
     }
