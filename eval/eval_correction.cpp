@@ -21,7 +21,7 @@ constexpr std::array<Word, 5> kWords = {{
     {CorrectionMode::kController, "controller", "exposure and colour of each view predicted by the controller from its own render; vignetting and response of its camera; no use of the photograph"},
     {CorrectionMode::kNone, "none", "neutral exposure and colour; vignetting and response of its camera; no use of the photograph"},
     {CorrectionMode::kColourAligned, "colour-aligned", "neutral exposure and colour, then for each view the affine map of colours (3x4, least squares) that fits its photograph best: uses the test images"},
-    {CorrectionMode::kSceneAligned, "scene-aligned", "the Gaussians without any correction, then for all views together the power of their values and the affine map of colours (3x4, least squares) that fit the photographs best: uses the test images"},
+    {CorrectionMode::kSceneAligned, "scene-aligned", "neutral exposure and colour, response of its camera but no vignetting, then for all views together the affine map of colours (3x4, least squares) that fits the photographs best: uses the test images"},
 }};
 
 const Word& word(CorrectionMode mode) { return *std::find_if(kWords.begin(), kWords.end(), [&](const Word& w) { return w.mode == mode; }); }
@@ -59,13 +59,18 @@ EvalCorrection saved_correction(const std::filesystem::path& run_folder) {
     return {best_correction(file.state), file.exif, file.mean_exif};
 }
 
+PpispState without_vignetting(PpispState state) {
+    for (int camera = 0; camera < state.num_cameras; ++camera) std::fill_n(state.param.data() + state.camera_offset(camera), 3 * kIspVignetting, 0.0f);
+    return state;
+}
+
 IspView view_isp(const View& view, const EvalCorrection& correction) {
     IspView isp;
     isp.camera = std::max(0, view.camera_id);
     if (correction.mode == CorrectionMode::kController) {
         isp.mode = IspMode::kController;
         if (correction.exif && view.exif_exposure) isp.prior_exposure = float(*view.exif_exposure - correction.mean_exif);
-    } else if (correction.mode == CorrectionMode::kNone || correction.mode == CorrectionMode::kColourAligned) {
+    } else if (correction.mode != CorrectionMode::kOff) {
         isp.mode = IspMode::kFrame;
     }
     return isp;

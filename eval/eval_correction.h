@@ -16,7 +16,7 @@ enum class CorrectionMode {
     kController,     ///< exposure and colour predicted from the view's own render (and EXIF, where the model was told)
     kNone,           ///< neutral exposure and colour; vignetting and response of the camera
     kColourAligned,  ///< as kNone, then the affine colour transform that fits the photograph best; uses the test image
-    kSceneAligned,   ///< the Gaussians as they are, then one power and affine colour transform for all views; uses the test images
+    kSceneAligned,   ///< as kNone without the vignetting, then one affine colour transform for all views; uses the test images
 };
 
 struct EvalCorrection {
@@ -38,6 +38,9 @@ CorrectionMode choose_correction(const std::string& text, CorrectionMode best);
 CorrectionMode best_correction(const PpispState& state);
 /// That of the model whose ppisp.json is in the run folder; off where there is none.
 EvalCorrection saved_correction(const std::filesystem::path& run_folder);
+
+/// The same with lenses that do not darken anything.
+PpispState without_vignetting(PpispState state);
 
 /// What the renderer is asked for. A camera that the training did not know is taken as camera 0, EXIF that is missing as of mean exposure.
 IspView view_isp(const View& view, const EvalCorrection& correction);

@@ -35,12 +35,21 @@ Image truth_of(const View& view, const Vec3<float>& background) {
 class Renderer {
   public:
     Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction)
-        : backend_(backend), background_(background), correction_(correction) {}
+        : backend_(backend), background_(background), correction_(correction) {
+        if (correction_.mode != CorrectionMode::kSceneAligned) return;
+        before_ = backend_.download(false).ppisp;
+        if (before_.active()) backend_.upload_ppisp(without_vignetting(before_));
+    }
+    ~Renderer() {
+        if (before_.active()) backend_.upload_ppisp(before_);
+    }
+    Renderer(const Renderer&) = delete;
+    Renderer& operator=(const Renderer&) = delete;
 
     /// Fits the map that all views share.
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
-        PowerFit fit;
+        ColourFit fit;
         for (const View& view : views) fit.add(rendered(view), truth_of(view, background_));
         common_ = fit.solve();
     }
@@ -76,6 +85,7 @@ class Renderer {
     Backend& backend_;
     const Vec3<float> background_;
     const EvalCorrection correction_;
+    PpispState before_;  ///< active where the backend's was changed
     std::optional<ColourMap> common_;
 };
 

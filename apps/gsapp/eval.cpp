@@ -83,7 +83,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
         ->excludes(skip);
     command->add_option("--ppisp-eval", arguments->ppisp_eval,
                         "How views are corrected photometrically: controller (default where the model has one), none, colour-aligned (fits each view to its "
-                        "photograph), scene-aligned (fits the uncorrected scene's colours to all photographs at once)")
+                        "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
         ->excludes(skip);
     command->add_option("-s,--source", arguments->source,
                         "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");

@@ -8,8 +8,6 @@
 
 namespace gs {
 
-inline constexpr double kControllerRate = 0.001; ///< constant over all steps
-
 /// Buffers are reused from call to call.
 template <class Real> class Controller {
   public:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What keeps PPISP from explaining what the scene should, and its rate (PPISP spec sections 4 and 5).
+// What keeps PPISP from explaining what the scene should (PPISP spec section 4).
 //
 // All terms are part of every step's loss and touch every frame and camera. First the mean of each value over all frames is
 // taken; the gradient of every value then follows on its own.
@@ -44,12 +44,6 @@ template <class Real> GS_HD Real isp_camera_regularizer(const Real* raw, int num
     if (vignetting && column < 2) g += Real(kIspVignetteCentre) * Real(2) * raw[k] / (Real(3) * cameras);
     if (vignetting && column >= 2 && raw[k] > Real(0)) g += Real(kIspVignettePositive) / (Real(9) * cameras);
     return g;
-}
-
-/// Factor of the rate after `step` steps: a warm-up over 500, for the first renders say little about exposure, then exponential
-/// decay to 1 % per 30000.
-inline double isp_rate_factor(std::int64_t step) {
-    return step < 500 ? 0.01 + 0.99 * double(step) / 500 : std::pow(0.01, double(step - 500) / 30000);
 }
 
 }  // namespace gs

@@ -73,24 +73,6 @@ TEST(EvalCorrection, ColourAlignedFitsEachViewAndSceneAlignedAllAtOnce) {
     EXPECT_GT(score(different, CorrectionMode::kColourAligned), 50);
 }
 
-TEST(ColourFit, PowerIsFound) {
-    RenderedImage render{40, 1, {}, std::vector<float>(40, 1)};
-    Image photograph{40, 1, 3, std::vector<std::uint8_t>(120), {}};
-    for (int c = 0; c < 3; ++c)
-        for (int x = 0; x < 40; ++x) {
-            render.rgb.push_back(random_value(9, c * 40 + x));
-            photograph.u8[std::size_t(3 * x + c)] = std::uint8_t(255 * (0.1 + 0.8 * std::pow(render.rgb.back(), 0.7)) + 0.5);
-        }
-    PowerFit fit;
-    fit.add(render, photograph);
-    const ColourMap map = fit.solve();
-    EXPECT_NEAR(map.power, 0.7, 0.015);
-    EXPECT_NEAR(map.affine(1, 1), 0.8, 0.02);
-    EXPECT_NEAR(map.affine(2, 3), 0.1, 0.02);
-    apply_colours(map, render);
-    for (int x = 0; x < 40; ++x) EXPECT_NEAR(render.rgb[std::size_t(40 + x)], photograph.value(x, 0, 1), 0.01);
-}
-
 TEST(ColourFit, OneColourLeavesTheMapOpenButNotTheResult) {
     RenderedImage render{2, 1, {0.5f, 0.5f, 0.25f, 0.25f, 0.f, 0.f}, {1, 1}};
     ColourFit fit;
@@ -106,8 +88,7 @@ TEST(EvalCorrection, RendererIsAskedForWhatTheModeSays) {
     view.camera_id = 2;
     view.exif_exposure = -6;
     EXPECT_EQ(view_isp(view, {}).mode, IspMode::kNone);
-    EXPECT_EQ(view_isp(view, {CorrectionMode::kSceneAligned}).mode, IspMode::kNone);
-    for (const CorrectionMode mode : {CorrectionMode::kNone, CorrectionMode::kColourAligned}) {
+    for (const CorrectionMode mode : {CorrectionMode::kNone, CorrectionMode::kColourAligned, CorrectionMode::kSceneAligned}) {
         EXPECT_EQ(view_isp(view, {mode}).mode, IspMode::kFrame);
         EXPECT_EQ(view_isp(view, {mode}).frame, -1) << "neutral";
         EXPECT_EQ(view_isp(view, {mode}).camera, 2);

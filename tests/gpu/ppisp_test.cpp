@@ -130,7 +130,7 @@ TEST_F(GpuPpisp, ControllersLearnAsOnTheCpu) {
         Pair both(view_of(width, height), random_ppisp(6, true));
         const RandomTarget target(width, height, 3);
         StepRequest r = step_request(both.scene.camera, target.image());
-        r.isp = {IspMode::kController, 3, 1, 0.5f}, r.isp_rate = kControllerRate;
+        r.isp = {IspMode::kController, 3, 1, 0.5f}, r.isp_rate = 0.001;
         both.gpu->distill(r), both.cpu->distill(r);
         const Gaussians gpu = both.gpu->download(true), cpu = both.cpu->download(true);
         EXPECT_TRUE(same_bits(gpu[Group::kMean].param, both.scene.model[Group::kMean].param));
@@ -157,7 +157,7 @@ TEST_F(GpuPpisp, DistillationFindsTheExposure) {
         for (std::size_t c = 0; c < 3; ++c) target.f32[3 * i + c] = std::min(1.0f, 0.5f * raw.rgb[c * pixels + i]);
     StepRequest r = step_request(both.scene.camera, target.image());
     r.background = both.scene.background;
-    r.isp = {IspMode::kController, -1, 0, 0}, r.isp_rate = kControllerRate;
+    r.isp = {IspMode::kController, -1, 0, 0}, r.isp_rate = 0.001;
     both.gpu->distill(r);
     both.gpu->synchronize();
     const double before = both.gpu->take_stats().loss;
@@ -203,7 +203,7 @@ TEST_F(GpuPpisp, StaysFiniteAtTheExtremes) {
         const Gaussians after = both.gpu->download(true);
         expect_finite(after.ppisp.param, "parameter"), expect_finite(after.ppisp.m, "moment");
         for (int g = 0; g < kNumGroups; ++g) expect_finite(after.groups[g].m, kGroupNames[g]);
-        r.isp.mode = IspMode::kController, r.isp_rate = kControllerRate;
+        r.isp.mode = IspMode::kController, r.isp_rate = 0.001;
         both.gpu->distill(r);
         expect_finite(both.gpu->download(true).ppisp.controller, "weight");
     }
@@ -215,7 +215,7 @@ TEST_F(GpuPpisp, RefusesViewsThatTheModelDoesNotHave) {
     EXPECT_THROW(both.render({IspMode::kFrame, 0, kCameras, 0}), UsageError);
     const RandomTarget target(40, 30, 3);
     StepRequest r = step_request(both.scene.camera, target.image());
-    r.isp = {IspMode::kController, -1, 0, 0}, r.isp_rate = kControllerRate;
+    r.isp = {IspMode::kController, -1, 0, 0}, r.isp_rate = 0.001;
     EXPECT_THROW(both.gpu->distill(r), UsageError) << "there is no controller";
     r.isp = {IspMode::kFrame, kFrames, 0, 0};
     EXPECT_THROW(both.gpu->step(r), UsageError);

@@ -307,13 +307,5 @@ TEST(Ppisp, RegularizerGradientMatchesFiniteDifferences) {
     }
 }
 
-TEST(Ppisp, RateWarmsUpAndDecays) {
-    EXPECT_DOUBLE_EQ(isp_rate_factor(0), 0.01);
-    EXPECT_DOUBLE_EQ(isp_rate_factor(250), 0.505);
-    EXPECT_DOUBLE_EQ(isp_rate_factor(500), 1);
-    EXPECT_NEAR(isp_rate_factor(15500), 0.1, 1e-12);
-    EXPECT_NEAR(0.002 * isp_rate_factor(30000), 2.2e-5, 1e-6);
-}
-
 }  // namespace
 }  // namespace gs
