@@ -31,6 +31,7 @@ std::vector<Row> densification_rows() {
     const auto tenth = [](TrainOptions& o) {
         o.strategy = "mcmc", o.speedy_splat = false;
         o.cap_max = std::max<std::int64_t>(1, o.cap_max / 10);
+        o.init_points = std::min(o.init_points, o.cap_max); // MCMC keeps what is there to begin with
     };
     return {{"MCMC", "mcmc", strategy("mcmc", false)},
             {"MCMC 0.1x", "mcmc-0.1x", tenth},
