@@ -54,7 +54,7 @@ std::optional<MetricScore> without_weights(const std::filesystem::path& folder, 
 
 const std::vector<MetricInfo>& known_metrics() {
     static const std::vector<MetricInfo> all = {
-        {"psnr", "PSNR", true, 2},  {"ssim", "SSIM", true, 4},   {"lpips-vgg", "LPIPS", false, 4}, {"lpips-alex", "LPIPS-Alex", false, 4},
+        {"psnr", "PSNR", true, 2},  {"ssim", "SSIM", true, 4},   {"lpips-vgg", "LPIPS-VGG", false, 4}, {"lpips-alex", "LPIPS-Alex", false, 4},
         {"flip", "FLIP", false, 4}, {"dists", "DISTS", false, 4}, {"milo", "MILO", false, 4},
     };
     return all;

@@ -22,7 +22,7 @@ struct MetricScore {
 
 struct MetricInfo {
     std::string name;  ///< on the command line: lpips-vgg
-    std::string key;   ///< in results.json, and the heading of its column: LPIPS
+    std::string key;   ///< in results.json, and the heading of its column: LPIPS-VGG (3DGS writes LPIPS)
     bool higher_is_better = false;
     int decimals = 4;
 };

@@ -4,7 +4,7 @@
 
 Writes seeded weights in the layouts of VGG16, AlexNet, the LPIPS heads, DISTS and MILO, and pairs of PNGs, runs
 `gsapp metrics --json` on them, and computes the same from plain functional operations in double precision, defined here without
-regard to gsapp's code. Exit status: 0 all within the tolerance, 1 otherwise.
+regard to gsapp's code. Exit status: 0 all within the tolerance, 1 otherwise, 77 PyTorch is not installed.
 
 usage: scripts/check_metric_engine.py GSAPP [--seed N] [--tolerance 1e-4] [--keep FOLDER] [--device cpu|cuda]
 """
@@ -18,8 +18,12 @@ import sys
 import tempfile
 import zlib
 
-import torch
-import torch.nn.functional as F
+try:
+    import torch
+    import torch.nn.functional as F
+except ImportError:
+    print("skipped: PyTorch is not installed")
+    sys.exit(77)
 
 from export_metric_weights import ALEXNET_LAYERS, VGG16_LAYERS, write_safetensors
 
@@ -181,7 +185,7 @@ def expected_scores(render, truth, files, symmetric):
         return vgg16_stages(x, files["vgg16"], lambda y: F.max_pool2d(y, 2))
 
     return {
-        "LPIPS": lpips(render, truth, vgg, files["lpips_vgg"], symmetric),
+        "LPIPS-VGG": lpips(render, truth, vgg, files["lpips_vgg"], symmetric),
         "LPIPS-Alex": lpips(render, truth, lambda x: alexnet_stages(x, files["alexnet"]), files["lpips_alex"], symmetric),
         "DISTS": dists(render, truth, files["vgg16"], files["dists"]),
         "MILO": milo(render, truth, files["milo"]),

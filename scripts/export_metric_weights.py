@@ -10,7 +10,7 @@ usage: scripts/export_metric_weights.py FOLDER [--milo MILO.pth]
 then:  gsapp eval RUN --metrics all --metric-weights FOLDER     (or: export GSAPP_METRIC_WEIGHTS=FOLDER)
 """
 import argparse
-import inspect
+import importlib.util
 import json
 import os
 import struct
@@ -55,22 +55,27 @@ def export_alexnet(folder):
 
 
 def export_lpips(folder, net):
-    import lpips
     import torch
-    # The heads alone: the package's own class would also load the features again.
-    path = os.path.join(os.path.dirname(inspect.getfile(lpips)), "weights", "v0.1", net + ".pth")
-    state = torch.load(path, map_location="cpu")
+    # The file of heads alone: the package's class would also load the features again.
+    package = importlib.util.find_spec("lpips")
+    if package is None:
+        raise ImportError("lpips is not installed")
+    state = torch.load(os.path.join(os.path.dirname(package.origin), "weights", "v0.1", net + ".pth"), map_location="cpu")
     write_safetensors(os.path.join(folder, f"lpips_{net}.safetensors"),
                       {f"lin{i}.weight": state[f"lin{i}.model.1.weight"] for i in range(5)})
 
 
 def export_dists(folder):
     import torch
-    import DISTS_pytorch
-    package = os.path.dirname(inspect.getfile(DISTS_pytorch))
-    state = torch.load(os.path.join(package, "weights.pt"), map_location="cpu")
+    from DISTS_pytorch import DISTS_pt
+    # The package installs its weights at the prefix of Python; a checkout has them beside the module.
+    places = [os.path.join(place, "weights.pt") for place in (os.path.dirname(DISTS_pt.__file__), sys.prefix)]
+    found = [place for place in places if os.path.exists(place)]
+    if not found:
+        raise FileNotFoundError(" and ".join(places))
+    state = torch.load(found[0], map_location="cpu")
     # gsapp's pooling has the window (1,2,1) x (1,2,1) / 16 built in.
-    window = DISTS_pytorch.DISTS_pt.L2pooling(channels=1).filter.flatten()
+    window = DISTS_pt.L2pooling(channels=1).filter.flatten()
     expected = torch.tensor([1.0, 2, 1, 2, 4, 2, 1, 2, 1]) / 16
     if not torch.allclose(window.float(), expected, atol=1e-6):
         raise RuntimeError(f"this DISTS_pytorch pools with another window: {window.tolist()}")

@@ -70,10 +70,10 @@ TEST(Metrics, ReachResultsAndTables) {
     EvalOptions options;
     options.run_folder = folder.path();
     options.iteration = 5;
-    options.metrics = {counting(known_metrics()[2], 0), counting(known_metrics()[4], 2)};  // LPIPS, FLIP
+    options.metrics = {counting(known_metrics()[2], 0), counting(known_metrics()[4], 2)};  // LPIPS-VGG, FLIP
     const std::vector<View> views = {view("a"), view("b"), view("c")};
     const EvalResult result = evaluate_views(backend, views, {0, 0, 0}, options);
-    EXPECT_EQ(result.scores.at("LPIPS").value, 2.0);
+    EXPECT_EQ(result.scores.at("LPIPS-VGG").value, 2.0);
     EXPECT_FALSE(result.scores.at("FLIP").value) << "means over different views do not compare";
     EXPECT_EQ(result.scores.at("FLIP").reason, "not measured: view 2");
     write_results(RunFolder{folder.path()}, options, result, {});
@@ -84,19 +84,19 @@ TEST(Metrics, ReachResultsAndTables) {
     };
     const json results = read("results.json"), per_view = read("per_view.json");
     EXPECT_EQ(results["ours_5"].size(), 3u) << results["ours_5"];
-    EXPECT_EQ(results["ours_5"]["LPIPS"], 2.0);
+    EXPECT_EQ(results["ours_5"]["LPIPS-VGG"], 2.0);
     EXPECT_EQ(results["not_measured"]["ours_5"], (json{{"FLIP", "not measured: view 2"}}));
     EXPECT_EQ(results["protocol"]["ours_5"]["lpips-vgg"], "counts, mean over images");
-    EXPECT_EQ(per_view["ours_5"]["LPIPS"], (json{{"00000.png", 1.0}, {"00001.png", 2.0}, {"00002.png", 3.0}}));
+    EXPECT_EQ(per_view["ours_5"]["LPIPS-VGG"], (json{{"00000.png", 1.0}, {"00001.png", 2.0}, {"00002.png", 3.0}}));
     EXPECT_EQ(per_view["ours_5"]["FLIP"], (json{{"00000.png", 1.0}, {"00002.png", 3.0}}));
 
     const TableRow row = read_table_row(folder.path(), std::nullopt);
     TableRow plain;
     plain.run = "other";
     const std::string markdown = format_table({row, plain}, TableFormat::kMarkdown);
-    EXPECT_NE(markdown.find("|   SSIM |  LPIPS |         FLIP | train time |"), std::string::npos) << markdown;
-    EXPECT_NE(markdown.find("| 2.0000 | not measured |"), std::string::npos) << markdown;
-    EXPECT_NE(markdown.find("|      - |            - |"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("|   SSIM | LPIPS-VGG |         FLIP | train time |"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("|    2.0000 | not measured |"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("|         - |            - |"), std::string::npos) << markdown;
     EXPECT_NE(markdown.find("\n\nFLIP: not measured: view 2\n"), std::string::npos) << markdown;
     const std::string csv = format_table({row, plain}, TableFormat::kCsv);
     EXPECT_NE(csv.find(",psnr,ssim,lpips-vgg,flip,train_seconds,"), std::string::npos) << csv;
