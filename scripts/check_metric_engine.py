@@ -25,6 +25,7 @@ except ImportError:
     print("skipped: PyTorch is not installed")
     sys.exit(77)
 
+sys.dont_write_bytecode = True  # the import below leaves nothing in the checkout
 from export_metric_weights import ALEXNET_LAYERS, VGG16_LAYERS, write_safetensors
 
 VGG16_CHANNELS = (64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512)

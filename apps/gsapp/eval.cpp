@@ -58,7 +58,7 @@ void run_eval(const EvalArguments& arguments) {
     const SsimBorder border = parse_ssim_border(arguments.ssim_border);
     std::vector<Metric> metrics;
     for (const std::string& name : parse_metric_names(arguments.metrics.names)) {
-        if (name != "psnr" && name != "ssim" && !arguments.skip_render) metrics.push_back(make_metric(name, metric_options(arguments.metrics)));
+        if (name != "psnr" && name != "ssim") metrics.push_back(make_metric(name, metric_options(arguments.metrics)));
     }
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
@@ -89,8 +89,9 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_option("--format", arguments->format, "Table as markdown, csv or latex")->capture_default_str();
     command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
         ->capture_default_str();
-    add_metric_options(*command, arguments->metrics);
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    add_metric_options(*command, arguments->metrics);
+    for (const char* option : {"--metrics", "--metric-weights", "--lpips-range"}) command->get_option(option)->excludes(skip);
     command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
     command->add_option("--ppisp-eval", arguments->ppisp_eval,
