@@ -103,6 +103,22 @@ double decompose(Backend& backend, const View& view, int index, const Vec3<float
     return residual_mean;
 }
 
+/// Means over views; a metric that fails on one view has none, since means over different views do not compare.
+std::map<std::string, MetricScore> mean_scores(const std::vector<ViewScore>& views) {
+    std::map<std::string, MetricScore> means;
+    for (const ViewScore& view : views) {
+        for (const auto& [key, score] : view.scores) {
+            MetricScore& mean = means.try_emplace(key, MetricScore{0.0, ""}).first->second;
+            if (!mean.value) continue;
+            if (score.value)
+                *mean.value += *score.value / double(views.size());
+            else
+                mean = score;
+        }
+    }
+    return means;
+}
+
 void paste(const Image& from, Image& to, int left, int top) {
     for (int y = 0; y < from.height; ++y) {
         std::copy_n(&from.u8[std::size_t(y) * from.width * 3], std::size_t(from.width) * 3,
@@ -124,6 +140,7 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
         result.views.push_back(
             {views[i].name, psnr(pair.render, pair.truth), ssim(pair.render, pair.truth, options.ssim_border), pair.render_seconds});
         ViewScore& score = result.views.back();
+        for (const Metric& metric : options.metrics) score.scores[metric.info.key] = metric.compute(pair.render, pair.truth);
         if (options.decompose) {
             score.residual_mean = decompose(backend, views[i], int(i), background, options);
             *result.residual_mean += *score.residual_mean / double(views.size());
@@ -136,6 +153,7 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
         write_image(folder.render(options.split, options.iteration, int(i)), pair.render);
         write_image(folder.ground_truth(options.split, options.iteration, int(i)), pair.truth);
     }
+    result.scores = mean_scores(result.views);
     return result;
 }
 

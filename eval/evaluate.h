@@ -3,12 +3,14 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "eval/ssim.h"
 #include "eval/eval_correction.h"
+#include "eval/metrics.h"
+#include "eval/ssim.h"
 #include "kernels/backend.h"
 #include "lib/scene/scene.h"
 
@@ -21,6 +23,7 @@ struct EvalOptions {
     std::string split = "test";
     EvalCorrection correction;
     bool decompose = false;  ///< also render base and residual of each view; pictures go beside renders, to {base,residual}
+    std::vector<Metric> metrics = {};  ///< beside PSNR and SSIM, which are always computed
 };
 
 struct ViewScore {
@@ -29,6 +32,7 @@ struct ViewScore {
     double ssim = 0;
     double render_seconds = 0;
     std::optional<double> residual_mean = {};  ///< mean_value of the residual picture, when decomposed
+    std::map<std::string, MetricScore> scores = {};  ///< of options.metrics, by MetricInfo::key
 };
 
 struct EvalResult {
@@ -36,6 +40,7 @@ struct EvalResult {
     double psnr = 0, ssim = 0;  ///< means over views
     double render_seconds = 0;  ///< sum over views, without loading, metrics, writing and decomposition
     std::optional<double> residual_mean = {};  ///< mean over views, when decomposed
+    std::map<std::string, MetricScore> scores = {};  ///< means over views; the reason of the first view where any has one
 };
 
 /// Renders each view at the size of its camera, quantises render and photograph to 8 bits and compares these (protocol:

@@ -40,6 +40,9 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     const std::string key = fmt::format("ours_{}", options.iteration);
     Json results = existing(folder.results());
     results[key] = {{"SSIM", result.ssim}, {"PSNR", finite_or_null(result.psnr)}};
+    for (const auto& [name, score] : result.scores) {
+        if (score.value) results[key][name] = finite_or_null(*score.value);
+    }
     const bool aligned = options.correction.mode == CorrectionMode::kColourAligned || options.correction.mode == CorrectionMode::kSceneAligned;
     section(results, "protocol")[key] = {
         {"images", aligned ? "8 bits: aligned to the photographs, clamped to [0,1], *255, +0.5, truncated; no crop, no mask"
@@ -53,6 +56,13 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
         {"num_views", result.views.size()},
         {"program", version_text()},
     };
+    for (const Metric& metric : options.metrics) results["protocol"][key][metric.info.name] = metric.protocol + ", mean over images";
+    // Why a score that was asked for is not there; an earlier answer no longer holds.
+    section(results, "not_measured").erase(key);
+    for (const auto& [name, score] : result.scores) {
+        if (!score.value) results["not_measured"][key][name] = score.reason;
+    }
+    if (results["not_measured"].empty()) results.erase("not_measured");
     Json& timing = section(section(results, "timing"), key.c_str());
     if (facts.train_seconds) timing["train_seconds"] = *facts.train_seconds;
     if (facts.controller_seconds) timing["controller_seconds"] = *facts.controller_seconds;
@@ -70,6 +80,9 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
         const std::string file = folder.render(options.split, options.iteration, int(i)).filename().string();
         scores["SSIM"][file] = result.views[i].ssim;
         scores["PSNR"][file] = finite_or_null(result.views[i].psnr);
+        for (const auto& [name, score] : result.views[i].scores) {
+            if (score.value) scores[name][file] = finite_or_null(*score.value);
+        }
         names[file] = result.views[i].name;
         if (result.views[i].residual_mean) residuals[file] = finite_or_null(*result.views[i].residual_mean);
     }

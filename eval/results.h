@@ -33,7 +33,8 @@ struct RunFacts {
 ///    "photometric": {"ours_N": {"decision": ..}}, "run": {"ours_N": {..}}}
 ///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}}, "decomposition": {"ours_N": {"residual_mean": {"00000.png": ..}}},
 ///    "image_names": {"ours_N": {"00000.png": ..}}}
-/// "decomposition" is there once a view was decomposed.
+/// Further metrics stand beside PSNR and SSIM by MetricInfo::key; of those that gave no number "not_measured":
+/// {"ours_N": {"LPIPS-VGG": reason}} says why. "decomposition" is there once a view was decomposed.
 /// JSON knows no infinity: a PSNR of identical images is written as null. Atomic per file. Throws DataError when an
 /// existing file is no JSON object or cannot be written.
 void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts);

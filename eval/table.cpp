@@ -5,7 +5,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -20,9 +19,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kNumColumns = 10;
-using Cells = std::array<std::string, kNumColumns>;
-constexpr int kFirstNumber = 5;  ///< columns from here on hold numbers and are aligned right
+using Cells = std::vector<std::string>;
+constexpr std::size_t kFirstNumber = 5;  ///< columns from here on hold numbers and are aligned right
 
 std::optional<std::int64_t> iteration_of(const std::string& key) {
     std::int64_t n = 0;
@@ -64,37 +62,61 @@ std::string duration(double seconds) {
 
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
-Cells header(TableFormat format) {
-    if (format == TableFormat::kCsv)
-        return {"run", "scene", "model", "strategy", "ppisp", "num_gaussians", "psnr", "ssim", "train_seconds", "peak_device_bytes"};
-    return {"run", "scene", "model", "strategy", "ppisp", "#Gs", "PSNR", "SSIM", "train time", "peak memory"};
+/// The further metrics that any row knows of, in the order of columns.
+std::vector<MetricInfo> further_metrics(const std::vector<TableRow>& rows) {
+    std::vector<MetricInfo> metrics;
+    for (const MetricInfo& info : known_metrics()) {
+        if (std::any_of(rows.begin(), rows.end(), [&](const TableRow& row) { return row.scores.contains(info.key); })) metrics.push_back(info);
+    }
+    return metrics;
 }
 
-Cells cells_of(const TableRow& row, TableFormat format) {
+Cells header(TableFormat format, const std::vector<MetricInfo>& metrics) {
     const bool csv = format == TableFormat::kCsv;
-    const auto count = row.num_gaussians ? fmt::format("{}", *row.num_gaussians) : "";
-    if (csv) {
-        return {row.run,
-                row.scene,
-                row.model,
-                row.strategy,
-                row.correction,
-                count,
-                fmt::format("{}", row.psnr),
-                fmt::format("{}", row.ssim),
-                row.train_seconds ? fmt::format("{}", *row.train_seconds) : "",
-                row.peak_device_bytes ? fmt::format("{}", *row.peak_device_bytes) : ""};
+    Cells cells = csv ? Cells{"run", "scene", "model", "strategy", "ppisp", "num_gaussians", "psnr", "ssim"}
+                      : Cells{"run", "scene", "model", "strategy", "ppisp", "#Gs", "PSNR", "SSIM"};
+    for (const MetricInfo& info : metrics) cells.push_back(csv ? info.name : info.key);
+    for (const char* name : {csv ? "train_seconds" : "train time", csv ? "peak_device_bytes" : "peak memory"}) cells.emplace_back(name);
+    return cells;
+}
+
+std::string score_cell(const TableRow& row, const MetricInfo& info, bool csv) {
+    const auto found = row.scores.find(info.key);
+    if (found != row.scores.end() && found->second.value)
+        return csv ? fmt::format("{}", *found->second.value) : fmt::format("{:.{}f}", *found->second.value, info.decimals);
+    if (csv) return "";
+    return found == row.scores.end() ? "-" : "not measured";
+}
+
+Cells cells_of(const TableRow& row, TableFormat format, const std::vector<MetricInfo>& metrics) {
+    const bool csv = format == TableFormat::kCsv;
+    const auto text = [&](const std::string& value) { return csv ? value : or_dash(value); };
+    Cells cells = {text(row.run),        text(row.scene),
+                   text(row.model),      text(row.strategy),
+                   text(row.correction), text(row.num_gaussians ? fmt::format("{}", *row.num_gaussians) : ""),
+                   csv ? fmt::format("{}", row.psnr) : fmt::format("{:.2f}", row.psnr),
+                   csv ? fmt::format("{}", row.ssim) : fmt::format("{:.4f}", row.ssim)};
+    for (const MetricInfo& info : metrics) cells.push_back(score_cell(row, info, csv));
+    cells.push_back(text(!row.train_seconds ? "" : csv ? fmt::format("{}", *row.train_seconds) : duration(*row.train_seconds)));
+    const auto peak = row.peak_device_bytes;
+    cells.push_back(text(!peak ? "" : csv ? fmt::format("{}", *peak) : fmt::format("{:.2f} GiB", double(*peak) / (1 << 30))));
+    return cells;
+}
+
+/// Why scores are missing, a line for each metric and reason.
+std::string reasons(const std::vector<TableRow>& rows) {
+    std::vector<std::string> lines;
+    for (const MetricInfo& info : known_metrics()) {
+        for (const TableRow& row : rows) {
+            const auto found = row.scores.find(info.key);
+            if (found == row.scores.end() || found->second.value) continue;
+            const std::string line = fmt::format("{}: {}\n", info.key, found->second.reason);
+            if (std::find(lines.begin(), lines.end(), line) == lines.end()) lines.push_back(line);
+        }
     }
-    return {or_dash(row.run),
-            or_dash(row.scene),
-            or_dash(row.model),
-            or_dash(row.strategy),
-            or_dash(row.correction),
-            or_dash(count),
-            fmt::format("{:.2f}", row.psnr),
-            fmt::format("{:.4f}", row.ssim),
-            row.train_seconds ? duration(*row.train_seconds) : "-",
-            row.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*row.peak_device_bytes) / (1 << 30)) : "-"};
+    std::string text;
+    for (const std::string& line : lines) text += (text.empty() ? "\n" : "") + line;
+    return text;
 }
 
 std::string markdown_escaped(const std::string& text) {
@@ -135,9 +157,9 @@ std::string joined(const Cells& cells, const char* separator, std::string (*esca
 
 /// Columns padded to one width, so that the text reads as a table in a terminal, too.
 std::string markdown(std::vector<Cells> lines) {
-    std::array<std::size_t, kNumColumns> widths{};
+    std::vector<std::size_t> widths(lines.front().size());
     for (Cells& cells : lines) {
-        for (int c = 0; c < kNumColumns; ++c) {
+        for (std::size_t c = 0; c < widths.size(); ++c) {
             cells[c] = markdown_escaped(cells[c]);
             widths[c] = std::max({widths[c], cells[c].size(), std::size_t(3)});
         }
@@ -145,12 +167,12 @@ std::string markdown(std::vector<Cells> lines) {
     std::string text;
     for (std::size_t i = 0; i < lines.size(); ++i) {
         text += "|";
-        for (int c = 0; c < kNumColumns; ++c)
+        for (std::size_t c = 0; c < widths.size(); ++c)
             text += c < kFirstNumber ? fmt::format(" {:<{}} |", lines[i][c], widths[c]) : fmt::format(" {:>{}} |", lines[i][c], widths[c]);
         text += "\n";
         if (i > 0) continue;
         text += "|";
-        for (int c = 0; c < kNumColumns; ++c)
+        for (std::size_t c = 0; c < widths.size(); ++c)
             text += c < kFirstNumber ? fmt::format(" {:-<{}} |", "", widths[c]) : fmt::format(" {:->{}} |", ":", widths[c]);
         text += "\n";
     }
@@ -186,6 +208,14 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.iteration = *chosen;
     row.psnr = score(json, file, key, "PSNR");
     row.ssim = score(json, file, key, "SSIM");
+    const Json missing = fact(json, "not_measured", key);
+    for (const MetricInfo& info : known_metrics()) {
+        if (info.key == "PSNR" || info.key == "SSIM") continue;
+        if (json.at(key).contains(info.key))
+            row.scores[info.key] = {score(json, file, key, info.key.c_str()), ""};
+        else if (const std::string reason = text_fact(missing, info.key.c_str()); !reason.empty())
+            row.scores[info.key] = {std::nullopt, reason};
+    }
     const Json run = fact(json, "run", key), timing = fact(json, "timing", key), count = fact(json, "num_gaussians", key),
                memory = fact(json, "memory", key);
     row.scene = text_fact(run, "scene");
@@ -202,15 +232,16 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
 }
 
 std::string format_table(const std::vector<TableRow>& rows, TableFormat format) {
-    std::vector<Cells> lines = {header(format)};
-    for (const TableRow& row : rows) lines.push_back(cells_of(row, format));
-    if (format == TableFormat::kMarkdown) return markdown(std::move(lines));
+    const std::vector<MetricInfo> metrics = further_metrics(rows);
+    std::vector<Cells> lines = {header(format, metrics)};
+    for (const TableRow& row : rows) lines.push_back(cells_of(row, format, metrics));
+    if (format == TableFormat::kMarkdown) return markdown(std::move(lines)) + reasons(rows);
     std::string text;
     if (format == TableFormat::kCsv) {
         for (const Cells& cells : lines) text += joined(cells, ",", csv_escaped) + "\n";
         return text;
     }
-    text = "\\begin{tabular}{lllllrrrrr}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
+    text = "\\begin{tabular}{" + std::string(kFirstNumber, 'l') + std::string(lines[0].size() - kFirstNumber, 'r') + "}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
     for (std::size_t i = 1; i < lines.size(); ++i) text += joined(lines[i], " & ", latex_escaped) + " \\\\\n";
     return text + "\\hline\n\\end{tabular}\n";
 }

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/metrics.h"
 #include "eval/saved_run.h"
 #include "eval/table.h"
 #include "lib/train/scene_options.h"
@@ -20,6 +21,7 @@ struct EvalArguments {
     std::string format = "markdown";
     std::string ssim_border = "valid";
     std::string ppisp_eval, source;
+    MetricArguments metrics{"psnr,ssim", "", "symmetric"};
     bool skip_render = false;
     bool decompose = false;
 };
@@ -29,10 +31,12 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
     return source.empty() ? run : run / ("on-" + scene_name(source));
 }
 
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, const EvalArguments& arguments) {
+void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, const std::vector<Metric>& metrics,
+                  const EvalArguments& arguments) {
     SavedRun run = open_saved_run(folder, iteration, arguments.source);
     EvalOptions options;
     options.ssim_border = border;
+    options.metrics = metrics;
     options.run_folder = results_folder(run.folder, arguments.source);
     options.iteration = run.iteration;
     options.correction = run.correction;
@@ -42,6 +46,9 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
                  run.options.source, correction_name(options.correction.mode));
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
     if (result.residual_mean) spdlog::info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
+    for (const auto& [key, score] : result.scores) {
+        if (!score.value) spdlog::warn("{}: {} {}", folder, key, score.reason);
+    }
     write_results(RunFolder{options.run_folder}, options, result, run_facts(run.options, run.scene, run.background, run.backend->count()));
 }
 
@@ -49,10 +56,14 @@ void run_eval(const EvalArguments& arguments) {
     // Mistakes in the words are found before any run is rendered.
     const TableFormat format = parse_table_format(arguments.format);
     const SsimBorder border = parse_ssim_border(arguments.ssim_border);
+    std::vector<Metric> metrics;
+    for (const std::string& name : parse_metric_names(arguments.metrics.names)) {
+        if (name != "psnr" && name != "ssim") metrics.push_back(make_metric(name, metric_options(arguments.metrics)));
+    }
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, border, arguments);
+        if (!arguments.skip_render) evaluate_run(run, iteration, border, metrics, arguments);
         rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
         if (!arguments.source.empty()) rows.back().run = run;
     }
@@ -79,6 +90,8 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
         ->capture_default_str();
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    add_metric_options(*command, arguments->metrics);
+    for (const char* option : {"--metrics", "--metric-weights", "--lpips-range"}) command->get_option(option)->excludes(skip);
     command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
     command->add_option("--ppisp-eval", arguments->ppisp_eval,

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Weights of learned metrics, as scripts/export_metric_weights.py writes them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "eval/convolution.h"
+#include "lib/io/safetensors.h"
+
+namespace gs {
+
+/// A file of float tensors whose names and shapes are known beforehand.
+class MetricWeights {
+  public:
+    /// Throws DataError naming the file when it cannot be read.
+    explicit MetricWeights(const std::filesystem::path& path) : path_(path), file_(path) {}
+
+    /// Throws DataError naming file and tensor when it is missing, has another shape or type, or holds a value that is not finite.
+    std::vector<float> read(const std::string& name, const std::vector<std::int64_t>& shape) const;
+
+    /// `name`.weight and `name`.bias of a layer whose sizes are filled in. Throws as above.
+    ConvLayer read_layer(const std::string& name, ConvLayer layer) const;
+
+  private:
+    std::filesystem::path path_;
+    SafetensorsFile file_;
+};
+
+}  // namespace gs
