@@ -1,28 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading results.json and laying out tables.
+// Reading results.json.
 #include "eval/table.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
-#include <cmath>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "eval/protocol.h"
+#include "eval/training_options.h"
 #include "kernels/core/error.h"
+#include "lib/core/options.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {
 namespace {
 
 using Json = nlohmann::json;
-
-constexpr int kNumColumns = 10;
-using Cells = std::array<std::string, kNumColumns>;
-constexpr int kFirstNumber = 5;  ///< columns from here on hold numbers and are aligned right
 
 std::optional<std::int64_t> iteration_of(const std::string& key) {
     std::int64_t n = 0;
@@ -31,7 +28,7 @@ std::optional<std::int64_t> iteration_of(const std::string& key) {
     return error == std::errc() && end == key.data() + key.size() && n >= 0 ? std::optional(n) : std::nullopt;
 }
 
-double score(const Json& json, const std::string& file, const std::string& key, const char* name) {
+double score(const Json& json, const std::string& file, const std::string& key, const std::string& name) {
     const Json& object = json.at(key);
     if (!object.is_object() || !object.contains(name)) throw DataError(fmt::format("{}: {} has no {}", file, key, name));
     const Json& value = object.at(name);
@@ -50,121 +47,17 @@ std::string text_fact(const Json& object, const char* name) {
     return object.is_object() && object.contains(name) && object.at(name).is_string() ? object.at(name).get<std::string>() : "";
 }
 
+std::optional<std::int64_t> count_fact(const Json& object, const char* name) {
+    if (!object.is_object() || !object.contains(name) || !object.at(name).is_number_integer()) return std::nullopt;
+    return object.at(name).get<std::int64_t>();
+}
+
 std::optional<double> number_fact(const Json& object, const char* name) {
     if (!object.is_object() || !object.contains(name) || !object.at(name).is_number()) return std::nullopt;
     return object.at(name).get<double>();
 }
 
-std::string duration(double seconds) {
-    const auto whole = std::int64_t(std::lround(seconds));
-    if (whole < 60) return fmt::format("{:.1f} s", seconds);
-    if (whole < 3600) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
-    return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
-}
-
-std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
-
-Cells header(TableFormat format) {
-    if (format == TableFormat::kCsv)
-        return {"run", "scene", "model", "strategy", "ppisp", "num_gaussians", "psnr", "ssim", "train_seconds", "peak_device_bytes"};
-    return {"run", "scene", "model", "strategy", "ppisp", "#Gs", "PSNR", "SSIM", "train time", "peak memory"};
-}
-
-Cells cells_of(const TableRow& row, TableFormat format) {
-    const bool csv = format == TableFormat::kCsv;
-    const auto count = row.num_gaussians ? fmt::format("{}", *row.num_gaussians) : "";
-    if (csv) {
-        return {row.run,
-                row.scene,
-                row.model,
-                row.strategy,
-                row.correction,
-                count,
-                fmt::format("{}", row.psnr),
-                fmt::format("{}", row.ssim),
-                row.train_seconds ? fmt::format("{}", *row.train_seconds) : "",
-                row.peak_device_bytes ? fmt::format("{}", *row.peak_device_bytes) : ""};
-    }
-    return {or_dash(row.run),
-            or_dash(row.scene),
-            or_dash(row.model),
-            or_dash(row.strategy),
-            or_dash(row.correction),
-            or_dash(count),
-            fmt::format("{:.2f}", row.psnr),
-            fmt::format("{:.4f}", row.ssim),
-            row.train_seconds ? duration(*row.train_seconds) : "-",
-            row.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*row.peak_device_bytes) / (1 << 30)) : "-"};
-}
-
-std::string markdown_escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) out += c == '|' ? std::string("\\|") : std::string(1, c);
-    return out;
-}
-
-std::string csv_escaped(const std::string& text) {
-    if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-    std::string out = "\"";
-    for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return out + "\"";
-}
-
-std::string latex_escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) {
-        if (c == '\\')
-            out += "\\textbackslash{}";
-        else if (c == '~')
-            out += "\\textasciitilde{}";
-        else if (c == '^')
-            out += "\\textasciicircum{}";
-        else if (std::string("&%$#_{}").find(c) != std::string::npos)
-            out += std::string("\\") + c;
-        else
-            out += c;
-    }
-    return out;
-}
-
-std::string joined(const Cells& cells, const char* separator, std::string (*escape)(const std::string&)) {
-    std::string line;
-    for (const std::string& cell : cells) line += (&cell == &cells.front() ? "" : separator) + escape(cell);
-    return line;
-}
-
-/// Columns padded to one width, so that the text reads as a table in a terminal, too.
-std::string markdown(std::vector<Cells> lines) {
-    std::array<std::size_t, kNumColumns> widths{};
-    for (Cells& cells : lines) {
-        for (int c = 0; c < kNumColumns; ++c) {
-            cells[c] = markdown_escaped(cells[c]);
-            widths[c] = std::max({widths[c], cells[c].size(), std::size_t(3)});
-        }
-    }
-    std::string text;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-        text += "|";
-        for (int c = 0; c < kNumColumns; ++c)
-            text += c < kFirstNumber ? fmt::format(" {:<{}} |", lines[i][c], widths[c]) : fmt::format(" {:>{}} |", lines[i][c], widths[c]);
-        text += "\n";
-        if (i > 0) continue;
-        text += "|";
-        for (int c = 0; c < kNumColumns; ++c)
-            text += c < kFirstNumber ? fmt::format(" {:-<{}} |", "", widths[c]) : fmt::format(" {:->{}} |", ":", widths[c]);
-        text += "\n";
-    }
-    return text;
-}
-
 }  // namespace
-
-TableFormat parse_table_format(const std::string& name) {
-    if (name == "markdown") return TableFormat::kMarkdown;
-    if (name == "csv") return TableFormat::kCsv;
-    if (name == "latex") return TableFormat::kLatex;
-    throw UsageError(fmt::format("--format: '{}' is not one of markdown, csv, latex", name));
-}
 
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration) {
     const std::string file = RunFolder{run_folder}.results().string();
@@ -181,38 +74,48 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     if (!chosen) throw DataError(fmt::format("{}: no 'ours_<iteration>' entry", file));
     const std::string key = fmt::format("ours_{}", *chosen);
     TableRow row;
+    row.folder = run_folder;
     const auto folder = std::filesystem::absolute(run_folder).lexically_normal();  // also "." has a name
     row.run = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
     row.iteration = *chosen;
     row.psnr = score(json, file, key, "PSNR");
     row.ssim = score(json, file, key, "SSIM");
+    for (const auto& [name, value] : json.at(key).items())
+        if (name != "PSNR" && name != "SSIM" && value.is_number()) row.further_metrics[name] = value.get<double>();
     const Json run = fact(json, "run", key), timing = fact(json, "timing", key), count = fact(json, "num_gaussians", key),
-               memory = fact(json, "memory", key);
+               protocol = fact(json, "protocol", key);
+    row.dataset = text_fact(run, "dataset");
     row.scene = text_fact(run, "scene");
     row.model = text_fact(run, "model");
     row.strategy = text_fact(run, "strategy");
-    row.correction = text_fact(fact(json, "protocol", key), "ppisp_eval");
-    row.ssim_protocol = text_fact(fact(json, "protocol", key), "ssim");
+    row.bytes_per_gaussian = count_fact(run, "bytes_per_gaussian");
+    row.correction = text_fact(protocol, "ppisp_eval");
+    row.protocol_name = text_fact(protocol, "name");
+    if (!row.protocol_name.empty() && !is_protocol(row.protocol_name))
+        throw DataError(fmt::format("{}: protocol.{}.name '{}' is not known to this version", file, key, row.protocol_name));
+    row.protocol = text_fact(protocol, "line");
     if (count.is_number_integer()) row.num_gaussians = count.get<std::int64_t>();
     row.train_seconds = number_fact(timing, "train_seconds");
     row.frame_seconds = number_fact(timing, "frame_seconds");
-    if (memory.is_object() && memory.contains("peak_device_bytes") && memory.at("peak_device_bytes").is_number_integer())
-        row.peak_device_bytes = memory.at("peak_device_bytes").get<std::int64_t>();
+    row.peak_device_bytes = count_fact(fact(json, "memory", key), "peak_device_bytes");
     return row;
 }
 
-std::string format_table(const std::vector<TableRow>& rows, TableFormat format) {
-    std::vector<Cells> lines = {header(format)};
-    for (const TableRow& row : rows) lines.push_back(cells_of(row, format));
-    if (format == TableFormat::kMarkdown) return markdown(std::move(lines));
-    std::string text;
-    if (format == TableFormat::kCsv) {
-        for (const Cells& cells : lines) text += joined(cells, ",", csv_escaped) + "\n";
-        return text;
+void read_training(TableRow& row, const std::filesystem::path& run_folder) {
+    try {
+        const TrainOptions options = load_run_options(run_folder);
+        row.seed = options.seed;
+        row.training = training_options(options);
+    } catch (const Error&) { // a folder of another program or version: the run stands for itself
     }
-    text = "\\begin{tabular}{lllllrrrrr}\n\\hline\n" + joined(lines[0], " & ", latex_escaped) + " \\\\\n\\hline\n";
-    for (std::size_t i = 1; i < lines.size(); ++i) text += joined(lines[i], " & ", latex_escaped) + " \\\\\n";
-    return text + "\\hline\n\\end{tabular}\n";
+}
+
+void require_one_protocol(const std::vector<TableRow>& rows) {
+    const auto other = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.protocol != rows[0].protocol; });
+    if (other == rows.end()) return;
+    std::string message = "scores of different protocols do not compare; evaluate the runs again with one --protocol:";
+    for (const TableRow& row : rows) message += fmt::format("\n  {}: {}", row.run, row.protocol.empty() ? "protocol not stated by the file" : row.protocol);
+    throw UsageError(message);
 }
 
 }  // namespace gs

@@ -7,8 +7,9 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "eval/bench.h"
+#include "eval/comparison_format.h"
 #include "eval/saved_run.h"
-#include "eval/table.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -18,8 +19,9 @@ struct EvalArguments {
     std::vector<std::string> runs;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     std::string format = "markdown";
-    std::string ssim_border = "valid";
-    std::string ppisp_eval, source;
+    std::string protocol = protocols().front().name;
+    std::string ssim_border, ppisp_eval, source;
+    int frame_rounds = 0;
     bool skip_render = false;
     bool decompose = false;
 };
@@ -29,10 +31,10 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
     return source.empty() ? run : run / ("on-" + scene_name(source));
 }
 
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, const EvalArguments& arguments) {
+void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const EvalArguments& arguments) {
     SavedRun run = open_saved_run(folder, iteration, arguments.source);
     EvalOptions options;
-    options.ssim_border = border;
+    options.protocol = protocol;
     options.run_folder = results_folder(run.folder, arguments.source);
     options.iteration = run.iteration;
     options.correction = run.correction;
@@ -42,29 +44,28 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
                  run.options.source, correction_name(options.correction.mode));
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
     if (result.residual_mean) spdlog::info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
-    write_results(RunFolder{options.run_folder}, options, result, run_facts(run.options, run.scene, run.background, run.backend->count()));
+    RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
+    if (arguments.frame_rounds > 0) facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, arguments.frame_rounds);
+    write_results(RunFolder{options.run_folder}, options, result, facts);
 }
 
 void run_eval(const EvalArguments& arguments) {
     // Mistakes in the words are found before any run is rendered.
     const TableFormat format = parse_table_format(arguments.format);
-    const SsimBorder border = parse_ssim_border(arguments.ssim_border);
+    Protocol protocol = find_protocol(arguments.protocol);
+    if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, border, arguments);
+        if (!arguments.skip_render) evaluate_run(run, iteration, protocol, arguments);
         rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
+        read_training(rows.back(), run);
         if (!arguments.source.empty()) rows.back().run = run;
     }
     const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
         spdlog::warn("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
-    const auto other =
-        std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.ssim_protocol != rows[0].ssim_protocol; });
-    if (other != rows.end())
-        spdlog::warn("the SSIM of {} and {} were computed differently and do not compare (protocol in results.json)", rows[0].run,
-                     other->run);
-    std::fputs(format_table(rows, format).c_str(), stdout);
+    std::fputs(format_comparison(compare_runs(rows), format).c_str(), stdout);
 }
 
 }  // namespace
@@ -75,10 +76,16 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_option("runs", arguments->runs, "Run folders")->required()->type_name("RUN");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to evaluate (default: the last)")
         ->check(CLI::NonNegativeNumber);
-    command->add_option("--format", arguments->format, "Table as markdown, csv or latex")->capture_default_str();
-    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
-        ->capture_default_str();
+    command->add_option("--format", arguments->format, "Tables as markdown, csv, latex or json")->capture_default_str();
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    command->add_option("--protocol", arguments->protocol, "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
+        ->capture_default_str()
+        ->excludes(skip);
+    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero, instead of the protocol's")
+        ->excludes(skip);
+    command->add_option("--time-frames", arguments->frame_rounds, "Rounds through the test views in which frames are timed, for the column FPS")
+        ->check(CLI::Range(0, 100000))
+        ->excludes(skip);
     command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
     command->add_option("--ppisp-eval", arguments->ppisp_eval,
