@@ -9,6 +9,7 @@
 #include "apps/gsapp/command.h"
 #include "eval/bench.h"
 #include "eval/comparison_format.h"
+#include "eval/report.h"
 #include "eval/saved_run.h"
 #include "lib/train/scene_options.h"
 
@@ -20,7 +21,7 @@ struct EvalArguments {
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     std::string format = "markdown";
     std::string protocol = protocols().front().name;
-    std::string ssim_border, ppisp_eval, source;
+    std::string ssim_border, ppisp_eval, source, html;
     int frame_rounds = 0;
     bool skip_render = false;
     bool decompose = false;
@@ -39,7 +40,7 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
     options.iteration = run.iteration;
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
-    options.decompose = arguments.decompose;
+    options.decompose = arguments.decompose || !arguments.html.empty(); // its slider shows the parts
     spdlog::info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
                  run.options.source, correction_name(options.correction.mode));
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
@@ -65,7 +66,11 @@ void run_eval(const EvalArguments& arguments) {
     const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
         spdlog::warn("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
-    std::fputs(format_comparison(compare_runs(rows), format).c_str(), stdout);
+    const Comparison comparison = compare_runs(rows);
+    std::fputs(format_comparison(comparison, format).c_str(), stdout);
+    if (arguments.html.empty()) return;
+    write_report(arguments.html, comparison, {});
+    spdlog::info("the same with plots and pictures: {}", arguments.html);
 }
 
 }  // namespace
@@ -88,6 +93,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
         ->excludes(skip);
     command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
+    command->add_option("--html", arguments->html, "Also write the tables with plots and a comparison of pictures as one HTML page")->type_name("FILE");
     command->add_option("--ppisp-eval", arguments->ppisp_eval,
                         "How views are corrected photometrically: controller (default where the model has one), none, colour-aligned (fits each view to its "
                         "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
