@@ -14,7 +14,11 @@ namespace {
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
 TextCell cell_of(const ComparisonLine& line, const Column& column, const std::optional<ColumnStats>& stats) {
-    if (stats) return {column.text(stats->mean), stats->deviation ? column.text(*stats->deviation) : "", stats->place};
+    if (stats) {
+        // Of a metric even "+- 0" says something; sizes are mostly equal by construction.
+        const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
+        return {column.text(stats->mean), varies ? column.text(*stats->deviation) : "", stats->place};
+    }
     // A file of another program may lack a metric for other reasons.
     const bool own = std::all_of(line.rows.begin(), line.rows.end(), [](const TableRow& row) { return !row.protocol_name.empty(); });
     return {column.learned && own ? "no weights" : "-", "", 0};

@@ -22,7 +22,8 @@ std::string html_of(const TextCell& cell) {
 std::string html_of(const TextTable& table, const std::string& protocol) {
     std::string html = fmt::format("<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\">\n<table>\n<caption>{0}</caption>\n<thead><tr>",
                                    html_escaped(table.title));
-    for (const std::string& title : table.header) html += fmt::format("<th scope=\"col\">{}</th>", html_escaped(title));
+    for (std::size_t c = 0; c < table.header.size(); ++c)
+        html += fmt::format("<th scope=\"col\"{}>{}</th>", c < table.num_labels ? "" : " class=\"number\"", html_escaped(table.header[c]));
     html += "</tr></thead>\n<tbody>\n";
     for (const auto& line : table.lines) {
         html += "<tr>";
