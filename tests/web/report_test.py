@@ -93,13 +93,13 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         page = make_report(gsapp, pathlib.Path(name), runs)
         url = page.resolve().as_uri()
-        browser = Browser(program, width=1500)
+        browser = Browser(program, width=1600)
         try:
             check_page(browser, url)
             if screenshot:
                 size = browser.call("Page.getLayoutMetrics")["cssContentSize"]
                 shot = browser.call("Page.captureScreenshot", format="png", captureBeyondViewport=True,
-                                    clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 0.6})
+                                    clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 0.58})
                 pathlib.Path(screenshot[0]).write_bytes(base64.b64decode(shot["data"]))
             check_keyboard(browser)
             check_dark(browser)
