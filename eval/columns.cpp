@@ -29,13 +29,12 @@ struct Metric {
     const char* name;
     Better better;
     std::string (*text)(double);
-    bool learned;
 };
 /// In the order of the paper's tables. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
-constexpr Metric kMetrics[] = {{"PSNR", Better::kHigher, two_digits, false},      {"SSIM", Better::kHigher, four_digits, false},
-                               {"LPIPS-VGG", Better::kLower, four_digits, true},  {"LPIPS-Alex", Better::kLower, four_digits, true},
-                               {"LPIPS", Better::kLower, four_digits, true},      {"FLIP", Better::kLower, four_digits, false},
-                               {"DISTS", Better::kLower, four_digits, true},      {"MILO", Better::kLower, four_digits, true}};
+constexpr Metric kMetrics[] = {{"PSNR", Better::kHigher, two_digits},      {"SSIM", Better::kHigher, four_digits},
+                               {"LPIPS-VGG", Better::kLower, four_digits},  {"LPIPS-Alex", Better::kLower, four_digits},
+                               {"LPIPS", Better::kLower, four_digits},      {"FLIP", Better::kLower, four_digits},
+                               {"DISTS", Better::kLower, four_digits},      {"MILO", Better::kLower, four_digits}};
 
 std::optional<double> as_double(const std::optional<std::int64_t>& n) { return n ? std::optional(double(*n)) : std::nullopt; }
 
@@ -56,11 +55,12 @@ std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
     std::set<std::string> wanted = {"PSNR", "SSIM"};
     for (const TableRow& row : rows) {
         for (const auto& [name, value] : row.further_metrics) wanted.insert(name);
+        for (const auto& [name, reason] : row.not_measured) wanted.insert(name);
         if (!row.protocol_name.empty()) wanted.insert({lpips_metric(find_protocol(row.protocol_name).lpips_net), "DISTS", "MILO"});
     }
     std::vector<Column> columns;
     for (const Metric& m : kMetrics)
-        if (wanted.erase(m.name) > 0) columns.push_back({m.name, m.name, m.better, m.text, nullptr, m.learned});
+        if (wanted.erase(m.name) > 0) columns.push_back({m.name, m.name, m.better, m.text});
     for (const std::string& name : wanted) columns.push_back({name, name, Better::kNeither, four_digits});
     columns.insert(columns.end(), cost_columns().begin(), cost_columns().end());
     return columns;

@@ -18,10 +18,9 @@ struct Column {
     Better better = Better::kNeither;
     std::string (*text)(double) = nullptr;  ///< rounded for readers, with its unit
     std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< where it is no metric
-    bool learned = false;  ///< a metric that needs weights; where gsapp wrote none they were missing
 };
 
-/// PSNR, SSIM, the learned metrics of the rows' protocol, every other metric that a row has (those of unknown names last), then bytes/G,
+/// PSNR, SSIM, the learned metrics of the rows' protocol, every other metric that a row has or was asked for (those of unknown names last), then bytes/G,
 /// #Gs, train time, peak memory and FPS.
 std::vector<Column> table_columns(const std::vector<TableRow>& rows);
 

@@ -19,9 +19,12 @@ TextCell cell_of(const ComparisonLine& line, const Column& column, const std::op
         const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
         return {column.text(stats->mean), varies ? column.text(*stats->deviation) : "", stats->place};
     }
-    // A file of another program may lack a metric for other reasons.
-    const bool own = std::all_of(line.rows.begin(), line.rows.end(), [](const TableRow& row) { return !row.protocol_name.empty(); });
-    return {column.learned && own ? "no weights" : "-", "", 0};
+    if (column.cost) return {"-", "", 0};
+    const auto lacks_weights = [&](const TableRow& row) {
+        const auto reason = row.not_measured.find(column.key);
+        return reason != row.not_measured.end() && reason->second.find("no weights") != std::string::npos;
+    };
+    return {std::any_of(line.rows.begin(), line.rows.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
 }
 
 /// The run of least PSNR.

@@ -83,7 +83,9 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     for (const auto& [name, value] : json.at(key).items())
         if (name != "PSNR" && name != "SSIM" && value.is_number()) row.further_metrics[name] = value.get<double>();
     const Json run = fact(json, "run", key), timing = fact(json, "timing", key), count = fact(json, "num_gaussians", key),
-               protocol = fact(json, "protocol", key);
+               protocol = fact(json, "protocol", key), not_measured = fact(json, "not_measured", key);
+    for (const auto& [name, reason] : not_measured.items())
+        if (reason.is_string()) row.not_measured[name] = reason.get<std::string>();
     row.dataset = text_fact(run, "dataset");
     row.scene = text_fact(run, "scene");
     row.model = text_fact(run, "model");

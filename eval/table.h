@@ -19,6 +19,7 @@ struct TableRow {
     std::optional<std::int64_t> num_gaussians;
     double psnr = 0, ssim = 0;  ///< psnr may be infinite
     std::map<std::string, double> further_metrics;  ///< by their names in results.json
+    std::map<std::string, std::string> not_measured;  ///< why a metric that was asked for has no value, by its name
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;
     std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU

@@ -34,10 +34,11 @@ TableRow row_of(const std::string& run, const std::string& scene, const std::str
 
 TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
     const TemporaryFolder folder;
-    folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}})");
+    folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}, "not_measured": {"ours_7": {"DISTS": "why"}}})");
     const TableRow row = read_table_row(folder.path(), std::nullopt);
     EXPECT_EQ(row.psnr, 20.25);
     EXPECT_EQ(row.further_metrics, (std::map<std::string, double>{{"LPIPS", 0.1}}));
+    EXPECT_EQ(row.not_measured.at("DISTS"), "why");
     EXPECT_FALSE(row.num_gaussians);
     EXPECT_EQ(row.protocol, "");
     for (const char* bad :
@@ -152,17 +153,21 @@ TEST(Comparison, MixedProtocolsAreRefusedByName) {
     EXPECT_THROW(compare_runs({a, a}), UsageError) << "named twice";
 }
 
-TEST(Columns, LearnedMetricsOfTheProtocolSayThatTheyHaveNoWeights) {
+TEST(Columns, MetricsThatAreMissingSaySo) {
     TableRow row = row_of("a", "lego", "sh", 20);
     const std::string own = format_comparison(compare_runs({row}), TableFormat::kMarkdown);
     EXPECT_NE(own.find("LPIPS-VGG"), std::string::npos) << own;
-    EXPECT_NE(own.find("| no weights |"), std::string::npos) << own;
+    EXPECT_NE(own.find("| not measured |"), std::string::npos) << own;
+    EXPECT_EQ(own.find("no weights"), std::string::npos) << "nobody asked\n" << own;
     EXPECT_EQ(own.find("LPIPS-Alex"), std::string::npos) << own;
     EXPECT_EQ(own.find("FLIP"), std::string::npos) << own;
+    row.not_measured["MILO"] = "not measured: no weights (see ...)";
+    EXPECT_NE(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find("| no weights |"), std::string::npos);
+    row.not_measured.clear();
     row.further_metrics["LPIPS-VGG"] = 0.125;
     EXPECT_NE(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find(" 0.1250 |"), std::string::npos);
     row.protocol_name.clear(), row.protocol.clear();
-    EXPECT_EQ(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find("no weights"), std::string::npos) << "a file of another program";
+    EXPECT_EQ(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find("DISTS"), std::string::npos) << "a file of another program";
 }
 
 class Formats : public ::testing::Test {
