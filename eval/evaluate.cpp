@@ -23,9 +23,10 @@ struct Pair {
     double render_seconds = 0;
 };
 
-/// The photograph, of the size of its camera.
-Image truth_of(const View& view, const Vec3<float>& background) {
-    Image truth = quantized_target(view.load().color, background);
+/// The photograph, of the size of its camera, as the protocol compares it.
+Image truth_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
+    const Image loaded = view.load().color;
+    Image truth = protocol.eight_bit ? quantized_target(loaded, background) : float_target(loaded, background);
     if (truth.width != view.camera.width || truth.height != view.camera.height)
         throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width, truth.height, view.camera.width, view.camera.height));
     return truth;
@@ -34,8 +35,8 @@ Image truth_of(const View& view, const Vec3<float>& background) {
 /// Views as the renderer and, of the aligned modes, the fit make them.
 class Renderer {
   public:
-    Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction)
-        : backend_(backend), background_(background), correction_(correction) {
+    Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction, const Protocol& protocol)
+        : backend_(backend), background_(background), correction_(correction), protocol_(protocol) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         before_ = backend_.download(false).ppisp;
         if (before_.active()) backend_.upload_ppisp(without_vignetting(before_));
@@ -50,7 +51,7 @@ class Renderer {
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         ColourFit fit;
-        for (const View& view : views) fit.add(rendered(view), truth_of(view, background_));
+        for (const View& view : views) fit.add(rendered(view), truth_of(view, background_, protocol_));
         common_ = fit.solve();
     }
 
@@ -59,7 +60,7 @@ class Renderer {
         RenderedImage image = rendered(view);
         Pair pair;
         pair.render_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        pair.truth = truth_of(view, background_);
+        pair.truth = truth_of(view, background_, protocol_);
         if (correction_.mode == CorrectionMode::kColourAligned) {
             ColourFit fit;
             fit.add(image, pair.truth);
@@ -67,7 +68,7 @@ class Renderer {
         } else if (common_) {
             apply_colours(*common_, image);
         }
-        pair.render = quantized_render(image);
+        pair.render = protocol_.eight_bit ? quantized_render(image) : float_render(image);
         return pair;
     }
 
@@ -85,6 +86,7 @@ class Renderer {
     Backend& backend_;
     const Vec3<float> background_;
     const EvalCorrection correction_;
+    const Protocol protocol_;
     PpispState before_;  ///< active where the backend's was changed
     std::optional<ColourMap> common_;
 };
@@ -133,12 +135,12 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
         throw UsageError(fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
     EvalResult result;
     if (options.decompose) result.residual_mean = 0;
-    Renderer renderer(backend, background, options.correction);
+    Renderer renderer(backend, background, options.correction, options.protocol);
     renderer.align(views);
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Pair pair = renderer.pair(views[i]);
         result.views.push_back(
-            {views[i].name, psnr(pair.render, pair.truth), ssim(pair.render, pair.truth, options.ssim_border), pair.render_seconds});
+            {views[i].name, psnr(pair.render, pair.truth), ssim(pair.render, pair.truth, options.protocol.ssim_border), pair.render_seconds});
         ViewScore& score = result.views.back();
         for (const Metric& metric : options.metrics) score.scores[metric.info.key] = metric.compute(pair.render, pair.truth);
         if (options.decompose) {
@@ -162,7 +164,7 @@ void write_comparison(const std::filesystem::path& path, Backend& backend, const
     const int count = std::min<int>(max_views, int(views.size()));
     if (count <= 0) throw UsageError(fmt::format("{}: no views to compare", path.string()));
     std::vector<Pair> pairs;
-    Renderer renderer(backend, background, correction);
+    Renderer renderer(backend, background, correction, protocols().front()); // a picture: 8 bits
     renderer.align(views);
     Image sheet{0, 0, 3, {}, {}};
     for (int i = 0; i < count; ++i) {

@@ -10,14 +10,14 @@
 
 #include "eval/eval_correction.h"
 #include "eval/metrics.h"
-#include "eval/ssim.h"
+#include "eval/protocol.h"
 #include "kernels/backend.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
 
 struct EvalOptions {
-    SsimBorder ssim_border = SsimBorder::kValid;
+    Protocol protocol = protocols().front();
     std::filesystem::path run_folder;  ///< pictures go to <run>/<split>/ours_<iteration>/{renders,gt}; empty = none are written
     std::int64_t iteration = 0;
     std::string split = "test";
@@ -43,8 +43,8 @@ struct EvalResult {
     std::map<std::string, MetricScore> scores = {};  ///< means over views; the reason of the first view where any has one
 };
 
-/// Renders each view at the size of its camera, quantises render and photograph to 8 bits and compares these (protocol:
-/// optimization spec section 8; masks are ignored). Of the parts of a decomposed picture the base is corrected like the picture
+/// Renders each view at the size of its camera and compares it with its photograph as the protocol says: both rounded to 8 bits, or as
+/// float. The scene is loaded and rendered before the run's own background in any case; masks are ignored. Pictures are 8-bit. Of the parts of a decomposed picture the base is corrected like the picture
 /// (with a controller: by what it makes of the base), the residual never. Throws UsageError without views, DataError when an image cannot be
 /// read, has another size than its camera, or a picture cannot be written.
 EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, const EvalOptions& options);

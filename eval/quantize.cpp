@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From renders and photographs to comparable 8-bit images.
+// From renders and photographs to comparable images.
 #include "eval/quantize.h"
 
 namespace gs {
@@ -10,36 +10,57 @@ std::uint8_t quantize(float v) {
     return std::uint8_t(gs_min(v, 1.0f) * 255.0f + 0.5f);
 }
 
-Image empty_rgb(int width, int height) {
+/// NaN becomes 0.
+float clamped(float v) { return v > 0 ? gs_min(v, 1.0f) : 0.0f; }
+
+/// An rgb image with sample(x, y, c) in every place, rounded where `eight_bit`.
+template <class Sample>
+Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
     Image image{width, height, 3, {}, {}};
-    image.u8.resize(std::size_t(width) * height * 3);
+    const std::size_t size = std::size_t(width) * height * 3;
+    if (eight_bit)
+        image.u8.resize(size);
+    else
+        image.f32.resize(size);
+    std::size_t i = 0;
+    for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+            for (int c = 0; c < 3; ++c, ++i) {
+                if (eight_bit)
+                    image.u8[i] = quantize(sample(x, y, c));
+                else
+                    image.f32[i] = clamped(sample(x, y, c));
+            }
+        }
+    }
     return image;
+}
+
+Image comparable_render(const RenderedImage& render, bool eight_bit) {
+    const std::size_t pixels = std::size_t(render.width) * render.height;
+    return filled_rgb(render.width, render.height, eight_bit,
+                      [&](int x, int y, int c) { return render.rgb[c * pixels + std::size_t(y) * render.width + x]; });
+}
+
+Image comparable_target(const Image& image, const Vec3<float>& background, bool eight_bit) {
+    const float behind[3] = {background.x, background.y, background.z};
+    return filled_rgb(image.width, image.height, eight_bit, [&](int x, int y, int c) {
+        const float alpha = image.channels == 4 ? image.value(x, y, 3) : 1.0f;
+        return behind[c] + alpha * (image.value(x, y, c) - behind[c]);
+    });
 }
 
 }  // namespace
 
-Image quantized_render(const RenderedImage& render) {
-    Image out = empty_rgb(render.width, render.height);
-    const std::size_t pixels = std::size_t(render.width) * render.height;
-    for (std::size_t i = 0; i < pixels; ++i) {
-        for (std::size_t c = 0; c < 3; ++c) out.u8[3 * i + c] = quantize(render.rgb[c * pixels + i]);
-    }
-    return out;
-}
+Image quantized_render(const RenderedImage& render) { return comparable_render(render, true); }
 
 Image quantized_target(const Image& image, const Vec3<float>& background) {
     if (!image.is_float() && image.channels == 3) return image;
-    const float behind[3] = {background.x, background.y, background.z};
-    Image out = empty_rgb(image.width, image.height);
-    for (int y = 0; y < image.height; ++y) {
-        for (int x = 0; x < image.width; ++x) {
-            const float alpha = image.channels == 4 ? image.value(x, y, 3) : 1.0f;
-            for (int c = 0; c < 3; ++c) {
-                out.u8[(std::size_t(y) * image.width + x) * 3 + c] = quantize(behind[c] + alpha * (image.value(x, y, c) - behind[c]));
-            }
-        }
-    }
-    return out;
+    return comparable_target(image, background, true);
 }
+
+Image float_render(const RenderedImage& render) { return comparable_render(render, false); }
+
+Image float_target(const Image& image, const Vec3<float>& background) { return comparable_target(image, background, false); }
 
 }  // namespace gs

@@ -44,13 +44,18 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
         if (score.value) results[key][name] = finite_or_null(*score.value);
     }
     const bool aligned = options.correction.mode == CorrectionMode::kColourAligned || options.correction.mode == CorrectionMode::kSceneAligned;
+    const Protocol& protocol = options.protocol;
+    const std::string rounding = protocol.eight_bit ? "8 bits: " : "float: ", steps = protocol.eight_bit ? ", *255, +0.5, truncated" : "";
     section(results, "protocol")[key] = {
-        {"images", aligned ? "8 bits: aligned to the photographs, clamped to [0,1], *255, +0.5, truncated; no crop, no mask"
-                           : "8 bits: clamped to [0,1], *255, +0.5, truncated; no crop, no mask, no colour alignment"},
+        {"name", protocol.name},
+        {"line", protocol_line(protocol, facts.background)},
+        {"images", rounding + (aligned ? "aligned to the photographs, " : "") + "clamped to [0,1]" + steps + "; no crop, no mask" + (aligned ? "" : ", no colour alignment")},
+        {"image_source", protocol.images},
         {"ppisp_eval", correction_name(options.correction.mode)},
         {"photometric", describe_correction(options.correction)},
         {"psnr", "10 log10(1/MSE) over all pixels and channels, mean over images; null = identical images"},
-        {"ssim", describe_ssim(options.ssim_border) + ", mean over images"},
+        {"ssim", describe_ssim(protocol.ssim_border) + ", mean over images"},
+        {"lpips", fmt::format("{}, inputs in {}", lpips_metric(protocol.lpips_net), protocol.lpips_range == LpipsRange::kSymmetric ? "[-1,1]" : "[0,1]")},
         {"background", {facts.background.x, facts.background.y, facts.background.z}},
         {"split", facts.split_rule},
         {"num_views", result.views.size()},
@@ -72,7 +77,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     if (!facts.photometric.empty()) section(results, "photometric")[key] = {{"decision", facts.photometric}};
     if (result.residual_mean) section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};
     section(results, "num_gaussians")[key] = facts.num_gaussians;
-    section(results, "run")[key] = {{"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}};
+    section(results, "run")[key] = {{"dataset", facts.dataset}, {"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}, {"bytes_per_gaussian", facts.bytes_per_gaussian}};
 
     Json per_view = existing(folder.per_view());
     Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object(), residuals = Json::object();

@@ -14,12 +14,14 @@ namespace gs {
 
 /// What the results should say about the run besides the scores.
 struct RunFacts {
+    std::string dataset;     ///< the scenes that are averaged with this one
     std::string scene;       ///< as the user named it
     std::string model;       ///< appearance model, e.g. "sh (degree 3)"
     std::string strategy;    ///< densification
     std::string split_rule;  ///< which views were held out
     Vec3<float> background{0, 0, 0};
     std::int64_t num_gaussians = 0;
+    std::int64_t bytes_per_gaussian = 0;  ///< of the appearance, as trained
     std::optional<double> train_seconds;  ///< absent: an earlier value in the file is kept
     std::optional<double> controller_seconds;  ///< of training the PPISP controllers, not part of train_seconds; absent: as above
     std::string photometric;  ///< what --ppisp auto decided; empty: as above

@@ -7,12 +7,14 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/model/ppisp_json.h"
 #include "lib/model/run_folder.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
+#include "lib/train/trainer.h"
 
 namespace gs {
 
@@ -75,6 +77,7 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
 
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians) {
     RunFacts facts;
+    facts.dataset = dataset_name(options.source);
     facts.scene = scene_name(options.source);
     facts.model = options.appearance;
     if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
@@ -82,6 +85,8 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     facts.split_rule = scene.split_rule;
     facts.background = background;
     facts.num_gaussians = num_gaussians;
+    const AppearanceSpec appearance = appearance_spec(options);
+    facts.bytes_per_gaussian = std::int64_t(sizeof(float)) * (group_width(Group::kBase, appearance) + group_width(Group::kResidual, appearance));
     return facts;
 }
 

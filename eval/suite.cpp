@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "eval/table.h"
+#include "eval/training_options.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
@@ -65,19 +66,7 @@ std::vector<Row> rows_of(const std::string& suite) {
     throw UsageError(fmt::format("--suite: '{}' is not one of {}", suite, fmt::join(suite_names(), ", ")));
 }
 
-/// What a run may differ in and still have made the same figures.
-bool is_immaterial(const Option& option) {
-    static const std::vector<std::string> keys = {"source",          "model",           "image-cache",           "overwrite",    "resume",
-                                                  "test-iterations", "save-iterations", "checkpoint-iterations", "preview-every"};
-    return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
-}
-
-bool same_training(const TrainOptions& a, const TrainOptions& b) {
-    std::error_code ignored;
-    if (a.source != b.source && !fs::equivalent(a.source, b.source, ignored)) return false;
-    const std::vector<Option>& table = train_option_table();
-    return std::all_of(table.begin(), table.end(), [&](const Option& o) { return is_immaterial(o) || option_text(o, a) == option_text(o, b); });
-}
+bool same_training(const TrainOptions& a, const TrainOptions& b) { return a.seed == b.seed && training_options(a) == training_options(b); }
 
 }  // namespace
 

@@ -1,43 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
-// A table over several runs, made from their results.json alone.
+// A row of a table, made from a run folder's files alone.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "eval/metrics.h"
-
 namespace gs {
 
-/// One evaluated model. Fields that the file does not know stay empty and are shown as "-".
+/// One evaluated model. Fields that the files do not know stay empty.
 struct TableRow {
-    std::string run, scene, model, strategy;
+    std::filesystem::path folder;  ///< of the results
+    std::string run, dataset, scene, model, strategy;
     std::int64_t iteration = 0;
     std::optional<std::int64_t> num_gaussians;
     double psnr = 0, ssim = 0;  ///< psnr may be infinite
-    std::map<std::string, MetricScore> scores;  ///< of further metrics, by MetricInfo::key
+    std::map<std::string, double> further_metrics;  ///< by their names in results.json
+    std::map<std::string, std::string> not_measured;  ///< why a metric that was asked for has no value, by its name
     std::optional<double> train_seconds;
-    std::optional<double> frame_seconds;  ///< not in the table
+    std::optional<double> frame_seconds;
     std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
+    std::optional<std::int64_t> bytes_per_gaussian;  ///< of the appearance
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
-    std::string ssim_protocol;  ///< how SSIM was computed; rows with different ones do not compare
+    std::string protocol_name;  ///< one of protocols(); empty: the file does not say
+    std::string protocol;       ///< protocol_line; rows with different ones do not compare
+    std::uint64_t seed = 0;
+    std::map<std::string, std::string> training;  ///< training_options of its config.yaml; empty where there is none
 };
-
-enum class TableFormat { kMarkdown, kCsv, kLatex };
-
-/// markdown | csv | latex. Throws UsageError naming these.
-TableFormat parse_table_format(const std::string& name);
 
 /// Scores of the given iteration of a run, of the last evaluated one when `iteration` is empty. Files of other programs
 /// that have the 3DGS keys are read as well. Throws DataError naming file and field.
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
-/// Further metrics follow SSIM where any row has a score or the reason why there is none, which then stands below the table
-/// (Markdown) or is left out. Columns run, scene, model, strategy, ppisp (how views were corrected), #Gs, PSNR, SSIM, train time, peak memory (of the GPU); ends with a newline. CSV
-/// carries full numbers (times in seconds, memory in bytes), the others are rounded for reading.
-std::string format_table(const std::vector<TableRow>& rows, TableFormat format);
+/// Adds seed and training options out of the run's config.yaml, where it has one that can be read.
+void read_training(TableRow& row, const std::filesystem::path& run_folder);
+
+/// Throws UsageError naming runs and protocols unless all rows are of one protocol (or all of files that state none).
+void require_one_protocol(const std::vector<TableRow>& rows);
 
 }  // namespace gs

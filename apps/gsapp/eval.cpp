@@ -8,8 +8,10 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/metrics.h"
+#include "eval/bench.h"
+#include "eval/comparison_format.h"
+#include "eval/report.h"
 #include "eval/saved_run.h"
-#include "eval/table.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -19,9 +21,10 @@ struct EvalArguments {
     std::vector<std::string> runs;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     std::string format = "markdown";
-    std::string ssim_border = "valid";
-    std::string ppisp_eval, source;
-    MetricArguments metrics{"psnr,ssim", "", "symmetric"};
+    std::string protocol = protocols().front().name;
+    std::string ssim_border, ppisp_eval, source, html;
+    int frame_rounds = 0;
+    MetricArguments metrics{"psnr,ssim", ""};
     bool skip_render = false;
     bool decompose = false;
 };
@@ -31,17 +34,17 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
     return source.empty() ? run : run / ("on-" + scene_name(source));
 }
 
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, SsimBorder border, const std::vector<Metric>& metrics,
+void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
                   const EvalArguments& arguments) {
     SavedRun run = open_saved_run(folder, iteration, arguments.source);
     EvalOptions options;
-    options.ssim_border = border;
+    options.protocol = protocol;
     options.metrics = metrics;
     options.run_folder = results_folder(run.folder, arguments.source);
     options.iteration = run.iteration;
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
-    options.decompose = arguments.decompose;
+    options.decompose = arguments.decompose || !arguments.html.empty(); // its slider shows the parts
     spdlog::info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
                  run.options.source, correction_name(options.correction.mode));
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
@@ -49,33 +52,36 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
     for (const auto& [key, score] : result.scores) {
         if (!score.value) spdlog::warn("{}: {} {}", folder, key, score.reason);
     }
-    write_results(RunFolder{options.run_folder}, options, result, run_facts(run.options, run.scene, run.background, run.backend->count()));
+    RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
+    if (arguments.frame_rounds > 0) facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, arguments.frame_rounds);
+    write_results(RunFolder{options.run_folder}, options, result, facts);
 }
 
 void run_eval(const EvalArguments& arguments) {
     // Mistakes in the words are found before any run is rendered.
     const TableFormat format = parse_table_format(arguments.format);
-    const SsimBorder border = parse_ssim_border(arguments.ssim_border);
+    Protocol protocol = find_protocol(arguments.protocol);
+    if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);
     std::vector<Metric> metrics;
     for (const std::string& name : parse_metric_names(arguments.metrics.names)) {
-        if (name != "psnr" && name != "ssim") metrics.push_back(make_metric(name, metric_options(arguments.metrics)));
+        if (name != "psnr" && name != "ssim") metrics.push_back(make_metric(name, metric_options(arguments.metrics, protocol.lpips_range)));
     }
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, border, metrics, arguments);
+        if (!arguments.skip_render) evaluate_run(run, iteration, protocol, metrics, arguments);
         rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
+        read_training(rows.back(), run);
         if (!arguments.source.empty()) rows.back().run = run;
     }
     const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
         spdlog::warn("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
-    const auto other =
-        std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.ssim_protocol != rows[0].ssim_protocol; });
-    if (other != rows.end())
-        spdlog::warn("the SSIM of {} and {} were computed differently and do not compare (protocol in results.json)", rows[0].run,
-                     other->run);
-    std::fputs(format_table(rows, format).c_str(), stdout);
+    const Comparison comparison = compare_runs(rows);
+    std::fputs(format_comparison(comparison, format).c_str(), stdout);
+    if (arguments.html.empty()) return;
+    write_report(arguments.html, comparison, {});
+    spdlog::info("the same with plots and pictures: {}", arguments.html);
 }
 
 }  // namespace
@@ -86,14 +92,21 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_option("runs", arguments->runs, "Run folders")->required()->type_name("RUN");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to evaluate (default: the last)")
         ->check(CLI::NonNegativeNumber);
-    command->add_option("--format", arguments->format, "Table as markdown, csv or latex")->capture_default_str();
-    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
-        ->capture_default_str();
+    command->add_option("--format", arguments->format, "Tables as markdown, csv, latex or json")->capture_default_str();
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
     add_metric_options(*command, arguments->metrics);
-    for (const char* option : {"--metrics", "--metric-weights", "--lpips-range"}) command->get_option(option)->excludes(skip);
+    for (const char* option : {"--metrics", "--metric-weights"}) command->get_option(option)->excludes(skip);
+    command->add_option("--protocol", arguments->protocol, "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
+        ->capture_default_str()
+        ->excludes(skip);
+    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero, instead of the protocol's")
+        ->excludes(skip);
+    command->add_option("--time-frames", arguments->frame_rounds, "Rounds through the test views in which frames are timed, for the column FPS")
+        ->check(CLI::Range(0, 100000))
+        ->excludes(skip);
     command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
+    command->add_option("--html", arguments->html, "Also write the tables with plots and a comparison of pictures as one HTML page")->type_name("FILE");
     command->add_option("--ppisp-eval", arguments->ppisp_eval,
                         "How views are corrected photometrically: controller (default where the model has one), none, colour-aligned (fits each view to its "
                         "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")

@@ -18,13 +18,13 @@ namespace {
 
 struct CompareArguments {
     std::string render, truth;
-    std::string ssim_border = "valid";
-    MetricArguments metrics{"all", "", "symmetric"};
+    std::string ssim_border = "valid", lpips_range = "symmetric";
+    MetricArguments metrics{"all", ""};
     bool json = false;
 };
 
 void run_metrics(const CompareArguments& arguments) {
-    MetricOptions options = metric_options(arguments.metrics);
+    MetricOptions options = metric_options(arguments.metrics, parse_lpips_range(arguments.lpips_range));
     options.ssim_border = parse_ssim_border(arguments.ssim_border);
     const auto names = parse_metric_names(arguments.metrics.names);
     const Image render = quantized_target(read_image(arguments.render), {0, 0, 0}),
@@ -58,14 +58,11 @@ void add_metric_options(CLI::App& command, MetricArguments& arguments) {
     command.add_option("--metric-weights", arguments.weights,
                        "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: $GSAPP_METRIC_WEIGHTS)")
         ->type_name("DIR");
-    command.add_option("--lpips-range", arguments.lpips_range,
-                       "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit (left in [0,1], 3DGS)")
-        ->capture_default_str();
 }
 
-MetricOptions metric_options(const MetricArguments& arguments) {
+MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_range) {
     MetricOptions options;
-    options.lpips_range = parse_lpips_range(arguments.lpips_range);
+    options.lpips_range = lpips_range;
     options.weights = metric_weights_folder(arguments.weights);
     return options;
 }
@@ -77,6 +74,9 @@ void add_metrics_command(CLI::App& app, Command& selected) {
     command->add_option("truth", arguments->truth, "The image it should equal")->required()->type_name("TRUTH");
     add_metric_options(*command, arguments->metrics);
     command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
+        ->capture_default_str();
+    command->add_option("--lpips-range", arguments->lpips_range,
+                        "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit (left in [0,1], 3DGS)")
         ->capture_default_str();
     command->add_flag("--json", arguments->json, "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
     command->callback([arguments, &selected] { selected = [arguments] { run_metrics(*arguments); }; });

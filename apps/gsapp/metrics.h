@@ -12,13 +12,12 @@ namespace gs {
 struct MetricArguments {
     std::string names;    ///< as for parse_metric_names
     std::string weights;  ///< as for metric_weights_folder
-    std::string lpips_range = "symmetric";
 };
 
-/// --metrics, --metric-weights and --lpips-range, into `arguments`, which must outlive `command`.
+/// --metrics and --metric-weights, into `arguments`, which must outlive `command`.
 void add_metric_options(CLI::App& command, MetricArguments& arguments);
 
 /// Throws UsageError.
-MetricOptions metric_options(const MetricArguments& arguments);
+MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_range);
 
 }  // namespace gs

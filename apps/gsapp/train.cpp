@@ -9,13 +9,15 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/bench.h"
+#include "eval/comparison_format.h"
 #include "eval/results.h"
 #include "eval/saved_run.h"
-#include "eval/table.h"
+#include "eval/training_options.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 #include "lib/core/options_cli.h"
 #include "lib/core/progress.h"
 #include "lib/core/version.h"
@@ -29,11 +31,11 @@ namespace fs = std::filesystem;
 
 constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough for one screen
 
-/// output/<scene>-<appearance>-<n>: the first n that is free.
-std::string default_run_folder(const TrainOptions& options) {
+/// output/<scene>-<appearance>-<n>: the first n that is free, with `suffix` behind it.
+std::string default_run_folder(const TrainOptions& options, const std::string& suffix = "") {
     for (int n = 1;; ++n) {
         const fs::path folder = fs::path("output") / (scene_name(options.source) + "-" + options.appearance + "-" + std::to_string(n));
-        if (!fs::exists(folder)) return folder.string();
+        if (!fs::exists(folder.string() + suffix)) return folder.string();
     }
 }
 
@@ -78,17 +80,17 @@ class Evaluation {
                          {"ppisp_eval", correction_name(eval_.correction.mode)}});
     }
 
-    /// Adds time and memory of the training, which are known only now, and prints the table.
-    void finish(const TrainSummary& summary) {
+    /// Adds time and memory of the training, which are known only now, and returns the row for tables.
+    TableRow finish(const TrainSummary& summary) {
         facts_.train_seconds = summary.train_seconds;
         if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
         facts_.photometric = summary.photometric;
         if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
-        const std::string table = format_table({read_table_row(options_.model, eval_.iteration)}, TableFormat::kMarkdown);
-        // Where a program reads JSON lines on stdout, the table is for the people who read the messages.
-        std::fputs(table.c_str(), progress_.style() == ProgressStyle::kJsonLines ? stderr : stdout);
         spdlog::info("photographs and renders side by side: {}", comparison().string());
+        TableRow row = read_table_row(options_.model, eval_.iteration);
+        read_training(row, options_.model);
+        return row;
     }
 
   private:
@@ -104,7 +106,8 @@ class Evaluation {
     RunFacts facts_;
 };
 
-void run_training(TrainOptions options, int frame_rounds) {
+/// Trains one run. Returns its row where views were held out.
+std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
     setup_log(log_level(options));
     if (options.device == "cuda" && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = default_run_folder(options);
@@ -129,7 +132,8 @@ void run_training(TrainOptions options, int frame_rounds) {
     spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
     if (summary.controller_seconds > 0) spdlog::info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
-    if (measure) evaluation.finish(summary);
+    std::optional<TableRow> row;
+    if (measure) row = evaluation.finish(summary);
     nlohmann::ordered_json finished = {{"event", "finished"},
                                        {"iteration", options.iterations},
                                        {"num_gaussians", summary.num_gaussians},
@@ -138,6 +142,50 @@ void run_training(TrainOptions options, int frame_rounds) {
     if (summary.memory.peak > 0) finished["peak_device_bytes"] = summary.memory.peak;
     finished["model"] = options.model;
     progress.event(finished);
+    return row;
+}
+
+/// Where a program reads JSON lines on stdout, the table is for the people who read the messages.
+void print_table(const std::vector<TableRow>& rows, bool quiet) {
+    if (rows.empty()) return;
+    const std::string table = format_comparison(compare_runs(rows), TableFormat::kMarkdown);
+    std::fputs(table.c_str(), !quiet && default_progress_style() == ProgressStyle::kJsonLines ? stderr : stdout);
+}
+
+/// The row of a run that the folder holds, finished, with the same options and seed; empty otherwise.
+std::optional<TableRow> finished_run(const TrainOptions& options) {
+    const RunFolder folder{options.model};
+    std::error_code ignored;
+    if (!fs::exists(folder.config(), ignored) || !fs::exists(folder.point_cloud(options.iterations), ignored)) return std::nullopt;
+    try {
+        TableRow row = read_table_row(folder.root, options.iterations);
+        read_training(row, folder.root);
+        const bool finished = row.train_seconds.has_value(); // written last
+        return finished && row.seed == options.seed && row.training == training_options(options) ? std::optional(row) : std::nullopt;
+    } catch (const DataError&) { // results of another iteration, or cut short
+        return std::nullopt;
+    }
+}
+
+/// Trains the same with `num_runs` seeds in a row, into <model>-0, <model>-1, ..., and prints their mean and deviation.
+void run_seeds(TrainOptions base, int frame_rounds, int num_runs) {
+    if (!base.resume.empty()) throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
+    if (!base.eval) throw UsageError("--runs: there is nothing to average without --eval");
+    if (base.model.empty()) base.model = default_run_folder(base, "-0");
+    std::vector<TableRow> rows;
+    for (int k = 0; k < num_runs; ++k) {
+        TrainOptions options = base;
+        options.seed = base.seed + std::uint64_t(k);
+        options.model = fmt::format("{}-{}", base.model, k);
+        std::optional<TableRow> row;
+        if (!options.overwrite) row = finished_run(options);
+        if (row)
+            spdlog::info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
+        else
+            row = run_training(options, frame_rounds);
+        if (row) rows.push_back(*row);
+    }
+    print_table(rows, base.quiet);
 }
 
 }  // namespace
@@ -148,7 +196,19 @@ void add_train_command(CLI::App& app, Command& selected) {
     const auto frame_rounds = std::make_shared<int>(0);
     command->add_option("--time-frames", *frame_rounds, "With --eval: rounds through the test views in which frames of the trained model are timed, for results.json")
         ->check(CLI::Range(0, 100000));
-    command->callback([=, &selected] { selected = [=] { run_training(arguments->resolve(), *frame_rounds); }; });
+    const auto num_runs = std::make_shared<int>(0);
+    command->add_option("--runs", *num_runs, "With --eval: train that many times, with seeds SEED, SEED+1, ..., into MODEL-0, MODEL-1, ..., and print mean "
+                                             "and deviation. Called again, trains only what is missing")
+        ->check(CLI::Range(1, 1000));
+    command->callback([=, &selected] {
+        selected = [=] {
+            const TrainOptions options = arguments->resolve();
+            if (*num_runs > 0)
+                run_seeds(options, *frame_rounds, *num_runs);
+            else if (const auto row = run_training(options, *frame_rounds))
+                print_table({*row}, options.quiet);
+        };
+    });
 }
 
 }  // namespace gs

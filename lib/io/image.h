@@ -47,4 +47,7 @@ Image resize_image(const Image& in, int width, int height);
 /// for WebP with alpha.
 void write_image(const std::filesystem::path& path, const Image& image);
 
+/// The bytes of a JPEG file; 8-bit rgb, quality 1..100. Throws UsageError for other images, DataError for sizes that JPEG cannot hold.
+std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality);
+
 }  // namespace gs

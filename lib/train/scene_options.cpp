@@ -6,6 +6,19 @@
 #include <string_view>
 
 namespace gs {
+namespace {
+
+constexpr std::string_view kBuiltin = "builtin:";
+
+bool is_builtin(const std::string& source) { return source.starts_with(kBuiltin); }
+
+/// The folder of the scene, also where `source` names a file in it.
+std::filesystem::path scene_folder(const std::string& source) {
+    const std::filesystem::path path = std::filesystem::weakly_canonical(source);
+    return std::filesystem::is_regular_file(path) ? path.parent_path() : path;
+}
+
+}  // namespace
 
 SceneOptions scene_options(const TrainOptions& options) {
     return {.source = options.source,
@@ -22,11 +35,11 @@ SceneOptions scene_options(const TrainOptions& options) {
 }
 
 std::string scene_name(const std::string& source) {
-    constexpr std::string_view kBuiltin = "builtin:";
-    if (source.starts_with(kBuiltin)) return source.substr(kBuiltin.size());
-    std::filesystem::path path = std::filesystem::weakly_canonical(source);
-    if (std::filesystem::is_regular_file(path)) path = path.parent_path();
-    return path.filename().string();
+    return is_builtin(source) ? source.substr(kBuiltin.size()) : scene_folder(source).filename().string();
+}
+
+std::string dataset_name(const std::string& source) {
+    return is_builtin(source) ? "builtin" : scene_folder(source).parent_path().filename().string();
 }
 
 }  // namespace gs

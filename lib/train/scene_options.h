@@ -16,4 +16,7 @@ SceneOptions scene_options(const TrainOptions& options);
 /// Name of the scene for folders and tables: of a built-in scene what follows "builtin:", else the name of its folder.
 std::string scene_name(const std::string& source);
 
+/// Name of the dataset that the scene belongs to: "builtin", else the name of the folder that the scene's folder lies in.
+std::string dataset_name(const std::string& source);
+
 }  // namespace gs

@@ -12,7 +12,7 @@
 #include "eval/decompose.h"
 #include "eval/results.h"
 #include "eval/saved_run.h"
-#include "eval/table.h"
+#include "eval/comparison_format.h"
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
 #include "lib/core/options.h"
@@ -151,7 +151,7 @@ TEST(EvalCorrection, StandsBesideTheScores) {
     json = stored();
     EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("uses the test images"), std::string::npos);
     EXPECT_EQ(json["protocol"]["ours_3"]["images"].get<std::string>().find("no colour alignment"), std::string::npos);
-    EXPECT_NE(format_table({read_table_row(folder.path(), 3)}, TableFormat::kMarkdown).find("| colour-aligned |"), std::string::npos);
+    EXPECT_NE(format_comparison(compare_runs({read_table_row(folder.path(), 3)}), TableFormat::kMarkdown).find("| colour-aligned |"), std::string::npos);
 }
 
 TEST(EvalCorrection, ASavedModelComesWithItsCorrection) {

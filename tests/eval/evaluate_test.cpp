@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/results.h"
+#include "eval/protocol.h"
 #include "eval/table.h"
 #include "kernels/core/error.h"
 #include "tests/core/temporary_folder.h"
@@ -130,6 +131,8 @@ struct Written {
     EvalResult result;
     Written() {
         options.iteration = 300;
+        facts.dataset = "builtin";
+        facts.bytes_per_gaussian = 192;
         facts.scene = "builtin:glossy";
         facts.model = "sh (degree 3)";
         facts.strategy = "mcmc";
@@ -219,45 +222,12 @@ TEST(Table, ComesFromStoredFilesAlone) {
     EXPECT_EQ(*row.num_gaussians, 1234);
     EXPECT_EQ(*row.train_seconds, 61.5);
     EXPECT_EQ(*row.peak_device_bytes, 1234567890);
-    EXPECT_EQ(row.ssim_protocol, describe_ssim(SsimBorder::kValid) + ", mean over images");
+    EXPECT_EQ(row.dataset, "builtin");
+    EXPECT_EQ(*row.bytes_per_gaussian, 192);
+    EXPECT_EQ(row.protocol_name, "paper");
+    EXPECT_EQ(row.protocol, protocol_line(w.options.protocol, {0, 0, 0}));
     EXPECT_THROW(read_table_row(w.folder.path(), 5), DataError);
     EXPECT_THROW(read_table_row(w.folder.path() / "nowhere", std::nullopt), DataError);
-}
-
-TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
-    const TemporaryFolder folder;
-    folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1}})");
-    EXPECT_EQ(read_table_row(folder.path(), std::nullopt).psnr, 20.25);
-    EXPECT_FALSE(read_table_row(folder.path(), std::nullopt).num_gaussians);
-    for (const char* bad :
-         {R"({"ours_7": {"SSIM": 0.5}})", R"({"ours_7": {"SSIM": 0.5, "PSNR": "x"}})", R"({"other": 1})", "[]", "{", R"({"ours_7": 3})"}) {
-        folder.write("results.json", bad);
-        EXPECT_THROW(read_table_row(folder.path(), std::nullopt), DataError) << bad;
-    }
-}
-
-TEST(Table, ThreeFormats) {
-    TableRow row;
-    row.run = "a_b|c";
-    row.scene = "x,\"y\"";
-    row.model = "50%";
-    row.num_gaussians = 10000;
-    row.psnr = 27.126;
-    row.ssim = 0.91234;
-    row.train_seconds = 125;
-    row.peak_device_bytes = std::int64_t(3) << 29;
-    const std::string markdown = format_table({row}, TableFormat::kMarkdown);
-    EXPECT_NE(markdown.find("a_b\\|c"), std::string::npos);
-    EXPECT_NE(markdown.find("| 27.13 | 0.9123 | 2 min 05 s |    1.50 GiB |"), std::string::npos) << markdown;
-    EXPECT_NE(markdown.find("| -        |"), std::string::npos) << "unknown strategy: " << markdown;
-    EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 3);
-    EXPECT_EQ(format_table({row}, TableFormat::kCsv),
-              "run,scene,model,strategy,ppisp,num_gaussians,psnr,ssim,train_seconds,peak_device_bytes\n"
-              "a_b|c,\"x,\"\"y\"\"\",50%,,,10000,27.126,0.91234,125,1610612736\n");
-    const std::string latex = format_table({row}, TableFormat::kLatex);
-    EXPECT_NE(latex.find("a\\_b|c & x,\"y\" & 50\\% & - & - & 10000 & 27.13 & 0.9123 & 2 min 05 s & 1.50 GiB \\\\"), std::string::npos) << latex;
-    EXPECT_NE(latex.find("\\#Gs"), std::string::npos);
-    EXPECT_THROW(parse_table_format("html"), UsageError);
 }
 
 }  // namespace

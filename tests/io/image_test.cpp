@@ -194,5 +194,21 @@ TEST(Image, MissingFoldersAreMade) {
     EXPECT_EQ(read_image(folder / "some/new/a.png").width, 2);
 }
 
+TEST(EncodeJpeg, IsAFileThatDecodesToAboutTheSame) {
+    Image image{32, 24, 3, {}, {}};
+    for (int y = 0; y < 24; ++y)
+        for (int x = 0; x < 32; ++x)
+            for (int c = 0; c < 3; ++c) image.u8.push_back(std::uint8_t(4 * x + 3 * y));
+    const auto bytes = encode_jpeg(image, 90);
+    const TempFolder folder;
+    const Image back = read_image(folder.write("a.jpg", std::string(bytes.begin(), bytes.end())));
+    ASSERT_EQ(back.u8.size(), image.u8.size());
+    for (std::size_t i = 0; i < image.u8.size(); ++i) EXPECT_NEAR(back.u8[i], image.u8[i], 6);
+    EXPECT_LT(encode_jpeg(image, 30).size(), bytes.size());
+    image.f32.assign(image.u8.size(), 0);
+    image.u8.clear();
+    EXPECT_THROW(encode_jpeg(image, 90), UsageError);
+}
+
 }  // namespace
 }  // namespace gs

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/columns.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "eval/protocol.h"
+
+namespace gs {
+namespace {
+
+std::string two_digits(double v) { return fmt::format("{:.2f}", v); }
+std::string four_digits(double v) { return fmt::format("{:.4f}", v); }
+std::string whole(double v) { return fmt::format("{:.0f}", v); }
+std::string one_digit(double v) { return fmt::format("{:.1f}", v); }
+std::string gibibytes(double v) { return fmt::format("{:.2f} GiB", v / double(1 << 30)); }
+
+std::string duration(double seconds) {
+    const auto rounded = std::int64_t(std::lround(seconds));
+    if (rounded < 60) return fmt::format("{:.1f} s", seconds);
+    if (rounded < 3600) return fmt::format("{} min {:02} s", rounded / 60, rounded % 60);
+    return fmt::format("{} h {:02} min", rounded / 3600, rounded / 60 % 60);
+}
+
+struct Metric {
+    const char* name;
+    Better better;
+    std::string (*text)(double);
+};
+/// In the order of the paper's tables. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
+constexpr Metric kMetrics[] = {{"PSNR", Better::kHigher, two_digits},      {"SSIM", Better::kHigher, four_digits},
+                               {"LPIPS-VGG", Better::kLower, four_digits},  {"LPIPS-Alex", Better::kLower, four_digits},
+                               {"LPIPS", Better::kLower, four_digits},      {"FLIP", Better::kLower, four_digits},
+                               {"DISTS", Better::kLower, four_digits},      {"MILO", Better::kLower, four_digits}};
+
+std::optional<double> as_double(const std::optional<std::int64_t>& n) { return n ? std::optional(double(*n)) : std::nullopt; }
+
+const std::vector<Column>& cost_columns() {
+    static const std::vector<Column> columns = {
+        {"bytes_per_gaussian", "bytes/G", Better::kLower, whole, [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
+        {"num_gaussians", "#Gs", Better::kNeither, whole, [](const TableRow& r) { return as_double(r.num_gaussians); }},
+        {"train_seconds", "train time", Better::kLower, duration, [](const TableRow& r) { return r.train_seconds; }},
+        {"peak_device_bytes", "peak memory", Better::kLower, gibibytes, [](const TableRow& r) { return as_double(r.peak_device_bytes); }},
+        {"fps", "FPS", Better::kHigher, one_digit,
+         [](const TableRow& r) { return r.frame_seconds && *r.frame_seconds > 0 ? std::optional(1 / *r.frame_seconds) : std::nullopt; }}};
+    return columns;
+}
+
+}  // namespace
+
+std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
+    std::set<std::string> wanted = {"PSNR", "SSIM"};
+    for (const TableRow& row : rows) {
+        for (const auto& [name, value] : row.further_metrics) wanted.insert(name);
+        for (const auto& [name, reason] : row.not_measured) wanted.insert(name);
+        if (!row.protocol_name.empty()) wanted.insert({lpips_metric(find_protocol(row.protocol_name).lpips_net), "DISTS", "MILO"});
+    }
+    std::vector<Column> columns;
+    for (const Metric& m : kMetrics)
+        if (wanted.erase(m.name) > 0) columns.push_back({m.name, m.name, m.better, m.text});
+    for (const std::string& name : wanted) columns.push_back({name, name, Better::kNeither, four_digits});
+    columns.insert(columns.end(), cost_columns().begin(), cost_columns().end());
+    return columns;
+}
+
+std::optional<double> column_value(const Column& column, const TableRow& row) {
+    if (column.cost) return column.cost(row);
+    if (column.key == "PSNR") return row.psnr;
+    if (column.key == "SSIM") return row.ssim;
+    const auto found = row.further_metrics.find(column.key);
+    return found == row.further_metrics.end() ? std::nullopt : std::optional(found->second);
+}
+
+}  // namespace gs

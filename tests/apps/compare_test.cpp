@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Repeated runs, protocols and tables through the program.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/apps/program.h"
+
+namespace gs {
+namespace {
+
+using test::Outcome;
+using test::Program;
+
+constexpr const char* kTiny = "train -s builtin:glossy --device cpu --eval -r 8 --iterations 5 --init-points 500 --cap-max 1000 --appearance nasg ";
+
+TEST(Compare, RepeatedRunsAreOneLineAndAreNotTrainedTwice) {
+    const Program program;
+    const std::string command = std::string(kTiny) + "-m out --runs 2";
+    const Outcome first = program.run(command);
+    ASSERT_EQ(first.exit_code, 0) << first.err;
+    EXPECT_NE(first.err.find("out-0 .. out-1 (2 runs)"), std::string::npos) << first.err;
+    EXPECT_NE(first.err.find("protocol paper: "), std::string::npos) << first.err;
+    EXPECT_NE(program.read("out-1/config.yaml").find("seed: 1\n"), std::string::npos);
+    const Outcome again = program.run(command);
+    ASSERT_EQ(again.exit_code, 0) << again.err;
+    EXPECT_NE(again.err.find("run 2 of 2: finished before"), std::string::npos) << again.err;
+
+    const Outcome json = program.run("eval out-1 out-0 --skip-render --format json");
+    ASSERT_EQ(json.exit_code, 0) << json.err;
+    const auto line = nlohmann::json::parse(json.out)["tables"][0]["lines"][0];
+    EXPECT_EQ(line["num_runs"], 2);
+    EXPECT_EQ(line["runs"][0]["run"], "out-0");
+    EXPECT_GT(line["values"]["PSNR"]["deviation"], 0.0);
+    EXPECT_EQ(line["values"]["bytes_per_gaussian"]["mean"], 44.0);
+
+    EXPECT_EQ(program.run("eval out-0 out-0 --skip-render").exit_code, 2);
+    EXPECT_EQ(program.run("train -s builtin:glossy --runs 2 -m x").exit_code, 2) << "nothing is held out";
+    EXPECT_FALSE(std::filesystem::exists(program.path("x-0")));
+}
+
+TEST(Compare, ProtocolsAreStatedAndNotMixed) {
+    const Program program;
+    ASSERT_EQ(program.run(std::string(kTiny) + "-m a").exit_code, 0);
+    ASSERT_EQ(program.run(std::string(kTiny) + "-m b").exit_code, 0);
+    const Outcome inria = program.run("eval a --protocol inria --time-frames 1");
+    ASSERT_EQ(inria.exit_code, 0) << inria.err;
+    EXPECT_NE(inria.out.find("\nprotocol inria: "), std::string::npos) << inria.out;
+    EXPECT_NE(inria.out.find(" FPS |"), std::string::npos) << inria.out;
+    EXPECT_EQ(nlohmann::json::parse(program.read("a/results.json"))["protocol"]["ours_5"]["name"], "inria");
+    const Outcome mixed = program.run("eval a b --skip-render");
+    EXPECT_EQ(mixed.exit_code, 2) << mixed.out;
+    EXPECT_NE(mixed.err.find("a: protocol inria: "), std::string::npos) << mixed.err;
+    EXPECT_NE(mixed.err.find("b: protocol paper: "), std::string::npos) << mixed.err;
+    EXPECT_EQ(program.run("eval a b --protocol gsplat").exit_code, 0);
+    const Outcome border = program.run("eval a --ssim-border zero");
+    EXPECT_NE(border.out.find("--ssim-border, instead of"), std::string::npos) << border.out;
+    EXPECT_EQ(program.run("eval a --protocol brush").exit_code, 2);
+    EXPECT_EQ(program.run("eval a --skip-render --protocol inria").exit_code, 2) << "stored scores have their protocol";
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drives a headless Chromium over its debugging pipe, without packages beside Python's own."""
+
+import itertools
+import json
+import os
+import select
+import shutil
+import subprocess
+import tempfile
+import time
+
+
+def find_chromium():
+    """The path of a Chromium, or None."""
+    for name in ("chromium", "chromium-browser", "google-chrome"):
+        if shutil.which(name):
+            return shutil.which(name)
+    return None
+
+
+class Browser:
+    """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
+
+    def __init__(self, program, width=1280, height=1000):
+        self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-")
+        to_browser, self.write_end = os.pipe()
+        self.read_end, from_browser = os.pipe()
+
+        def plumb():
+            # The pipe's ends have to be 3 and 4; copies first, in case one of them already is.
+            source, target = os.dup(to_browser), os.dup(from_browser)
+            os.dup2(source, 3)
+            os.dup2(target, 4)
+
+        self.process = subprocess.Popen(
+            [program, "--headless", "--remote-debugging-pipe", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+             f"--window-size={width},{height}", f"--user-data-dir={self.profile.name}", "about:blank"],
+            preexec_fn=plumb, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        os.close(to_browser)
+        os.close(from_browser)
+        self.buffer = b""
+        self.ids = itertools.count(1)
+        self.session = None
+        self.errors, self.requests, self.events = [], [], []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(domain + ".enable")
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait()
+        self.profile.cleanup()
+
+    def _receive(self, deadline):
+        while b"\0" not in self.buffer:
+            if not select.select([self.read_end], [], [], max(0, deadline - time.monotonic()))[0]:
+                raise TimeoutError("the browser does not answer")
+            part = os.read(self.read_end, 1 << 20)
+            if not part:
+                raise EOFError("the browser ended")
+            self.buffer += part
+        line, self.buffer = self.buffer.split(b"\0", 1)
+        return json.loads(line)
+
+    def _note(self, message):
+        method, params = message.get("method"), message.get("params", {})
+        self.events.append(method)
+        if method == "Runtime.exceptionThrown":
+            self.errors.append(params["exceptionDetails"].get("text", "exception"))
+        elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "assert", "warning"):
+            self.errors.append(str([a.get("value") for a in params["args"]]))
+        elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
+            self.errors.append(params["entry"]["text"])
+        elif method == "Network.requestWillBeSent":
+            url = params["request"]["url"]
+            if not url.startswith("data:"):
+                self.requests.append(url)
+
+    def call(self, method, **params):
+        """Sends a command and returns its result; notes what happens meanwhile."""
+        number = next(self.ids)
+        message = {"id": number, "method": method, "params": params}
+        if self.session:
+            message["sessionId"] = self.session
+        os.write(self.write_end, json.dumps(message).encode() + b"\0")
+        deadline = time.monotonic() + 30
+        while True:
+            answer = self._receive(deadline)
+            if answer.get("id") != number:
+                self._note(answer)
+                continue
+            if "error" in answer:
+                raise RuntimeError(f"{method}: {answer['error']['message']}")
+            return answer["result"]
+
+    def open(self, url):
+        self.events.clear()
+        self.call("Page.navigate", url=url)
+        deadline = time.monotonic() + 30
+        while "Page.loadEventFired" not in self.events:
+            self._note(self._receive(deadline))
+
+    def evaluate(self, expression):
+        """The value of a JavaScript expression, promises awaited."""
+        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in result:
+            raise RuntimeError(f"{expression}: {result['exceptionDetails']}")
+        return result["result"].get("value")
+
+    def press(self, key, code):
+        for kind in ("rawKeyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
