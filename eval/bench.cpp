@@ -51,7 +51,7 @@ class Steps {
         request_.target = target_image(images_[k], std::int64_t(views_[k]));
         rates_.apply(request_.iteration, request_);
         request_.isp = {.mode = IspMode::kFrame, .frame = int(views_[k]), .camera = scene_.train[views_[k]].camera_id};
-        request_.isp_rate = kFrozen * ppisp_rate(0);
+        request_.isp_rate = kFrozen * TrainOptions{}.ppisp_lr;
         for (double& rate : request_.rates) rate *= kFrozen;
         for (double& rate : request_.residual_rates) rate *= kFrozen;
         request_.shared_rate *= kFrozen;

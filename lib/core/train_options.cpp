@@ -258,6 +258,13 @@ void add_rate_options(Table& table) {
                      .min = 0,
                      .max = 10,
                      .nan_word = "auto"});
+    table.push_back({.key = "ppisp-lr",
+                     .field = &O::ppisp_lr,
+                     .group = group,
+                     .help = "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; images that differ by "
+                             "stops are told apart better with 0.006",
+                     .min = 0,
+                     .max = 1});
     table.push_back({.key = "lobe-lr",
                      .field = &O::lobe_lr,
                      .group = group,

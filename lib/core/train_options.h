@@ -55,6 +55,7 @@ struct TrainOptions {
     std::int64_t position_lr_max_steps = 30000;
     double scaling_lr = 0.005, rotation_lr = 0.001;
     double opacity_lr = 0;                ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
+    double ppisp_lr = 0.002;              ///< of PPISP's parameters, after their warm-up
     double lobe_lr = 0.0025;              ///< NASG, NASGabor; NaN = auto, from the camera spacing
     // Densification
     std::string strategy = "mcmc";        ///< mcmc | adc | none

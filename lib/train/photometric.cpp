@@ -12,7 +12,6 @@
 namespace gs {
 namespace {
 
-constexpr double kRate = 0.002;
 /// Names that a message lists before it stops.
 constexpr std::size_t kNamed = 3;
 
@@ -23,10 +22,10 @@ std::string describe(const PhotometricDecision& decision) {
     return fmt::format("{}: images vary by {:.3f} stops, threshold {}", decision.on ? "on" : "off", decision.variation.stops, kPhotometricThreshold);
 }
 
-double ppisp_rate(std::int64_t steps) {
+double ppisp_rate(double rate, std::int64_t steps) {
     constexpr double kWarmUp = 500, kDecay = 30000, kFirst = 0.01, kLast = 0.01;
     const auto n = double(steps);
-    return kRate * (n < kWarmUp ? kFirst + (1 - kFirst) * n / kWarmUp : std::pow(kLast, (n - kWarmUp) / kDecay));
+    return rate * (n < kWarmUp ? kFirst + (1 - kFirst) * n / kWarmUp : std::pow(kLast, (n - kWarmUp) / kDecay));
 }
 
 Photometric::Photometric(const TrainOptions& options, const Scene& scene) : options_(options), scene_(scene) {
@@ -120,7 +119,7 @@ std::optional<PhotometricDecision> Photometric::decide(Backend& backend, std::in
 void Photometric::apply(std::size_t view, std::int64_t iteration, StepRequest& request) const {
     if (!active_) return;
     request.isp = {.mode = IspMode::kFrame, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};
-    request.isp_rate = frozen_ ? 0 : ppisp_rate(iteration - first_);
+    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, iteration - first_);
 }
 
 void Photometric::add_controllers(Backend& backend) const {

@@ -84,11 +84,11 @@ TEST(PhotometricOptions, ConflictsAreNamed) {
 }
 
 TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
-    EXPECT_DOUBLE_EQ(ppisp_rate(0), 0.002 * 0.01);
-    EXPECT_DOUBLE_EQ(ppisp_rate(250), 0.002 * (0.01 + 0.99 / 2));
-    EXPECT_DOUBLE_EQ(ppisp_rate(500), 0.002);
-    EXPECT_NEAR(ppisp_rate(30500), 0.002 * 0.01, 1e-12);
-    EXPECT_NEAR(ppisp_rate(30000), 2.16e-5, 1e-7);
+    EXPECT_DOUBLE_EQ(ppisp_rate(0.002, 0), 0.002 * 0.01);
+    EXPECT_DOUBLE_EQ(ppisp_rate(0.002, 250), 0.002 * (0.01 + 0.99 / 2));
+    EXPECT_DOUBLE_EQ(ppisp_rate(0.002, 500), 0.002);
+    EXPECT_NEAR(ppisp_rate(0.002, 30500), 0.002 * 0.01, 1e-12);
+    EXPECT_NEAR(ppisp_rate(0.002, 30000), 2.16e-5, 1e-7);
 }
 
 /// Renders 0.5 everywhere; the photographs are given.
