@@ -77,6 +77,7 @@ class AtomicFile::Buffer : public std::streambuf {
     }
 
     std::streamsize xsputn(const char* data, std::streamsize size) override {
+        if (size == 0) return 0; // an empty vector's pointer is null, which memcpy must not be given
         if (size <= epptr() - pptr()) {
             std::memcpy(pptr(), data, std::size_t(size));
             pbump(int(size));
