@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 
+#include "eval/metrics.h"
 #include "eval/protocol.h"
 
 namespace gs {
@@ -25,16 +26,13 @@ std::string duration(double seconds) {
     return fmt::format("{} h {:02} min", rounded / 3600, rounded / 60 % 60);
 }
 
-struct Metric {
-    const char* name;
-    Better better;
-    std::string (*text)(double);
-};
-/// In the order of the paper's tables. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
-constexpr Metric kMetrics[] = {{"PSNR", Better::kHigher, two_digits},      {"SSIM", Better::kHigher, four_digits},
-                               {"LPIPS-VGG", Better::kLower, four_digits},  {"LPIPS-Alex", Better::kLower, four_digits},
-                               {"LPIPS", Better::kLower, four_digits},      {"FLIP", Better::kLower, four_digits},
-                               {"DISTS", Better::kLower, four_digits},      {"MILO", Better::kLower, four_digits}};
+/// The metrics in the order of columns. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
+std::vector<MetricInfo> column_metrics() {
+    std::vector<MetricInfo> metrics = known_metrics();
+    const auto flip = std::find_if(metrics.begin(), metrics.end(), [](const MetricInfo& info) { return info.name == "flip"; });
+    metrics.insert(flip, {"lpips", "LPIPS", false, 4});
+    return metrics;
+}
 
 std::optional<double> as_double(const std::optional<std::int64_t>& n) { return n ? std::optional(double(*n)) : std::nullopt; }
 
@@ -59,8 +57,8 @@ std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
         if (!row.protocol_name.empty()) wanted.insert({lpips_metric(find_protocol(row.protocol_name).lpips_net), "DISTS", "MILO"});
     }
     std::vector<Column> columns;
-    for (const Metric& m : kMetrics)
-        if (wanted.erase(m.name) > 0) columns.push_back({m.name, m.name, m.better, m.text});
+    for (const MetricInfo& m : column_metrics())
+        if (wanted.erase(m.key) > 0) columns.push_back({m.key, m.key, m.higher_is_better ? Better::kHigher : Better::kLower, m.decimals == 2 ? two_digits : four_digits});
     for (const std::string& name : wanted) columns.push_back({name, name, Better::kNeither, four_digits});
     columns.insert(columns.end(), cost_columns().begin(), cost_columns().end());
     return columns;

@@ -38,7 +38,7 @@ class Renderer {
     Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction, const Protocol& protocol)
         : backend_(backend), background_(background), correction_(correction), protocol_(protocol) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
-        before_ = backend_.download(false).ppisp;
+        before_ = backend_.download_ppisp();
         if (before_.active()) backend_.upload_ppisp(without_vignetting(before_));
     }
     ~Renderer() {

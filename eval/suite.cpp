@@ -10,7 +10,6 @@
 #include <limits>
 
 #include "eval/table.h"
-#include "eval/training_options.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
@@ -66,8 +65,6 @@ std::vector<Row> rows_of(const std::string& suite) {
     throw UsageError(fmt::format("--suite: '{}' is not one of {}", suite, fmt::join(suite_names(), ", ")));
 }
 
-bool same_training(const TrainOptions& a, const TrainOptions& b) { return a.seed == b.seed && training_options(a) == training_options(b); }
-
 }  // namespace
 
 std::vector<std::string> suite_names() {
@@ -91,29 +88,12 @@ std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<s
     return cells;
 }
 
-bool holds_same_run(const SuiteCell& cell) {
-    std::error_code ignored;
-    if (!fs::exists(RunFolder{cell.options.model}.config(), ignored)) return false;
-    try {
-        return same_training(load_run_options(cell.options.model), cell.options);
-    } catch (const Error&) { // not a configuration of this program
-        return false;
-    }
-}
-
 std::optional<CellResult> finished_cell(const SuiteCell& cell) {
-    const RunFolder folder{cell.options.model};
-    const fs::path cloud = folder.point_cloud(cell.options.iterations);
+    const std::optional<TableRow> row = finished_run(cell.options);
+    if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;
     std::error_code ignored;
-    if (!fs::exists(folder.results(), ignored) || !fs::exists(cloud, ignored) || !holds_same_run(cell)) return std::nullopt;
-    try {
-        const TableRow row = read_table_row(folder.root, cell.options.iterations);
-        // Written last, when a run has ended.
-        if (!row.num_gaussians || !row.train_seconds || !row.frame_seconds) return std::nullopt;
-        return CellResult{row.psnr, row.ssim, *row.num_gaussians, *row.train_seconds, *row.frame_seconds, std::int64_t(fs::file_size(cloud))};
-    } catch (const DataError&) { // results of another iteration, or cut short
-        return std::nullopt;
-    }
+    const auto bytes = fs::file_size(RunFolder{cell.options.model}.point_cloud(cell.options.iterations), ignored);
+    return CellResult{row->psnr, row->ssim, *row->num_gaussians, *row->train_seconds, *row->frame_seconds, std::int64_t(bytes)};
 }
 
 }  // namespace gs

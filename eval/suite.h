@@ -40,9 +40,6 @@ struct CellResult {
 /// model nor figures (messages, image cache, saving along the way) may differ.
 std::optional<CellResult> finished_cell(const SuiteCell& cell);
 
-/// Whether the cell's folder holds a run of the same options.
-bool holds_same_run(const SuiteCell& cell);
-
 struct SuiteLine {
     SuiteCell cell;
     std::optional<CellResult> result;

@@ -112,6 +112,25 @@ void read_training(TableRow& row, const std::filesystem::path& run_folder) {
     }
 }
 
+bool holds_same_run(const TrainOptions& options) {
+    TableRow row;
+    read_training(row, options.model);
+    return !row.training.empty() && row.seed == options.seed && row.training == training_options(options);
+}
+
+std::optional<TableRow> finished_run(const TrainOptions& options) {
+    const RunFolder folder{options.model};
+    std::error_code ignored;
+    if (!std::filesystem::exists(folder.point_cloud(options.iterations), ignored) || !holds_same_run(options)) return std::nullopt;
+    try {
+        TableRow row = read_table_row(folder.root, options.iterations);
+        read_training(row, folder.root);
+        return row.train_seconds ? std::optional(row) : std::nullopt; // the time is written last
+    } catch (const DataError&) { // results of another iteration, or cut short
+        return std::nullopt;
+    }
+}
+
 void require_one_protocol(const std::vector<TableRow>& rows) {
     const auto other = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.protocol != rows[0].protocol; });
     if (other == rows.end()) return;

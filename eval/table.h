@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "lib/core/train_options.h"
+
 namespace gs {
 
 /// One evaluated model. Fields that the files do not know stay empty.
@@ -37,6 +39,12 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
 
 /// Adds seed and training options out of the run's config.yaml, where it has one that can be read.
 void read_training(TableRow& row, const std::filesystem::path& run_folder);
+
+/// Whether the folder options.model holds a run of the same training options and seed.
+bool holds_same_run(const TrainOptions& options);
+
+/// The row of that run if it has ended; empty otherwise.
+std::optional<TableRow> finished_run(const TrainOptions& options);
 
 /// Throws UsageError naming runs and protocols unless all rows are of one protocol (or all of files that state none).
 void require_one_protocol(const std::vector<TableRow>& rows);

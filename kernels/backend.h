@@ -141,8 +141,10 @@ class Backend {
     virtual Gaussians download(bool with_moments) = 0;
     virtual std::int64_t count() const = 0;
     virtual void set_active_degree(int degree) = 0;
-    /// Replaces PPISP and leaves the Gaussians alone. `download` gives it back.
+    /// Replaces PPISP and leaves the Gaussians alone.
     virtual void upload_ppisp(const PpispState& state) = 0;
+    /// PPISP without moments.
+    virtual PpispState download_ppisp() = 0;
 
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
     /// May return before the step is done. What `request` points to is not needed any more on return.

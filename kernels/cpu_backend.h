@@ -34,8 +34,7 @@ template <class Model> class CpuBackend final : public Backend {
         out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree, out.step = state_.step;
         for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
         out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
-        out.ppisp = state_.ppisp;
-        drop_moments(out.ppisp);
+        out.ppisp = download_ppisp();
         return out;
     }
     std::int64_t count() const override { return state_.count; }
@@ -43,6 +42,12 @@ template <class Model> class CpuBackend final : public Backend {
     void upload_ppisp(const PpispState& state) override {
         state_.ppisp = state;
         allocate_moments(state_.ppisp);
+    }
+
+    PpispState download_ppisp() override {
+        PpispState out = state_.ppisp;
+        drop_moments(out);
+        return out;
     }
 
     void render(const RenderRequest& request, RenderedImage& out) override {

@@ -69,12 +69,8 @@ void CudaBackend::upload(const Gaussians& state) {
         const auto& group = state.groups[g];
         meta_.groups[g].width = model_.width[g] = group.width;
         model_.param[g].upload(group.param);
-        for (auto [buffer, values] : {std::pair{&model_.m[g], &group.m}, {&model_.v[g], &group.v}}) {
-            if (!values->empty())
-                buffer->upload(*values);
-            else if (!group.param.empty())
-                GS_CUDA(cudaMemset(buffer->reserve(group.param.size()), 0, group.param.size() * sizeof(float)));
-        }
+        model_.m[g].upload_or_zero(group.m, group.param.size());
+        model_.v[g].upload_or_zero(group.v, group.param.size());
     }
     meta_.shared.width = state.shared.width;
     if (state.shared.width != kernels_.shared.count)
@@ -82,12 +78,8 @@ void CudaBackend::upload(const Gaussians& state) {
     if (kernels_.shared.count > 0) {
         const std::size_t n = std::size_t(kernels_.shared.count);
         model_.shared_param.upload(state.shared.param);
-        for (auto [buffer, values] : {std::pair{&model_.shared_m, &state.shared.m}, {&model_.shared_v, &state.shared.v}}) {
-            if (!values->empty())
-                buffer->upload(*values);
-            else
-                GS_CUDA(cudaMemset(buffer->reserve(n), 0, n * sizeof(float)));
-        }
+        model_.shared_m.upload_or_zero(state.shared.m, n);
+        model_.shared_v.upload_or_zero(state.shared.v, n);
         const std::size_t words = std::size_t(kernels_.shared.prepared_words);
         GS_CUDA(cudaMemsetAsync(model_.shared_prepared.reserve(words), 0, words * sizeof(unsigned), stream_));
         kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
@@ -314,6 +306,12 @@ void CudaBackend::step(const StepRequest& r) {
     if (!times_.on) return;
     synchronize();
     times_.add();
+}
+
+PpispState CudaBackend::download_ppisp() {
+    synchronize();
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    return ppisp_.download(false);
 }
 
 void CudaBackend::distill(const StepRequest& r) {

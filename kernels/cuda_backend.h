@@ -38,6 +38,7 @@ class CudaBackend final : public Backend {
     std::int64_t count() const override { return model_.count; }
     void set_active_degree(int degree) override;
     void upload_ppisp(const PpispState& state) override;
+    PpispState download_ppisp() override;
 
     void render(const RenderRequest& request, RenderedImage& out) override;
     void step(const StepRequest& request) override;

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "eval/suite.h"
+#include "eval/table.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
 #include "lib/core/interrupt.h"
@@ -112,7 +113,7 @@ class SuiteRun {
         write_text_atomic(config, options_to_yaml(options));
         std::vector<std::string> command = {fs::read_symlink("/proc/self/exe").string(), "train", "--config", config, "--time-frames",
                                             std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
-        if (holds_same_run(line.cell)) command.push_back("--overwrite"); // anew: the time of a resumed run is not that of the training
+        if (holds_same_run(line.cell.options)) command.push_back("--overwrite"); // anew: the time of a resumed run is not that of the training
         std::vector<std::pair<std::string, std::string>> environment;
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const ProcessResult result = run_process(command, environment, [&](const std::string& printed) { spdlog::debug("{}: {}", name, printed); });

@@ -12,7 +12,6 @@
 #include "eval/comparison_format.h"
 #include "eval/results.h"
 #include "eval/saved_run.h"
-#include "eval/training_options.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
 #include "lib/core/interrupt.h"
@@ -150,21 +149,6 @@ void print_table(const std::vector<TableRow>& rows, bool quiet) {
     if (rows.empty()) return;
     const std::string table = format_comparison(compare_runs(rows), TableFormat::kMarkdown);
     std::fputs(table.c_str(), !quiet && default_progress_style() == ProgressStyle::kJsonLines ? stderr : stdout);
-}
-
-/// The row of a run that the folder holds, finished, with the same options and seed; empty otherwise.
-std::optional<TableRow> finished_run(const TrainOptions& options) {
-    const RunFolder folder{options.model};
-    std::error_code ignored;
-    if (!fs::exists(folder.config(), ignored) || !fs::exists(folder.point_cloud(options.iterations), ignored)) return std::nullopt;
-    try {
-        TableRow row = read_table_row(folder.root, options.iterations);
-        read_training(row, folder.root);
-        const bool finished = row.train_seconds.has_value(); // written last
-        return finished && row.seed == options.seed && row.training == training_options(options) ? std::optional(row) : std::nullopt;
-    } catch (const DataError&) { // results of another iteration, or cut short
-        return std::nullopt;
-    }
 }
 
 /// Trains the same with `num_runs` seeds in a row, into <model>-0, <model>-1, ..., and prints their mean and deviation.

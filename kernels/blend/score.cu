@@ -6,12 +6,6 @@
 namespace gs {
 namespace {
 
-__device__ float warp_sum(float x) {
-#pragma unroll
-    for (int step = 16; step; step /= 2) x += __shfl_xor_sync(~0u, x, step);
-    return x;
-}
-
 /// A warp per sub-tile, through the whole list. out: by Gaussian, or by (slot, sub-tile) with a fixed order.
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {

@@ -20,6 +20,13 @@ inline void cuda_check(cudaError_t error, const char* what) {
 /// After every launch, in every build.
 #define GS_CUDA_LAUNCHED(name) ::gs::cuda_check(cudaGetLastError(), name)
 
+/// Sum over the warp, in every lane.
+template <class T> __device__ T warp_sum(T x) {
+#pragma unroll
+    for (int step = 16; step; step /= 2) x += __shfl_xor_sync(~0u, x, step);
+    return x;
+}
+
 inline unsigned num_blocks(std::int64_t n, int block) { return static_cast<unsigned>((n + block - 1) / block); }
 
 }  // namespace gs

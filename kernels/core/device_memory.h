@@ -56,6 +56,11 @@ template <class T> class DeviceBuffer {
     void upload(const std::vector<T>& host) {
         if (!host.empty()) GS_CUDA(cudaMemcpy(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice));
     }
+    /// Moments that the host may have dropped: `n` of them, zeros if it has none.
+    void upload_or_zero(const std::vector<T>& host, std::size_t n) {
+        upload(host);
+        if (host.empty() && n > 0) GS_CUDA(cudaMemset(reserve(n), 0, n * sizeof(T)));
+    }
     std::vector<T> download(std::size_t n) const {
         std::vector<T> host(n);
         if (n) GS_CUDA(cudaMemcpy(host.data(), data_, n * sizeof(T), cudaMemcpyDeviceToHost));

@@ -49,7 +49,7 @@ template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutpu
 /// Sum over the block; valid in thread 0.
 __device__ float block_sum(float value) {
     __shared__ float parts[kThreads / 32];
-    for (int k = 16; k; k /= 2) value += __shfl_xor_sync(~0u, value, k);
+    value = warp_sum(value);
     __syncthreads();
     if (threadIdx.x % 32 == 0) parts[threadIdx.x / 32] = value;
     __syncthreads();

@@ -45,8 +45,7 @@ __device__ void linear(const float* weights, ControllerLayer layer, const float*
     for (int o = threadIdx.x / 32; o < layer.outputs; o += kDenseThreads / 32) {
         float sum = 0;
         for (int i = lane; i < layer.inputs; i += 32) sum += weights[layer.offset + o * layer.inputs + i] * in[i];
-        for (int d = 16; d; d /= 2) sum += __shfl_xor_sync(~0u, sum, d);
-        sum += weights[layer.bias() + o];
+        sum = warp_sum(sum) + weights[layer.bias() + o];
         if (lane == 0) out[o] = relu ? fmaxf(sum, 0.0f) : sum;
     }
     __syncthreads();
@@ -209,12 +208,8 @@ void CudaController::upload(const PpispState& state) {
     if (count_ == 0) return;
     const std::size_t n = state.controller.size();
     weights_.upload(state.controller);
-    for (auto [buffer, values] : {std::pair{&m_, &state.controller_m}, {&v_, &state.controller_v}}) {
-        if (!values->empty())
-            buffer->upload(*values);
-        else
-            GS_CUDA(cudaMemset(buffer->reserve(n), 0, n * sizeof(float)));
-    }
+    m_.upload_or_zero(state.controller_m, n);
+    v_.upload_or_zero(state.controller_v, n);
     activations_.reserve(1);
 }
 

@@ -48,9 +48,7 @@ __global__ void __launch_bounds__(kSumThreads) correct_backward(const IspDeviceV
     __shared__ float of_warps[kSumThreads / 32][kIspSums];
 #pragma unroll
     for (int k = 0; k < kIspSums; ++k) {
-        float sum = sums.v[k];
-#pragma unroll
-        for (int d = 16; d; d /= 2) sum += __shfl_xor_sync(~0u, sum, d);
+        const float sum = warp_sum(sums.v[k]);
         if (threadIdx.x % 32 == 0) of_warps[threadIdx.x / 32][k] = sum;
     }
     __syncthreads();
@@ -67,7 +65,7 @@ __global__ void __launch_bounds__(kStepThreads) finish_view(const float* partial
     for (int k = threadIdx.x / 32; k < kIspSums; k += kStepThreads / 32) {
         double sum = 0;
         for (int b = lane; b < kSumBlocks; b += 32) sum += partials[b * kIspSums + k];
-        for (int d = 16; d; d /= 2) sum += __shfl_xor_sync(~0u, sum, d);
+        sum = warp_sum(sum);
         if (lane == 0) sums.v[k] = float(sum);
     }
     __syncthreads();
@@ -120,13 +118,6 @@ __global__ void __launch_bounds__(kStepThreads) step_parameters_of_all(StepArgs 
     for (int i = t; i < all; i += kStepThreads) adam_update(a.param[i], a.m[i], a.v[i], a.gradient[i], a.step);
 }
 
-void upload_moments(DeviceBuffer<float>& buffer, const std::vector<float>& moments, std::size_t n) {
-    if (!moments.empty())
-        buffer.upload(moments);
-    else if (n > 0)
-        GS_CUDA(cudaMemset(buffer.reserve(n), 0, n * sizeof(float)));
-}
-
 }  // namespace
 
 void CudaPpisp::upload(const PpispState& state) {
@@ -134,8 +125,8 @@ void CudaPpisp::upload(const PpispState& state) {
     drop_moments(host_);
     if (!state.active()) return;
     param_.upload(state.param);
-    upload_moments(m_, state.m, state.size());
-    upload_moments(v_, state.v, state.size());
+    m_.upload_or_zero(state.m, state.size());
+    v_.upload_or_zero(state.v, state.size());
     gradient_.reserve(state.size());
     device_view_.reserve(1);
     controller_.upload(state);

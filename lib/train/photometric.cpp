@@ -123,7 +123,7 @@ void Photometric::apply(std::size_t view, std::int64_t iteration, StepRequest& r
 }
 
 void Photometric::add_controllers(Backend& backend) const {
-    PpispState state = backend.download(false).ppisp;
+    PpispState state = backend.download_ppisp();
     initialize_controller(state, options_.seed);
     backend.upload_ppisp(state);
 }
@@ -135,7 +135,7 @@ void Photometric::apply_controller(std::size_t view, StepRequest& request) const
 
 void Photometric::report(Backend& backend) const {
     if (!active_) return;
-    const PpispState state = backend.download(false).ppisp;
+    const PpispState state = backend.download_ppisp();
     double n = 0, mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
     for (std::size_t k = 0; k < file_.frames.size(); ++k) {
         if (!file_.frames[k].exif_exposure) continue;
@@ -151,7 +151,7 @@ void Photometric::save(const std::filesystem::path& path, Backend& backend, std:
     if (!active_) return;
     PpispFile file = file_;
     file.iteration = iteration;
-    file.state = backend.download(false).ppisp;
+    file.state = backend.download_ppisp();
     write_ppisp_json(path, file);
 }
 

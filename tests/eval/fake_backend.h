@@ -15,6 +15,7 @@ class FakeBackend : public Backend {
     std::int64_t count() const override { return 7; }
     void set_active_degree(int) override {}
     void upload_ppisp(const PpispState&) override {}
+    PpispState download_ppisp() override { return {}; }
     void render(const RenderRequest& request, RenderedImage& out) override {
         out.width = request.camera.width, out.height = request.camera.height;
         const std::size_t pixels = std::size_t(out.width) * out.height;

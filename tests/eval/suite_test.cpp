@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The grids of the suites, and which run folders count as finished.
 #include "eval/suite.h"
+#include "eval/table.h"
 
 #include <gtest/gtest.h>
 
@@ -102,19 +103,19 @@ TEST_F(SuiteCells, AnotherRunOrABrokenOneIsNot) {
     SuiteCell other = cell_;
     other.options.seed = 7;
     EXPECT_FALSE(finished_cell(other));
-    EXPECT_FALSE(holds_same_run(other));
+    EXPECT_FALSE(holds_same_run(other.options));
     other = cell_;
     other.options.source = "builtin:glossy";
     EXPECT_FALSE(finished_cell(other));
     write("results.json", R"({"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123}})");
     EXPECT_FALSE(finished_cell(cell_)) << "the times come last";
-    EXPECT_TRUE(holds_same_run(cell_));
+    EXPECT_TRUE(holds_same_run(cell_.options));
     write("results.json", "{");
     EXPECT_FALSE(finished_cell(cell_));
     write("config.yaml", "what: ever\n");
-    EXPECT_FALSE(holds_same_run(cell_));
+    EXPECT_FALSE(holds_same_run(cell_.options));
     other.options.model = (tmp_.path() / "nothing").string();
-    EXPECT_FALSE(holds_same_run(other));
+    EXPECT_FALSE(holds_same_run(other.options));
 }
 
 TEST_F(SuiteCells, TableAndJsonNameEveryCell) {

@@ -16,6 +16,7 @@ class ForwardingBackend : public Backend {
     std::int64_t count() const override { return inner_->count(); }
     void set_active_degree(int degree) override { inner_->set_active_degree(degree); }
     void upload_ppisp(const PpispState& state) override { inner_->upload_ppisp(state); }
+    PpispState download_ppisp() override { return inner_->download_ppisp(); }
     void render(const RenderRequest& request, RenderedImage& out) override { inner_->render(request, out); }
     void step(const StepRequest& request) override { inner_->step(request); }
     void distill(const StepRequest& request) override { inner_->distill(request); }
