@@ -39,7 +39,8 @@ std::string html_table(const TextTable& table, const std::string& note) {
         }
         html += "</tr>\n";
     }
-    return html + fmt::format("</tbody>\n</table>\n</div>\n<p class=\"protocol\">{}</p>\n", html_escaped(note));
+    html += "</tbody>\n</table>\n</div>\n";
+    return note.empty() ? html : html + fmt::format("<p class=\"protocol\">{}</p>\n", html_escaped(note));
 }
 
 void fill(std::string& page, const std::string& key, const std::string& text) {

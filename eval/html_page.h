@@ -14,7 +14,7 @@ extern const char* const kPageHead;
 /// kPageHead with its title.
 std::string page_head(const std::string& title);
 
-/// The table, with `note` below it, both escaped.
+/// The table, with `note` (empty: none) below it, both escaped.
 std::string html_table(const TextTable& table, const std::string& note);
 
 /// Replaces the one place where {{key}} stands.

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kWidth = 460, kHeight = 300, kLeft = 56, kRight = 16, kTop = 16, kBottom = 48;  // px
 constexpr double kRightEnd = kWidth - kRight, kBottomEnd = kHeight - kBottom;
-constexpr double kLabelHeight = 14, kLabelReach = 110;  ///< labels closer than this overlap
+constexpr double kLabelHeight = 13, kLetterWidth = 7, kLabelGap = 8;  // px, of text at 12 px; an estimate, as browsers' fonts differ
 
 struct Axis {
     std::vector<double> ticks;  ///< the first and the last are its ends
@@ -51,6 +51,12 @@ Axis log_axis(double low, double high) {
         }
     }
 }
+
+struct Box {
+    double x, y, width, height;
+};
+
+bool overlap(const Box& a, const Box& b) { return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height; }
 
 std::string text(double x, double y, const char* anchor, const std::string& content) {
     return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\">{}</text>", x, y, anchor, html_escaped(content));
@@ -113,18 +119,35 @@ class Drawing {
         return out + "</g>\n";
     }
 
+    /// Beside, above or below the point, where there is room; below all that is there if there is none.
     std::string label(const std::string& content, double x, double y) {
-        double label_y = y + 4;
-        const auto taken = [&](const auto& other) { return std::abs(other.first - x) < kLabelReach && std::abs(other.second - label_y) < kLabelHeight; };
-        while (std::any_of(labels_.begin(), labels_.end(), taken)) label_y += kLabelHeight;
-        labels_.emplace_back(x, label_y);
-        const bool left = x > (kLeft + kRightEnd) / 2;
-        return text(x + (left ? -9 : 9), label_y, left ? "end" : "start", content);
+        const double width = kLetterWidth * double(content.size());
+        const auto box_at = [&](bool left, double dy) { return Box{left ? x - kLabelGap - width : x + kLabelGap, y + dy - kLabelHeight / 2, width, kLabelHeight}; };
+        const bool left_first = x > (kLeft + kRightEnd) / 2;
+        for (const double dy : {0.0, -kLabelHeight, kLabelHeight}) {
+            for (const bool left : {left_first, !left_first}) {
+                const Box box = box_at(left, dy);
+                if (box.x >= kLeft && box.x + width <= kWidth && is_free(box)) return placed(box, left, content);
+            }
+        }
+        Box box = box_at(left_first, 0);
+        while (!is_free(box)) box.y += kLabelHeight;
+        return placed(box, left_first, content);
+    }
+
+    bool is_free(const Box& box) const {
+        return std::none_of(labels_.begin(), labels_.end(), [&](const Box& other) { return overlap(box, other); }) &&
+               std::none_of(plot_.points.begin(), plot_.points.end(), [&](const ScatterPoint& p) { return overlap(box, {px(p.x) - 4, py(p.y) - 4, 8, 8}); });
+    }
+
+    std::string placed(const Box& box, bool left, const std::string& content) {
+        labels_.push_back(box);
+        return text(left ? box.x + box.width : box.x, box.y + kLabelHeight / 2 + 4, left ? "end" : "start", content);
     }
 
     const ScatterPlot& plot_;
     Axis x_, y_;
-    std::vector<std::pair<double, double>> labels_;  ///< where they stand so far
+    std::vector<Box> labels_;  ///< those that stand already
 };
 
 }  // namespace

@@ -19,6 +19,9 @@ class TimePlan {
     /// do not all have the full number of Gaussians, so it errs on the safe side. Empty while no run has ended.
     std::optional<double> seconds(const TrainOptions& options) const;
 
+    /// Whether it is expected to end in that time; without any measurement yet it is worth a try.
+    bool fits(const TrainOptions& options, double seconds_left) const { return seconds(options).value_or(0) <= seconds_left; }
+
   private:
     struct Ended {
         TrainOptions options;

@@ -56,6 +56,7 @@ class CellRunner {
         keep_finished();
         if (pending_.empty()) return summary_;
         const bool cuda = uses_cuda(cells_.front().options.device);
+        if (cuda && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
         std::vector<std::thread> workers;
         for (const std::string& gpu : cuda ? visible_gpus() : std::vector<std::string>{""}) workers.emplace_back([this, gpu, cuda] { work(gpu, cuda); });
         for (std::thread& worker : workers) worker.join();

@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -11,6 +12,8 @@
 
 namespace gs {
 namespace {
+
+constexpr double kYear = 365.0 * 86400; // more would not fit into a clock's count
 
 /// 0 for what is no unit.
 double unit_seconds(const std::string& unit) {
@@ -21,8 +24,8 @@ double unit_seconds(const std::string& unit) {
 
 }  // namespace
 
-double parse_duration(const std::string& text) {
-    const auto wrong = [&] { return UsageError(fmt::format("'{}' is not a duration; write 90s, 20m, 2h or 1h30m", text)); };
+double parse_duration(const std::string& text, const std::string& where) {
+    const auto wrong = [&] { return UsageError(fmt::format("{}: '{}' is not a duration; write 90s, 20m, 2h or 1h30m", where, text)); };
     constexpr const char* kNumber = "0123456789.";
     double seconds = 0;
     for (std::size_t at = 0; at < text.size();) {
@@ -36,7 +39,7 @@ double parse_duration(const std::string& text) {
         if (factor == 0) throw wrong();
         seconds += factor * number;
     }
-    if (!(seconds > 0) || !std::isfinite(seconds)) throw wrong();
+    if (!(seconds > 0 && seconds <= kYear)) throw wrong();
     return seconds;
 }
 
