@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "eval/escape.h"
 
@@ -14,7 +13,7 @@ namespace {
 
 constexpr double kWidth = 460, kHeight = 300, kLeft = 56, kRight = 16, kTop = 16, kBottom = 48;  // px
 constexpr double kRightEnd = kWidth - kRight, kBottomEnd = kHeight - kBottom;
-constexpr double kLabelHeight = 13, kLetterWidth = 7, kLabelGap = 8;  // px, of text at 12 px; an estimate, as browsers' fonts differ
+constexpr double kLabelHeight = 13, kLetterWidth = 7, kLabelGap = 10;  // px, of text at 12 px; an estimate, as browsers' fonts differ
 
 struct Axis {
     std::vector<double> ticks;  ///< the first and the last are its ends
@@ -84,10 +83,15 @@ class Drawing {
         for (const double y : y_.ticks) out += line("grid", kLeft, py(y), kRightEnd, py(y)) + text(kLeft - 6, py(y) + 4, "end", fmt::format("{:.6g}", y)) + "\n";
         out += text((kLeft + kRightEnd) / 2, kHeight - 10, "middle", plot_.x_title);
         out += fmt::format("<text transform=\"translate(14 {:.1f}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", (kTop + kBottomEnd) / 2, html_escaped(plot_.y_title));
-        if (plot_.connect_front) out += front();
+        std::vector<const ScatterPoint*> order = front();
+        if (plot_.connect_front) out += connected(order);
         for (const bool grey : {true, false}) // what counts lies on top
             for (const ScatterPoint& p : plot_.points)
                 if (p.grey == grey) out += point(p);
+        // Those of the front choose their places first.
+        for (const ScatterPoint& p : plot_.points)
+            if ((p.ring || !plot_.connect_front) && std::find(order.begin(), order.end(), &p) == order.end()) order.push_back(&p);
+        for (const ScatterPoint* p : order) out += label(*p);
         return out + fmt::format("</svg>\n<figcaption>{}</figcaption>\n</figure>\n", html_escaped(plot_.title));
     }
 
@@ -95,44 +99,46 @@ class Drawing {
     double px(double x) const { return kLeft + x_.place(x) * (kRightEnd - kLeft); }
     double py(double y) const { return kBottomEnd - y_.place(y) * (kBottomEnd - kTop); }
 
-    std::string front() const {
-        std::vector<const ScatterPoint*> order;
+    /// The points that have no other with less x and more y, from left to right.
+    std::vector<const ScatterPoint*> front() const {
+        std::vector<const ScatterPoint*> order, front;
         for (const ScatterPoint& p : plot_.points) order.push_back(&p);
         std::sort(order.begin(), order.end(), [](const auto* a, const auto* b) { return a->x != b->x ? a->x < b->x : a->y > b->y; });
+        for (const ScatterPoint* p : order)
+            if (front.empty() || p->y > front.back()->y) front.push_back(p);
+        return front;
+    }
+
+    std::string connected(const std::vector<const ScatterPoint*>& points) const {
         std::string corners;
-        double highest = -std::numeric_limits<double>::infinity();
-        for (const ScatterPoint* p : order) {
-            if (p->y <= highest) continue;
-            highest = p->y;
-            corners += fmt::format("{:.1f},{:.1f} ", px(p->x), py(p->y));
-        }
+        for (const ScatterPoint* p : points) corners += fmt::format("{:.1f},{:.1f} ", px(p->x), py(p->y));
         return fmt::format("<polyline class=\"front\" points=\"{}\"/>\n", corners);
     }
 
-    std::string point(const ScatterPoint& p) {
+    static std::string style_of(const ScatterPoint& p) { return p.grey ? "dominated" : fmt::format("series{}", p.series % 8); }
+
+    std::string point(const ScatterPoint& p) const {
         const double x = px(p.x), y = py(p.y);
-        const std::string style = p.grey ? "dominated" : fmt::format("series{}", p.series % 8);
-        std::string out = fmt::format("<g class=\"{}\"><title>{}</title>", style, html_escaped(p.tooltip));
+        std::string out = fmt::format("<g class=\"{}\"><title>{}</title>", style_of(p), html_escaped(p.tooltip));
         if (p.deviation > 0) out += line("bar", x, py(p.y + p.deviation), x, py(p.y - p.deviation));
-        out += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/>", x, y, p.grey ? 3.5 : 5);
-        if (!p.label.empty()) out += label(p.label, x, y);
-        return out + "</g>\n";
+        if (p.ring) out += fmt::format("<circle class=\"ring\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"8\"/>", x, y);
+        return out + fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/></g>\n", x, y, p.grey ? 3.5 : 5);
     }
 
     /// Beside, above or below the point, where there is room; below all that is there if there is none.
-    std::string label(const std::string& content, double x, double y) {
-        const double width = kLetterWidth * double(content.size());
+    std::string label(const ScatterPoint& p) {
+        const double x = px(p.x), y = py(p.y), width = kLetterWidth * double(p.label.size());
         const auto box_at = [&](bool left, double dy) { return Box{left ? x - kLabelGap - width : x + kLabelGap, y + dy - kLabelHeight / 2, width, kLabelHeight}; };
         const bool left_first = x > (kLeft + kRightEnd) / 2;
         for (const double dy : {0.0, -kLabelHeight, kLabelHeight}) {
             for (const bool left : {left_first, !left_first}) {
                 const Box box = box_at(left, dy);
-                if (box.x >= kLeft && box.x + width <= kWidth && is_free(box)) return placed(box, left, content);
+                if (box.x >= kLeft && box.x + width <= kWidth && is_free(box)) return placed(p, box, left);
             }
         }
         Box box = box_at(left_first, 0);
         while (!is_free(box)) box.y += kLabelHeight;
-        return placed(box, left_first, content);
+        return placed(p, box, left_first);
     }
 
     bool is_free(const Box& box) const {
@@ -140,9 +146,13 @@ class Drawing {
                std::none_of(plot_.points.begin(), plot_.points.end(), [&](const ScatterPoint& p) { return overlap(box, {px(p.x) - 4, py(p.y) - 4, 8, 8}); });
     }
 
-    std::string placed(const Box& box, bool left, const std::string& content) {
+    /// The label, and a line to its point unless it stands right beside it.
+    std::string placed(const ScatterPoint& p, const Box& box, bool left) {
         labels_.push_back(box);
-        return text(left ? box.x + box.width : box.x, box.y + kLabelHeight / 2 + 4, left ? "end" : "start", content);
+        const double x = left ? box.x + box.width : box.x, middle = box.y + kLabelHeight / 2;
+        const bool beside = std::abs(middle - py(p.y)) < 1;
+        return fmt::format("<g class=\"{}\">{}{}</g>\n", style_of(p), beside ? "" : line("leader", px(p.x), py(p.y), x, middle),
+                           text(x, middle + 4, left ? "end" : "start", p.label));
     }
 
     const ScatterPlot& plot_;

@@ -50,7 +50,8 @@ class Recommender {
         const std::string price = given_up.empty() ? "gives up nothing" : fmt::format("costs {}", fmt::join(given_up, " and "));
         return {{"best", best, fmt::format("{}; {}", described(best), price)},
                 {"smallest", smallest, against_best(smallest, "smaller")},
-                {"fastest", fastest, against_best(fastest, "faster to render")}};
+                {"fastest", fastest,
+                 fastest == smallest && fastest != best ? "the smallest itself; " + nothing_is("faster to render") : against_best(fastest, "faster to render")}};
     }
 
   private:
@@ -72,9 +73,13 @@ class Recommender {
                            quality_text(quality(k), tradeoff_.quality), bytes_text(r.bytes), fps_text(r), duration_text(r.train_seconds));
     }
 
+    std::string nothing_is(const std::string& adjective) const {
+        return fmt::format("nothing within {} of the best is {}", loss_text(tradeoff_.give_up, tradeoff_.quality), adjective);
+    }
+
     std::string against_best(std::size_t k, const std::string& adjective) const {
         const std::size_t best = front_.front();
-        if (k == best) return fmt::format("the best itself; nothing within {} of it is {}", loss_text(tradeoff_.give_up, tradeoff_.quality), adjective);
+        if (k == best) return "the best itself; " + nothing_is(adjective);
         const CellResult &own = result(k), &other = result(best);
         return fmt::format("{}; gives up {} against the best, and is {}, {}, {}", described(k), loss_text(quality(best) - quality(k), tradeoff_.quality),
                            compared(double(own.bytes), double(other.bytes), "smaller", "larger", "about as large"),

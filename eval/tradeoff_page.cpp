@@ -31,7 +31,7 @@ int series_of(const Tradeoff& tradeoff, const TradeoffRun& run) {
     return int(std::find(values.begin(), values.end(), run.configuration.values.front()) - values.begin());
 }
 
-std::string plot(const Tradeoff& tradeoff, const Ranking& ranking, const Cost& cost) {
+std::string plot(const Tradeoff& tradeoff, const Ranking& ranking, const std::vector<Recommendation>& recommendations, const Cost& cost) {
     ScatterPlot plot;
     plot.title = fmt::format("{} over {}", quality_name(tradeoff.quality), cost.title);
     plot.x_title = cost.axis;
@@ -43,9 +43,10 @@ std::string plot(const Tradeoff& tradeoff, const Ranking& ranking, const Cost& c
         if (!(x > 0) || !std::isfinite(y)) return;
         plot.points.push_back({.x = x,
                                .y = y,
-                               .label = optimal ? fmt::format("{}", fmt::join(run.configuration.values, " ")) : "",
+                               .label = fmt::format("{}", fmt::join(run.configuration.values, " ")),
                                .tooltip = fmt::format("{}: {:.4g}, {}", configuration_name(tradeoff.axes, run.configuration), x, quality_text(y, tradeoff.quality)),
                                .series = series_of(tradeoff, run),
+                               .ring = std::any_of(recommendations.begin(), recommendations.end(), [&](const Recommendation& r) { return r.run == k; }),
                                .grey = !optimal});
     };
     for (const std::size_t k : ranking.frontier) add(k, true);
@@ -70,13 +71,14 @@ std::string tradeoff_page(const Tradeoff& tradeoff) {
         for (const std::string& line : tradeoff.remarks) body += note(line);
     } else {
         std::string words, plots, names;
-        for (const Recommendation& r : recommend(tradeoff)) words += fmt::format("<li><strong>{}</strong>: {}</li>\n", r.name, html_escaped(r.text));
-        for (const Cost& cost : kCosts) plots += plot(tradeoff, ranking, cost);
+        const std::vector<Recommendation> recommendations = recommend(tradeoff);
+        for (const Recommendation& r : recommendations) words += fmt::format("<li><strong>{}</strong>: {}</li>\n", r.name, html_escaped(r.text));
+        for (const Cost& cost : kCosts) plots += plot(tradeoff, ranking, recommendations, cost);
         for (const TradeoffAxis& axis : tradeoff.axes) names += (names.empty() ? "" : ", ") + axis.name;
         body += section("h-words", "Which to take", "<ul>\n" + words + "</ul>\n");
         body += section("h-plots", "Quality against cost",
-                        note(fmt::format("Optimal configurations in colour, by {}, labelled with {}; dominated ones in grey. The dashed line joins what is best "
-                                         "in this plot alone. Up and left is better.",
+                        note(fmt::format("Optimal configurations in colour, by {}, the recommended ones with a ring; dominated ones in grey. The dashed line joins what "
+                                         "is best in its plot alone. Labels are {}; pointing at any configuration tells more. Up and left is better.",
                                          tradeoff.axes.front().name, names)) +
                             "<div class=\"plots\">\n" + plots + "</div>\n");
         std::string notes;

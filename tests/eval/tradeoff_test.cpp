@@ -69,9 +69,10 @@ TEST_F(TradeoffFigures, RecommendationsSayWhatTheyGiveUp) {
     tradeoff_.give_up = 10;
     EXPECT_EQ(recommend(tradeoff_)[1].run, 3u);
     EXPECT_EQ(recommend(tradeoff_)[2].run, 3u);
+    EXPECT_EQ(text("fastest"), "the smallest itself; nothing within 10.00 dB of the best is faster to render");
     tradeoff_.give_up = 0;
-    EXPECT_EQ(text("smallest"), "the best itself; nothing within 0.00 dB of it is smaller");
-    EXPECT_EQ(text("fastest"), "the best itself; nothing within 0.00 dB of it is faster to render");
+    EXPECT_EQ(text("smallest"), "the best itself; nothing within 0.00 dB of the best is smaller");
+    EXPECT_EQ(text("fastest"), "the best itself; nothing within 0.00 dB of the best is faster to render");
     EXPECT_NE(text("best").find("gives up nothing"), std::string::npos);
 }
 
@@ -119,8 +120,9 @@ TEST_F(TradeoffFigures, PageHasAPlotForEachCostWithEveryRun) {
     };
     std::string page = tradeoff_page(tradeoff_);
     EXPECT_EQ(count(page, "<svg"), 3u) << "nobody measured memory";
-    EXPECT_EQ(count(page, "<circle"), 15u);
-    EXPECT_EQ(count(page, "<g class=\"dominated\">"), 3u);
+    EXPECT_EQ(count(page, "<circle cx"), 15u);
+    EXPECT_EQ(count(page, "<circle class=\"ring\""), 9u) << "three recommendations";
+    EXPECT_EQ(count(page, "<g class=\"dominated\">"), 3u) << "without labels";
     EXPECT_EQ(count(page, "<tr class=\"grey\">"), 1u);
     EXPECT_EQ(count(page, "<polyline class=\"front\""), 3u);
     EXPECT_TRUE(page.ends_with("</html>\n"));
