@@ -10,8 +10,8 @@ namespace gs {
 struct ScatterPoint {
     double x = 0, y = 0;
     double deviation = 0;  ///< of y, as a bar; 0: none
-    std::string label;     ///< beside the point
-    std::string tooltip;
+    std::string label = {};  ///< beside the point
+    std::string tooltip = {};
     int series = 0;        ///< its colour
     bool ring = false;     ///< around the point, to point it out
     bool grey = false;     ///< small and without colour

@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-constexpr double kSame = 0.05;  ///< ratios that near to 1 are not worth a number
+constexpr double kSame = 0.05;  ///< costs that differ by less are not worth any quality, or a number
 
 std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs) {
     std::vector<Objectives> points;
@@ -58,13 +58,15 @@ class Recommender {
     const CellResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
-    /// Of those near enough to the best; of equals the one with the highest quality.
+    /// Of those near enough to the best in quality the one of least cost, or a better one that costs about the same.
     template <class Cost>
     std::size_t least(const Cost& cost) const {
-        std::size_t chosen = front_.front();
+        std::vector<std::size_t> allowed;
         for (const std::size_t k : front_)
-            if (quality(k) >= quality(front_.front()) - tradeoff_.give_up && cost(result(k)) < cost(result(chosen))) chosen = k;
-        return chosen;
+            if (quality(k) >= quality(front_.front()) - tradeoff_.give_up) allowed.push_back(k);
+        double low = cost(result(allowed.front()));
+        for (const std::size_t k : allowed) low = std::min(low, cost(result(k)));
+        return *std::find_if(allowed.begin(), allowed.end(), [&](std::size_t k) { return cost(result(k)) <= low * (1 + kSame); });
     }
 
     std::string described(std::size_t k) const {
@@ -74,7 +76,7 @@ class Recommender {
     }
 
     std::string nothing_is(const std::string& adjective) const {
-        return fmt::format("nothing within {} of the best is {}", loss_text(tradeoff_.give_up, tradeoff_.quality), adjective);
+        return fmt::format("nothing within {} of the best is {} by more than {:.0f} %", loss_text(tradeoff_.give_up, tradeoff_.quality), adjective, 100 * kSame);
     }
 
     std::string against_best(std::size_t k, const std::string& adjective) const {

@@ -54,8 +54,8 @@ struct Recommendation {
     std::string text;  ///< what it is, and what it gives up
 };
 
-/// best: highest quality. smallest, fastest: fewest bytes, shortest frame among the part of the frontier that is no more than `give_up` worse.
-/// In the order best, smallest, fastest; empty when nothing is finished.
+/// best: highest quality. smallest, fastest: fewest bytes, shortest frame among the part of the frontier that is no more than `give_up` worse;
+/// a better one is preferred where it costs at most 5 % more. In the order best, smallest, fastest; empty when nothing is finished.
 std::vector<Recommendation> recommend(const Tradeoff& tradeoff);
 
 /// Table, recommendations, and what was not trained and why, as Markdown.

@@ -69,11 +69,18 @@ TEST_F(TradeoffFigures, RecommendationsSayWhatTheyGiveUp) {
     tradeoff_.give_up = 10;
     EXPECT_EQ(recommend(tradeoff_)[1].run, 3u);
     EXPECT_EQ(recommend(tradeoff_)[2].run, 3u);
-    EXPECT_EQ(text("fastest"), "the smallest itself; nothing within 10.00 dB of the best is faster to render");
+    EXPECT_EQ(text("fastest"), "the smallest itself; nothing within 10.00 dB of the best is faster to render by more than 5 %");
     tradeoff_.give_up = 0;
-    EXPECT_EQ(text("smallest"), "the best itself; nothing within 0.00 dB of the best is smaller");
-    EXPECT_EQ(text("fastest"), "the best itself; nothing within 0.00 dB of the best is faster to render");
+    EXPECT_EQ(text("smallest"), "the best itself; nothing within 0.00 dB of the best is smaller by more than 5 %");
+    EXPECT_EQ(text("fastest"), "the best itself; nothing within 0.00 dB of the best is faster to render by more than 5 %");
     EXPECT_NE(text("best").find("gives up nothing"), std::string::npos);
+}
+
+TEST_F(TradeoffFigures, NothingIsGivenUpForAFewPercent) {
+    add("sh", "1", 30, 100, 0.010, 1'000'000);
+    add("nasg", "1", 29.5, 100, 0.009, 960'000);
+    EXPECT_EQ(recommend(tradeoff_)[1].run, 0u);
+    EXPECT_EQ(recommend(tradeoff_)[2].run, 1u) << "a tenth of the frame time";
 }
 
 TEST_F(TradeoffFigures, SsimDecidesWhereItIsAskedFor) {
