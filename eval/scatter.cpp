@@ -79,10 +79,12 @@ class Drawing {
 
     std::string draw() {
         std::string out = fmt::format("<figure>\n<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">\n", kWidth, kHeight, html_escaped(plot_.title));
-        for (const double x : x_.ticks) out += line("grid", px(x), kTop, px(x), kBottomEnd) + text(px(x), kBottomEnd + 16, "middle", fmt::format("{:.6g}", x)) + "\n";
-        for (const double y : y_.ticks) out += line("grid", kLeft, py(y), kRightEnd, py(y)) + text(kLeft - 6, py(y) + 4, "end", fmt::format("{:.6g}", y)) + "\n";
+        const auto tick = [](double v) { return fmt::format("{:.6g}", v); };
+        for (const double x : x_.ticks) out += line("grid", px(x), kTop, px(x), kBottomEnd) + text(px(x), kBottomEnd + 16, "middle", tick(x)) + "\n";
+        for (const double y : y_.ticks) out += line("grid", kLeft, py(y), kRightEnd, py(y)) + text(kLeft - 6, py(y) + 4, "end", tick(y)) + "\n";
         out += text((kLeft + kRightEnd) / 2, kHeight - 10, "middle", plot_.x_title);
-        out += fmt::format("<text transform=\"translate(14 {:.1f}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", (kTop + kBottomEnd) / 2, html_escaped(plot_.y_title));
+        out += fmt::format("<text transform=\"translate(14 {:.1f}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", (kTop + kBottomEnd) / 2,
+                           html_escaped(plot_.y_title));
         std::vector<const ScatterPoint*> order = front();
         if (plot_.connect_front) out += connected(order);
         for (const bool grey : {true, false}) // what counts lies on top

@@ -71,7 +71,8 @@ std::vector<std::string> default_values(const std::string& name, const TrainOpti
 
 double parse_share(const std::string& text) {
     double share = 0;
-    if (!is_number(text, share) || !(share > 0 && share <= 1)) throw UsageError(fmt::format("--axes budget: '{}' is not a share of --cap-max above 0 and up to 1", text));
+    if (!is_number(text, share) || !(share > 0 && share <= 1))
+        throw UsageError(fmt::format("--axes budget: '{}' is not a share of --cap-max above 0 and up to 1", text));
     return share;
 }
 
@@ -118,7 +119,8 @@ std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, cons
     const auto add = [&](std::string name, const std::optional<std::vector<std::string>>& values) {
         std::replace(name.begin(), name.end(), '_', '-');
         check_name(name);
-        if (std::any_of(axes.begin(), axes.end(), [&](const TradeoffAxis& axis) { return axis.name == name; })) throw UsageError(fmt::format("--axes: {} is given twice", name));
+        if (std::any_of(axes.begin(), axes.end(), [&](const TradeoffAxis& axis) { return axis.name == name; }))
+            throw UsageError(fmt::format("--axes: {} is given twice", name));
         axes.push_back({name, values ? *values : default_values(name, base)});
         if (axes.back().values.empty()) throw UsageError(fmt::format("--axes: {} has no values", name));
     };
@@ -168,7 +170,8 @@ std::vector<Configuration> spread_grid(const std::vector<TradeoffAxis>& axes, co
     for (std::size_t k = 0; k < count; ++k) {
         const auto [same, is_new] = seen.emplace(training_options(list[k].options), k);
         if (!is_new)
-            throw UsageError(fmt::format("--axes: '{}' and '{}' are the same training", configuration_name(axes, list[same->second]), configuration_name(axes, list[k])));
+            throw UsageError(fmt::format("--axes: '{}' and '{}' are the same training", configuration_name(axes, list[same->second]),
+                                         configuration_name(axes, list[k])));
     }
     spread(axes, list);
     return list;

@@ -23,7 +23,8 @@ struct Cost {
 constexpr Cost kCosts[] = {{"training time", "training time, s", [](const CellResult& r) { return r.train_seconds; }},
                            {"frame time", "time of a frame, ms", [](const CellResult& r) { return 1e3 * r.frame_seconds; }},
                            {"size", "size of the scene, MB", [](const CellResult& r) { return 1e-6 * double(r.bytes); }},
-                           {"peak memory of the training", "peak memory, GiB", [](const CellResult& r) { return double(r.peak_device_bytes.value_or(0)) / double(1 << 30); }}};
+                           {"peak memory of the training", "peak memory, GiB",
+                            [](const CellResult& r) { return double(r.peak_device_bytes.value_or(0)) / double(1 << 30); }}};
 
 /// Where the value of the first axis stands among its values: runs that share it share a colour.
 int series_of(const Tradeoff& tradeoff, const TradeoffRun& run) {

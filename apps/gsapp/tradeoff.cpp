@@ -37,14 +37,15 @@ void check_before_training(Tradeoff& tradeoff, const Rounds& rounds, bool overwr
     for (const auto& round : rounds)
         for (const Configuration& configuration : round)
             if (const std::string difference = overwrite ? "" : difference_to_run(configuration.options); !difference.empty())
-                throw UsageError(fmt::format("{} holds a run of other options ({}); choose another -m FOLDER, or give --overwrite", configuration.options.model, difference));
+                throw UsageError(fmt::format("{} holds a run of other options ({}); choose another -m FOLDER, or give --overwrite",
+                                             configuration.options.model, difference));
     const Scene scene = load_scene(scene_options(rounds[0][0].options));
     if (scene.test.empty()) throw DataError(fmt::format("{}: there are no test views to measure quality on ({})", scene.source, scene.split_rule));
     const auto points = std::int64_t(scene.points.positions.size());
     const auto below = std::count_if(rounds[0].begin(), rounds[0].end(), [&](const Configuration& c) { return c.options.cap_max < points; });
     if (below == 0) return;
-    tradeoff.remarks.push_back(fmt::format("{} of {} configurations have a --cap-max below the {} points that the scene begins with; training keeps these, so that they do "
-                                           "not become smaller. A higher --cap-max makes the budget a limit.",
+    tradeoff.remarks.push_back(fmt::format("{} of {} configurations have a --cap-max below the {} points that the scene begins with; training keeps these, "
+                                           "so that they do not become smaller. A higher --cap-max makes the budget a limit.",
                                            below, rounds[0].size(), points));
     spdlog::warn("{}", tradeoff.remarks.back());
 }
@@ -68,7 +69,8 @@ class Search {
             }
             if (finished.empty() || r + 1 == rounds.size()) break;
             if (!complete) {
-                tradeoff_.remarks.push_back(fmt::format("The search ended in round {} of {}, before the better half was chosen for longer trainings.", r + 1, rounds.size()));
+                tradeoff_.remarks.push_back(
+                    fmt::format("The search ended in round {} of {}, before the better half was chosen for longer trainings.", r + 1, rounds.size()));
                 break;
             }
             std::vector<std::size_t> next;
@@ -119,7 +121,7 @@ class Search {
         else if (deadline_ && Clock::now() >= *deadline_)
             run.state = RunState::kStopped;
         if (outcome.result) plan_.add(run.configuration.options, outcome.result->train_seconds, outcome.wall_seconds);
-        write_tradeoff(folder_, tradeoff_);
+        if (outcome.wall_seconds) write_tradeoff(folder_, tradeoff_); // those that were finished before are shown with the first that was not
     }
 
     Tradeoff& tradeoff_;
@@ -161,7 +163,8 @@ void run_tradeoff(TrainOptions base, const TradeoffArguments& arguments) {
 
 void add_tradeoff_command(CLI::App& app, Command& selected) {
     CLI::App* command = app.add_subcommand(
-        "tradeoff", "Train configurations of a scene, one at a time or one on each GPU, and show what speed, size and quality each gives; finished ones in -m FOLDER are kept");
+        "tradeoff", "Train configurations of a scene, one at a time or one on each GPU, and show what speed, size and quality each gives; finished "
+                    "ones in -m FOLDER are kept");
     const auto train = std::make_shared<TrainArguments>(*command);
     const auto arguments = std::make_shared<TradeoffArguments>();
     command->add_option("--axes", arguments->axes,
@@ -171,7 +174,8 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
                         "grid: every combination; halving: all at a quarter of --iterations, the better half at a half, the better half of these at all")
         ->check(CLI::IsMember({"grid", "halving"}))
         ->capture_default_str();
-    command->add_option("--time-limit", arguments->time_limit, "Start nothing that would not end in that time, e.g. 20m, 90s, 2h; stop what has not")->type_name("TIME");
+    command->add_option("--time-limit", arguments->time_limit, "Start nothing that would not end in that time, e.g. 20m, 90s, 2h; stop what has not")
+        ->type_name("TIME");
     command->add_option("--quality", arguments->quality, "Measure of quality")->check(CLI::IsMember({"psnr", "ssim"}))->capture_default_str();
     command->add_option("--give-up", arguments->give_up, "What smallest and fastest may give up against the best (default: 1 dB, or 0.02 of SSIM)")
         ->check(CLI::Range(0.0, 1000.0));

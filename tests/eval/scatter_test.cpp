@@ -23,7 +23,8 @@ TEST(Scatter, LogarithmicAxisEnclosesTheValuesInOneTwoFive) {
 }
 
 TEST(Scatter, LabelsOfThePlotsFrontOnlyAndOfRings) {
-    const std::vector<ScatterPoint> points = {{.x = 1, .y = 1, .label = "first"}, {.x = 2, .y = 0.5, .label = "behind"}, {.x = 3, .y = 0.2, .label = "ringed", .ring = true}, {.x = 4, .y = 3, .label = "last"}};
+    const std::vector<ScatterPoint> points = {{.x = 1, .y = 1, .label = "first"}, {.x = 2, .y = 0.5, .label = "behind"},
+                                              {.x = 3, .y = 0.2, .label = "ringed", .ring = true}, {.x = 4, .y = 3, .label = "last"}};
     const std::string front = plot(points, true, true);
     for (const char* label : {">first<", ">ringed<", ">last<"}) EXPECT_NE(front.find(label), std::string::npos) << label;
     EXPECT_EQ(front.find(">behind<"), std::string::npos);

@@ -61,11 +61,12 @@ TEST_F(TradeoffFigures, FrontierIsOrderedByQuality) {
 TEST_F(TradeoffFigures, RecommendationsSayWhatTheyGiveUp) {
     add_usual();
     EXPECT_EQ(text("best"),
-              "appearance sh, budget 1 (30.00 dB, 20.0 MB, 100.0 FPS, trained in 1 min 40 s); costs 10 times the bytes of the smallest and 3.3 times the frame time of the fastest");
-    EXPECT_EQ(text("smallest"), "appearance nasg, budget 0.1 (29.50 dB, 2.00 MB, 250.0 FPS, trained in 50.0 s); gives up 0.50 dB against the best, and is 10 times smaller, "
-                                "2.0 times faster to train, 2.5 times faster to render");
-    EXPECT_EQ(text("fastest"), "appearance sh, budget 0.1 (29.20 dB, 5.00 MB, 333.3 FPS, trained in 1 min 50 s); gives up 0.80 dB against the best, and is 4.0 times smaller, "
-                               "1.1 times slower to train, 3.3 times faster to render");
+              "appearance sh, budget 1 (30.00 dB, 20.0 MB, 100.0 FPS, trained in 1 min 40 s); costs 10 times the bytes of the smallest and 3.3 times the "
+              "frame time of the fastest");
+    EXPECT_EQ(text("smallest"), "appearance nasg, budget 0.1 (29.50 dB, 2.00 MB, 250.0 FPS, trained in 50.0 s); gives up 0.50 dB against the best, and is "
+                                "10 times smaller, 2.0 times faster to train, 2.5 times faster to render");
+    EXPECT_EQ(text("fastest"), "appearance sh, budget 0.1 (29.20 dB, 5.00 MB, 333.3 FPS, trained in 1 min 50 s); gives up 0.80 dB against the best, and is "
+                               "4.0 times smaller, 1.1 times slower to train, 3.3 times faster to render");
     tradeoff_.give_up = 10;
     EXPECT_EQ(recommend(tradeoff_)[1].run, 3u);
     EXPECT_EQ(recommend(tradeoff_)[2].run, 3u);
