@@ -45,11 +45,16 @@ TEST(TradeoffProgram, ASecondCallKeepsAllRunsAndGivesTheSameResult) {
     EXPECT_EQ(program.read("out/tradeoff.md"), first.out) << "nothing is touched";
 }
 
+/// In front of the program: sends it alone SIGINT as soon as `file` is there.
+std::string interrupted_at(const std::string& file) {
+    return "sh -c '\"$0\" \"$@\" & p=$!; while kill -0 $p && ! test -e " + file + "; do sleep 0.1; done; kill -INT $p; wait $p'";
+}
+
 TEST(TradeoffProgram, CtrlCWritesWhatIsThereAndTheSameCommandGoesOn) {
     const Program program;
     // Order: the short one first.
     const std::string axes = "--axes iterations=2,";
-    const Outcome stopped = program.run(kTiny + axes + "10000000", "timeout --preserve-status -s INT 3");
+    const Outcome stopped = program.run(kTiny + axes + "10000000", interrupted_at("out/iterations-10000000/stats/train.jsonl"));
     EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_EQ(finished(program), 1);
     EXPECT_NE(stopped.out.find("- iterations 10000000: not reached\n"), std::string::npos) << stopped.out;
@@ -64,16 +69,16 @@ TEST(TradeoffProgram, CtrlCWritesWhatIsThereAndTheSameCommandGoesOn) {
 
 TEST(TradeoffProgram, ATimeLimitStopsAndSkipsAndSaysSo) {
     const Program program;
-    const Outcome outcome = program.run(std::string(kTiny) + "--axes iterations=20,4000000,8000000 --time-limit 3s");
+    const Outcome outcome = program.run(std::string(kTiny) + "--axes iterations=20,4000000,8000000 --time-limit 60s");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     EXPECT_EQ(finished(program), 1);
     for (const char* n : {"4000000", "8000000"})
         EXPECT_NE(outcome.out.find("- iterations " + std::string(n) + ": not started: would not have ended in time\n"), std::string::npos) << outcome.out;
     EXPECT_NE(outcome.err.find("the time limit left out 2"), std::string::npos) << outcome.err;
 
-    const Outcome none = program.run(std::string(kTiny) + "--axes iterations=4000000,8000000 --time-limit 2s");
+    const Outcome none = program.run(std::string(kTiny) + "--axes iterations=4000000,8000000 --time-limit 4s");
     EXPECT_EQ(none.exit_code, 2) << none.err;
-    EXPECT_NE(none.err.find("--time-limit 2s: too short for even one"), std::string::npos) << none.err;
+    EXPECT_NE(none.err.find("--time-limit 4s: too short for even one"), std::string::npos) << none.err;
     EXPECT_NE(none.out.find("- iterations 4000000: stopped at the time limit\n"), std::string::npos) << none.out;
 }
 
