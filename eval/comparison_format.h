@@ -33,7 +33,11 @@ struct TextTable {
     std::vector<std::string> header;
     std::size_t num_labels = 0;  ///< leading columns that hold words
     std::vector<std::vector<TextCell>> lines;
+    std::size_t first_grey = std::size_t(-1);  ///< lines from this one on matter less
 };
+/// Columns padded to one width, so that the text reads as a table in a terminal, too. Ends with a newline.
+std::string markdown_table(const TextTable& table);
+
 /// Columns of words that say nothing (no options, no correction, one run) and of costs that no line has are left out.
 TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns);
 

@@ -53,33 +53,6 @@ std::size_t width_of(const std::string& text) {
     return std::size_t(std::count_if(text.begin(), text.end(), [](unsigned char c) { return (c & 0xC0) != 0x80; }));
 }
 
-/// Columns padded to one width, so that the text reads as a table in a terminal, too.
-std::string markdown(const TextTable& table) {
-    std::vector<std::vector<std::string>> lines(1);
-    for (const std::string& title : table.header) lines[0].push_back(markdown_escaped(title));
-    for (const auto& line : table.lines) {
-        lines.emplace_back();
-        for (const TextCell& cell : line) lines.back().push_back(markdown_of(cell));
-    }
-    std::vector<std::size_t> widths(table.header.size(), 3);
-    for (const auto& line : lines)
-        for (std::size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], width_of(line[c]));
-    std::string text = fmt::format("### {}\n\n", markdown_escaped(table.title));
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-        text += "|";
-        for (std::size_t c = 0; c < widths.size(); ++c) {
-            const std::string padding(widths[c] - width_of(lines[i][c]), ' ');
-            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding) : fmt::format(" {}{} |", padding, lines[i][c]);
-        }
-        text += "\n";
-        if (i > 0) continue;
-        text += "|";
-        for (std::size_t c = 0; c < widths.size(); ++c) text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
-        text += "\n";
-    }
-    return text;
-}
-
 std::string latex(const TextTable& table, const std::string& protocol) {
     std::string text = fmt::format("% {}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n", one_line(table.title), std::string(table.num_labels, 'l'),
                                    std::string(table.header.size() - table.num_labels, 'r'));
@@ -107,6 +80,32 @@ TableFormat parse_table_format(const std::string& name) {
     if (name == "latex") return TableFormat::kLatex;
     if (name == "json") return TableFormat::kJson;
     throw UsageError(fmt::format("--format: '{}' is not one of markdown, csv, latex, json", name));
+}
+
+std::string markdown_table(const TextTable& table) {
+    std::vector<std::vector<std::string>> lines(1);
+    for (const std::string& title : table.header) lines[0].push_back(markdown_escaped(title));
+    for (const auto& line : table.lines) {
+        lines.emplace_back();
+        for (const TextCell& cell : line) lines.back().push_back(markdown_of(cell));
+    }
+    std::vector<std::size_t> widths(table.header.size(), 3);
+    for (const auto& line : lines)
+        for (std::size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], width_of(line[c]));
+    std::string text = fmt::format("### {}\n\n", markdown_escaped(table.title));
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        text += "|";
+        for (std::size_t c = 0; c < widths.size(); ++c) {
+            const std::string padding(widths[c] - width_of(lines[i][c]), ' ');
+            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding) : fmt::format(" {}{} |", padding, lines[i][c]);
+        }
+        text += "\n";
+        if (i > 0) continue;
+        text += "|";
+        for (std::size_t c = 0; c < widths.size(); ++c) text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
+        text += "\n";
+    }
+    return text;
 }
 
 TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns) {
@@ -150,7 +149,7 @@ std::string format_comparison(const Comparison& comparison, TableFormat format) 
     for (const ComparisonTable& table : comparison.tables) {
         if (!text.empty()) text += "\n";
         const TextTable cells = text_table(table, comparison.columns);
-        text += format == TableFormat::kLatex ? latex(cells, comparison.protocol) : markdown(cells) + "\n" + comparison.protocol + "\n";
+        text += format == TableFormat::kLatex ? latex(cells, comparison.protocol) : markdown_table(cells) + "\n" + comparison.protocol + "\n";
     }
     return text;
 }

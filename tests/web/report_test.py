@@ -5,20 +5,14 @@ Usage: report_test.py GSAPP [SCREENSHOT.png RUN...]
 Without runs it trains two tiny ones; with them it shows these and saves what it saw. Exit status 77: no Chromium here.
 """
 
-import base64
 import pathlib
 import subprocess
 import sys
 import tempfile
 
-from browser import Browser, find_chromium
+from browser import Browser, check, find_chromium
 
 ARROW_RIGHT, ARROW_DOWN, END, TAB = ("ArrowRight", 39), ("ArrowDown", 40), ("End", 35), ("Tab", 9)
-
-
-def check(condition, what):
-    if not condition:
-        raise SystemExit(f"FAILED: {what}")
 
 
 def make_report(gsapp, folder, runs):
@@ -97,10 +91,7 @@ def main():
         try:
             check_page(browser, url)
             if screenshot:
-                size = browser.call("Page.getLayoutMetrics")["cssContentSize"]
-                shot = browser.call("Page.captureScreenshot", format="png", captureBeyondViewport=True,
-                                    clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 0.58})
-                pathlib.Path(screenshot[0]).write_bytes(base64.b64decode(shot["data"]))
+                browser.screenshot(screenshot[0], 0.58)
             check_keyboard(browser)
             check_dark(browser)
             others = [r for r in browser.requests if r not in (url, "about:blank")]
