@@ -36,7 +36,7 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
 
 void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
                   const EvalArguments& arguments) {
-    SavedRun run = open_saved_run(folder, iteration, arguments.source);
+    SavedRun run = open_saved_run(folder, iteration, {.source = arguments.source});
     EvalOptions options;
     options.protocol = protocol;
     options.metrics = metrics;

@@ -49,6 +49,21 @@ TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
     }
 }
 
+TEST(Table, FrameTimesAreReadWhereTheyAreWhole) {
+    const TemporaryFolder folder;
+    const auto read = [&](const std::string& times) {
+        folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
+        return read_table_row(folder.path(), std::nullopt).frame_times;
+    };
+    const auto times = read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
+    ASSERT_TRUE(times);
+    EXPECT_EQ(times->device, "d");
+    EXPECT_EQ(times->frames_per_view, 9);
+    EXPECT_EQ(times->median, 1.5);
+    EXPECT_FALSE(read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2})"));
+    EXPECT_FALSE(read("7"));
+}
+
 TEST(ColumnStats, HandComputed) {
     const ColumnStats up = column_stats({1, 2, 3, 6}, Better::kHigher);
     EXPECT_EQ(up.mean, 3);
