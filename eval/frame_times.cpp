@@ -45,8 +45,8 @@ TextTable frame_times_table(const std::vector<FrameTimesLine>& lines) {
     const auto milliseconds = [](double seconds) { return TextCell{fmt::format("{:.3f}", 1e3 * seconds)}; };
     for (const FrameTimesLine& line : lines) {
         const FrameTimes& t = line.times;
-        table.lines.push_back({{line.run}, {line.scene}, {line.model}, {t.device}, {fmt::format("{}", line.num_gaussians)}, {fmt::format("{}", t.num_views)},
-                               {fmt::format("{}", t.frames_per_view)}, milliseconds(t.mean), milliseconds(t.median), milliseconds(t.min), milliseconds(t.max)});
+        table.lines.push_back({{line.run}, {line.scene}, {line.model}, {t.device}, {line.num_gaussians ? fmt::format("{}", *line.num_gaussians) : "-"},
+                               {fmt::format("{}", t.num_views)}, {fmt::format("{}", t.frames_per_view)}, milliseconds(t.mean), milliseconds(t.median), milliseconds(t.min), milliseconds(t.max)});
     }
     return table;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,7 +31,7 @@ FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& came
 /// What was timed, and how long it took.
 struct FrameTimesLine {
     std::string run, scene, model;
-    std::int64_t num_gaussians = 0;
+    std::optional<std::int64_t> num_gaussians;  ///< where it is known
     FrameTimes times;
 };
 

@@ -110,7 +110,7 @@ void measure_frames(const TrainOptions& options, const BenchArguments& arguments
 void run_bench_command(const TrainArguments& train, const BenchArguments& arguments) {
     if (!arguments.appearances.empty() && arguments.suite.empty() && !arguments.frames) throw UsageError("--appearances: only --suite and --frames compare models; --appearance names one");
     if (arguments.stability) {
-        std::fputs(format_stability(measure_stability()).c_str(), stdout);
+        std::fputs(markdown_table(stability_table(measure_stability())).c_str(), stdout);
         return;
     }
     if (!arguments.suite.empty()) {
