@@ -10,11 +10,6 @@
 #include "lib/scene/camera_params.h"
 
 namespace gs {
-namespace {
-
-constexpr int kWidth = 1280, kHeight = 720;
-
-}  // namespace
 
 const char* const kFrameProtocol =
     "frame times at 1280x720 pixels with the views' own focal lengths (cropped or extended, not rescaled); after a warm-up each view is rendered "
@@ -24,7 +19,7 @@ FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& came
     std::vector<RenderRequest> requests(cameras.size());
     RenderedImage warm_up;
     for (std::size_t k = 0; k < cameras.size(); ++k) {
-        requests[k].camera = camera_params(with_size(cameras[k], kWidth, kHeight));
+        requests[k].camera = camera_params(with_size(cameras[k], kFrameWidth, kFrameHeight));
         requests[k].background = background;
         backend.render(requests[k], warm_up);
     }
@@ -46,7 +41,8 @@ TextTable frame_times_table(const std::vector<FrameTimesLine>& lines) {
     for (const FrameTimesLine& line : lines) {
         const FrameTimes& t = line.times;
         table.lines.push_back({{line.run}, {line.scene}, {line.model}, {t.device}, {line.num_gaussians ? fmt::format("{}", *line.num_gaussians) : "-"},
-                               {fmt::format("{}", t.num_views)}, {fmt::format("{}", t.frames_per_view)}, milliseconds(t.mean), milliseconds(t.median), milliseconds(t.min), milliseconds(t.max)});
+                               {fmt::format("{}", t.num_views)}, {fmt::format("{}", t.frames_per_view)}, milliseconds(t.mean),
+                               milliseconds(t.median), milliseconds(t.min), milliseconds(t.max)});
     }
     return table;
 }

@@ -16,7 +16,8 @@ struct ReportOptions {
 
 /// Tables, frame times, plots (PSNR over training time and over bytes), a slider between full, base, residual, reference and error pictures, as
 /// far as the run folders hold them (base and residual: after --decompose), and the stability of the appearance models that occur,
-/// which is measured here and takes up to seconds. Of repeated runs the first one's pictures are shown. Nothing is loaded from elsewhere. Throws DataError when pictures cannot be read or the page cannot be written.
+/// which is measured here and takes up to seconds. Of repeated runs the first one's pictures are shown. Nothing is loaded from elsewhere.
+/// Throws DataError when pictures cannot be read or the page cannot be written.
 void write_report(const std::filesystem::path& path, const Comparison& comparison, const ReportOptions& options);
 
 /// The tables of the page.

@@ -105,11 +105,7 @@ std::span<const float> stability_sweep() {
 
 std::string ends_text(double at_lowest, double at_highest) { return fmt::format("{:.3g} at -max, {:.3g} at +max", at_lowest, at_highest); }
 
-std::vector<StabilityRow> measure_stability() {
-    std::vector<std::string> names;
-    for (const ModelInfo* model : appearance_models()) names.push_back(model->name);
-    return measure_stability(names);
-}
+std::vector<StabilityRow> measure_stability() { return measure_stability(appearance_names()); }
 
 std::vector<StabilityRow> measure_stability(const std::vector<std::string>& models) {
     std::vector<StabilityRow> rows = measure_activation_stability();

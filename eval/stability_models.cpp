@@ -197,9 +197,8 @@ template <class Model> class Sweep {
 
 template <class... Models> std::vector<StabilityRow> sweep_all(const std::vector<std::string>& names) {
     std::vector<std::function<std::vector<StabilityRow>()>> sweeps;
-    const auto add = [&]<class Model>(const Model*) {
-        const std::string name = appearance_name(static_cast<const Model*>(nullptr));
-        if (std::find(names.begin(), names.end(), name) != names.end()) sweeps.push_back([] { return Sweep<Model>().rows(); });
+    const auto add = [&]<class Model>(const Model* model) {
+        if (std::find(names.begin(), names.end(), appearance_name(model)) != names.end()) sweeps.push_back([] { return Sweep<Model>().rows(); });
     };
     (add(static_cast<const Models*>(nullptr)), ...);
     std::vector<std::vector<StabilityRow>> by_model(sweeps.size());

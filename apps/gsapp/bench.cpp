@@ -90,25 +90,19 @@ void measure_scene(const TrainOptions& options, const BenchArguments& arguments)
     measure(*backend, options, scene, model, subject, arguments);
 }
 
-/// Of --frames: every model there is, so that their costs on the same Gaussians compare.
-std::vector<std::string> all_appearances() {
-    std::vector<std::string> names;
-    for (const ModelInfo* model : appearance_models()) names.push_back(model->name);
-    return names;
-}
-
 void measure_frames(const TrainOptions& options, const BenchArguments& arguments) {
     if (arguments.runs.empty() && arguments.generate.empty()) throw UsageError("--frames: name folders of runs, or sets with --generate");
     run_frames({.runs = arguments.runs,
                 .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
                 .generate = arguments.generate,
-                .appearances = arguments.appearances.empty() ? all_appearances() : arguments.appearances,
+                .appearances = arguments.appearances.empty() ? appearance_names() : arguments.appearances,
                 .frames_per_view = repeats(arguments, options).frame_repeat},
                options);
 }
 
 void run_bench_command(const TrainArguments& train, const BenchArguments& arguments) {
-    if (!arguments.appearances.empty() && arguments.suite.empty() && !arguments.frames) throw UsageError("--appearances: only --suite and --frames compare models; --appearance names one");
+    if (!arguments.appearances.empty() && arguments.suite.empty() && !arguments.frames)
+        throw UsageError("--appearances: only --suite and --frames compare models; --appearance names one");
     if (arguments.stability) {
         std::fputs(markdown_table(stability_table(measure_stability())).c_str(), stdout);
         return;

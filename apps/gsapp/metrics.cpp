@@ -57,7 +57,8 @@ void add_metric_options(CLI::App& command, MetricArguments& arguments) {
     command.add_option("--metric-weights", arguments.weights,
                        "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: $GSAPP_METRIC_WEIGHTS)")
         ->type_name("DIR");
-    command.add_option("--device", arguments.device, "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, cpu or cuda")
+    command.add_option("--device", arguments.device,
+                       "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, cpu or cuda")
         ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
 }
 

@@ -41,7 +41,8 @@ __device__ Place place_of(std::size_t i, int height, int width) {
 }
 
 /// out[i] = value(plane of `in`, y, x)
-template <class Value> __global__ void __launch_bounds__(kBlock) each_value(const float* in, std::size_t in_pixels, float* out, std::size_t n, int height, int width, Value value) {
+template <class Value>
+__global__ void __launch_bounds__(kBlock) each_value(const float* in, std::size_t in_pixels, float* out, std::size_t n, int height, int width, Value value) {
     const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     if (i >= n) return;
     const Place p = place_of(i, height, width);
@@ -172,7 +173,7 @@ class CudaTensorEngine : public TensorEngine {
     }
     Tensor upsample_aligned(const Tensor& in, int height, int width) const override {
         return make_each("upsample_aligned", in, {in.channels, height, width, nullptr},
-                         [from_height = in.height, from_width = in.width] __device__(const float* from, int y, int x) { return aligned_sample(from, from_height, from_width, y, x); });
+                         [h = in.height, w = in.width] __device__(const float* from, int y, int x) { return aligned_sample(from, h, w, y, x); });
     }
     Tensor stacked(std::initializer_list<Tensor> parts) const override {
         const Tensor all = allocated(shape_of_stack(parts));

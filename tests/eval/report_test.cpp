@@ -111,7 +111,8 @@ TEST_F(Report, ThePageIsWholeAndAsksForNothing) {
     std::ifstream file(path);
     const std::string page{std::istreambuf_iterator<char>(file), {}};
     EXPECT_TRUE(page.ends_with("</html>\n"));
-    for (const char* mark : {"{{frames}}", "{{plots}}", "{{stability}}", "{{program}}", "{{pictures}}", "http://", "https://"}) EXPECT_EQ(page.find(mark), std::string::npos) << mark;
+    for (const char* mark : {"{{frames}}", "{{plots}}", "{{stability}}", "{{program}}", "{{pictures}}", "http://", "https://"})
+        EXPECT_EQ(page.find(mark), std::string::npos) << mark;
     EXPECT_NE(page.find("{{tables}}"), std::string::npos) << "a user's text stays as it is";
 }
 

@@ -104,7 +104,9 @@ TEST(TensorEngine, TheNumberOfThreadsChangesNoBit) {
 }
 
 TEST(TensorEngine, WhatDoesNotFitIsRefused) {
-    const auto zeros = [](int channels, int height, int width) { return engine().upload(channels, height, width, std::vector<float>(std::size_t(channels) * height * width)); };
+    const auto zeros = [](int channels, int height, int width) {
+        return engine().upload(channels, height, width, std::vector<float>(std::size_t(channels) * height * width));
+    };
     const ConvLayer layer = layer_of({2, 1, 3, 1, 0}, std::vector<float>(18), {0});
     EXPECT_THROW(engine().convolve(zeros(3, 5, 5), layer, false), UsageError);
     EXPECT_THROW(engine().convolve(zeros(2, 2, 5), layer, false), UsageError);
