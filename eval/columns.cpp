@@ -8,7 +8,6 @@
 #include <set>
 
 #include "eval/metrics.h"
-#include "eval/protocol.h"
 #include "lib/core/duration.h"
 
 namespace gs {
@@ -48,7 +47,6 @@ std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
     for (const TableRow& row : rows) {
         for (const auto& [name, value] : row.further_metrics) wanted.insert(name);
         for (const auto& [name, reason] : row.not_measured) wanted.insert(name);
-        if (!row.protocol_name.empty()) wanted.insert({lpips_metric(find_protocol(row.protocol_name).lpips_net), "DISTS", "MILO"});
     }
     std::vector<Column> columns;
     for (const MetricInfo& m : column_metrics())

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "eval/comparison_format.h"
+#include "eval/text_table.h"
 #include "eval/tradeoff.h"
 
 namespace gs {

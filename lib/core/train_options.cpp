@@ -185,11 +185,9 @@ void add_precision_options(Table& table) {
 }
 
 void add_model_options(Table& table) {
-    std::vector<std::string> models;
-    for (const ModelInfo* model : appearance_models()) models.push_back(model->name);
     const std::string group = "Model";
     table.push_back(
-        {.key = "appearance", .field = &O::appearance, .group = group, .help = "view-dependent colour of one Gaussian", .choices = models});
+        {.key = "appearance", .field = &O::appearance, .group = group, .help = "view-dependent colour of one Gaussian", .choices = appearance_names()});
     table.push_back(
         {.key = "sh-degree", .field = &O::sh_degree, .group = group, .help = "with appearance sh: highest band", .min = 0, .max = 3});
     table.push_back({.key = "color-activation",

@@ -32,4 +32,6 @@ std::unique_ptr<Backend> choose_backend(const std::string& device, const Appeara
     return backend;
 }
 
+std::unique_ptr<TensorEngine> choose_tensor_engine(const std::string& device) { return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine(); }
+
 }  // namespace gs
