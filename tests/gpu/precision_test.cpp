@@ -115,7 +115,9 @@ TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
     }
     EXPECT_GT(rounded, std::int64_t(x.m.size() / 4));
     for (int g = 0; g < kNumGroups; ++g)
-        if (Group(g) != Group::kResidual) EXPECT_EQ(a.groups[g].v, b.groups[g].v) << kGroupNames[g];
+        if (Group(g) != Group::kResidual) {
+            EXPECT_EQ(a.groups[g].v, b.groups[g].v) << kGroupNames[g];
+        }
     // What is read back goes up again as it was.
     const auto again = make_cuda_backend(scene_.model.appearance, {.packed_moments = true});
     again->upload(b);
