@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page: one renderer, at most one model, and what the user asked to see of it.
+
+import { runBenchmark, type BenchmarkResult } from './benchmark';
+import { Navigator } from './camera/navigator';
+import type { View } from './camera/view';
+import { FormatError } from './format/cursor';
+import { readAll, type Source } from './format/load';
+import { parseScene, type Scene } from './format/ngsplat';
+import type { Mode } from './render/prepass';
+import { Renderer, type Picture } from './render/renderer';
+import { SortClient } from './sort/sort_client';
+import { BenchmarkPanel } from './ui/benchmark_panel';
+import { element } from './ui/elements';
+import { Meter } from './ui/meter';
+import { hideNotice, showError, showLoading } from './ui/notice';
+import { Panel, sceneInfo } from './ui/panel';
+
+/** More pixels than this per CSS pixel are not seen, but paid for. */
+const MOST_DEVICE_PIXELS = 2;
+
+interface Loaded {
+  name: string;
+  scene: Scene;
+  navigator: Navigator;
+  sorter?: SortClient;
+}
+
+export class App {
+  private readonly canvas = element<HTMLCanvasElement>('canvas');
+  private readonly renderer = new Renderer(this.canvas);
+  private readonly panel: Panel;
+  private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
+  private readonly meter = new Meter();
+  private loaded: Loaded | undefined;
+  private loading = new AbortController();
+  private mode: Mode = 'full';
+  private photometric = true;
+  private movement: 'orbit' | 'fly' = 'orbit';
+  private sortedFor = '';
+  private scheduled = false;
+
+  constructor() {
+    this.panel = new Panel({
+      mode: (mode) => (this.mode = mode, this.redraw()),
+      photometric: (on) => (this.photometric = on, this.redraw()),
+      movement: (name) => {
+        this.movement = name;
+        this.loaded?.navigator.setMovement(name);
+      },
+      camera: (index) => {
+        if (index === undefined) this.loaded!.navigator.pinned = undefined;
+        else this.loaded!.navigator.pin(index);
+        this.redraw();
+      },
+    });
+    this.canvas.addEventListener('webglcontextlost', () => this.fail('The graphics device was lost', 'Often its memory ran out. Reload the page; a smaller model may help.'));
+    new ResizeObserver(() => {
+      const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
+      this.renderer.webgl.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)), false);
+      this.draw(); // at once: setting the size has cleared the picture
+    }).observe(this.canvas);
+  }
+
+  private fail(title: string, message: string): void {
+    showError(title, message, this.loaded !== undefined);
+  }
+
+  /** Reads and shows a file. What fails is said on the page, and what was there before stays. */
+  async open(source: Source | ((signal: AbortSignal) => Promise<Source>)): Promise<void> {
+    this.loading.abort();
+    const { signal } = (this.loading = new AbortController());
+    let name = 'the model';
+    try {
+      const { name: found, size, stream } = typeof source === 'function' ? await source(signal) : source;
+      name = found;
+      showLoading(name, 0, size);
+      const buffer = await readAll({ name, size, stream }, (bytes) => {
+        signal.throwIfAborted();
+        showLoading(name, bytes, size);
+      });
+      signal.throwIfAborted();
+      this.show(name, parseScene(buffer), buffer.byteLength);
+      hideNotice();
+    } catch (error) {
+      if (signal.aborted) return; // another file is on its way
+      this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
+    }
+  }
+
+  private show(name: string, scene: Scene, bytes: number): void {
+    const before = this.loaded;
+    this.renderer.setScene(scene);
+    before?.navigator.dispose();
+    before?.sorter?.dispose();
+    const navigator = new Navigator(scene, this.canvas, () => this.redraw());
+    navigator.setMovement(this.movement);
+    const apply = (order: Uint32Array, count: number) => {
+      this.redraw();
+      return this.renderer.setOrder(order, count);
+    };
+    const sorter = scene.count ? new SortClient(scene, apply, (message) => this.fail('Sorting failed', message)) : undefined;
+    this.loaded = { name, scene, navigator, sorter };
+    this.sortedFor = '';
+    this.panel.setScene(name, scene);
+    this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
+    this.benchmarkPanel.clear();
+    this.draw();
+  }
+
+  private redraw(): void {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => {
+      this.scheduled = false;
+      this.draw();
+    });
+  }
+
+  private picture(mode: Mode, testView: number | undefined): Picture {
+    const { scene } = this.loaded!, { photometric } = scene;
+    const exposure = this.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
+    const ownColors = mode === 'full' || mode === 'base';
+    return { mode, background: ownColors ? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined };
+  }
+
+  private sort(view: View): Promise<void> {
+    const pose = JSON.stringify([view.position, view.forward]);
+    this.sortedFor = pose;
+    return this.loaded!.sorter?.sort({ position: view.position, forward: view.forward }) ?? Promise.resolve();
+  }
+
+  private draw(): void {
+    if (!this.loaded) return;
+    const { navigator, sorter } = this.loaded;
+    const view = navigator.view(this.canvas.width, this.canvas.height);
+    if (JSON.stringify([view.position, view.forward]) !== this.sortedFor) void this.sort(view);
+    this.panel.setCamera(navigator.pinned);
+    try {
+      this.renderer.render(view, this.picture(this.mode, navigator.pinned));
+      this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
+    } catch (error) {
+      this.renderer.clearScene();
+      this.fail('This model cannot be drawn', (error as Error).message);
+    }
+  }
+
+  /** A test view at its own size and pose: rgba bytes from the upper left. */
+  async testViewPixels(index: number, mode: Mode, precision = this.renderer.blendPrecision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
+    const view = this.loaded!.scene.testCameras[index];
+    await this.sort(view);
+    const pixels = this.renderer.renderPixels(view, this.picture(mode, index), precision);
+    this.redraw();
+    return { width: view.width, height: view.height, pixels };
+  }
+
+  async benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
+    if (!this.loaded) throw new Error('no model is loaded');
+    const { scene, name } = this.loaded;
+    const result = await runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loading.signal);
+    this.redraw();
+    return result;
+  }
+}

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// The colour of every Gaussian for one camera, into a texture of a pixel each.
+
+import { NearestFilter, RGBAFormat, UnsignedByteType, WebGLRenderTarget, type WebGLRenderer } from 'three';
+import { storedInputs, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import { dot, type View } from '../camera/view';
+import type { GpuScene } from './gpu_scene';
+import { fullscreenPass, uniforms, type Defines, type Pass } from './pass';
+import gaussianCode from './gaussian.glsl?raw';
+import prepassCode from './prepass.frag.glsl?raw';
+
+export type Mode = 'full' | 'base' | 'residual' | 'depth';
+export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth'];
+
+function defines(scene: Scene): Defines {
+  const quads = scene.payload.find((block) => block.words === 4)?.layers ?? 0;
+  return {
+    GS_MODEL: scene.model.id, GS_UNITS: scene.featureDim, GS_HALVES: 8 * quads, GS_DEGREE: scene.degree, GS_BANDS: scene.bandMask,
+    GS_INPUTS: storedInputs(scene), GS_NEURONS: scene.neurons, GS_HIDDEN_LAYERS: scene.hiddenLayers, GS_FOLDED: scene.foldedFirstLayer,
+    GS_CONSTANT_INPUT: scene.constantInput, GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation,
+    GS_EXPONENTIAL_BASE: scene.exponentialBase, GS_HAS_RESIDUAL: scene.payload.length > 0,
+  };
+}
+
+/** Depths between which depth mode goes from white to black: that of the scene's centre, from near the camera to twice as far. */
+function depthRange(scene: Scene, view: View): [number, number] {
+  const toCenter = dot(view.forward, scene.center) - dot(view.forward, view.position);
+  return [0.2, 2 * Math.max(toCenter, 0.5 * scene.distance, 1)];
+}
+
+export class Prepass {
+  readonly target: WebGLRenderTarget;
+  private readonly pass: Pass;
+
+  constructor(private readonly gpu: GpuScene) {
+    const { scene } = gpu;
+    this.target = new WebGLRenderTarget(TEXTURE_WIDTH, scene.textureHeight, {
+      format: RGBAFormat, type: UnsignedByteType, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false,
+    });
+    // Without stored residual the model's code is not even compiled.
+    const model = scene.payload.length > 0 ? scene.model.glsl : '';
+    this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
+      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, weight_texels: gpu.weights, sh_factors: gpu.shFactors,
+      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count,
+      camera_position: [0, 0, 0], camera_forward: [0, 0, 1], depth_range: [0, 1], mode: 0,
+    }), defines(scene));
+  }
+
+  draw(renderer: WebGLRenderer, view: View, mode: Mode): void {
+    this.pass.set({ camera_position: view.position, camera_forward: view.forward, depth_range: depthRange(this.gpu.scene, view), mode: MODES.indexOf(mode) });
+    this.pass.draw(renderer, this.target);
+  }
+
+  get bytes(): number {
+    return 4 * this.target.width * this.target.height;
+  }
+
+  dispose(): void {
+    this.pass.dispose();
+    this.target.dispose();
+  }
+}
+
