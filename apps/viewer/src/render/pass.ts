@@ -2,7 +2,7 @@
 // A pass: one mesh with one shader, drawn into one target. What three.js does beyond that is left out.
 
 import {
-  BufferAttribute, BufferGeometry, Camera, GLSL3, Mesh, NoBlending, RawShaderMaterial, Scene, type IUniform, type RenderTarget, type ShaderMaterialParameters,
+  BufferAttribute, BufferGeometry, Camera, DoubleSide, GLSL3, Mesh, NoBlending, RawShaderMaterial, Scene, type IUniform, type RenderTarget, type ShaderMaterialParameters,
   type WebGLRenderer,
 } from 'three';
 import fullscreenVertex from './fullscreen.vert.glsl?raw';
@@ -22,7 +22,7 @@ export class Pass {
     const head = PRECISION + Object.entries(defines).map(([name, value]) => `#define ${name} ${typeof value === 'boolean' ? Number(value) : value}\n`).join('');
     this.material = new RawShaderMaterial({
       glslVersion: GLSL3, vertexShader: head + vertexShader, fragmentShader: head + fragmentShader, uniforms, depthTest: false, depthWrite: false,
-      blending: NoBlending, ...parameters,
+      side: DoubleSide, blending: NoBlending, ...parameters,
     });
     const mesh = new Mesh(geometry, this.material);
     mesh.frustumCulled = false;
