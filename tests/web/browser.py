@@ -23,7 +23,7 @@ class Browser:
     """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
 
     def __init__(self, program, width=1280, height=1000, flags=("--disable-gpu",)):
-        self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-")
+        self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-", ignore_cleanup_errors=True)
         to_browser, self.write_end = os.pipe()
         self.read_end, from_browser = os.pipe()
 

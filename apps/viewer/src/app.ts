@@ -9,7 +9,7 @@ import { readAll, type Source } from './format/load';
 import { parseScene, type Scene } from './format/ngsplat';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
-import { SortClient } from './sort/sort_client';
+import { sceneCenters, SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
 import { element } from './ui/elements';
 import { Meter } from './ui/meter';
@@ -66,7 +66,7 @@ export class App {
     showError(title, message, this.loaded !== undefined);
   }
 
-  /** Reads and shows a file. What fails is said on the page, and what was there before stays. */
+  /** Reads and shows a file. What fails is said on the page; what was there before stays where the file could not be read. */
   async open(source: Source | ((signal: AbortSignal) => Promise<Source>)): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
@@ -88,18 +88,26 @@ export class App {
     }
   }
 
+  private unload(): void {
+    this.loaded?.navigator.dispose();
+    this.loaded?.sorter?.dispose();
+    this.loaded = undefined;
+    this.renderer.clearScene();
+    document.body.classList.remove('loaded');
+  }
+
   private show(name: string, scene: Scene, bytes: number): void {
-    const before = this.loaded;
+    this.unload(); // first, so that both need not fit into memory
+    const centers = sceneCenters(scene);
     this.renderer.setScene(scene);
-    before?.navigator.dispose();
-    before?.sorter?.dispose();
+    document.body.classList.add('loaded');
     const navigator = new Navigator(scene, this.canvas, () => this.redraw());
     navigator.setMovement(this.movement);
     const apply = (order: Uint32Array, count: number) => {
       this.redraw();
       return this.renderer.setOrder(order, count);
     };
-    const sorter = scene.count ? new SortClient(scene, apply, (message) => this.fail('Sorting failed', message)) : undefined;
+    const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, scene, navigator, sorter };
     this.sortedFor = '';
     this.panel.setScene(name, scene);
@@ -140,13 +148,13 @@ export class App {
       this.renderer.render(view, this.picture(this.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
     } catch (error) {
-      this.renderer.clearScene();
+      this.unload();
       this.fail('This model cannot be drawn', (error as Error).message);
     }
   }
 
   /** A test view at its own size and pose: rgba bytes from the upper left. */
-  async testViewPixels(index: number, mode: Mode, precision = this.renderer.blendPrecision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
+  async testViewPixels(index: number, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
     const view = this.loaded!.scene.testCameras[index];
     await this.sort(view);
     const pixels = this.renderer.renderPixels(view, this.picture(mode, index), precision);

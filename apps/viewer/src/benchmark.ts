@@ -43,11 +43,11 @@ export async function runBenchmark(renderer: Renderer, scene: Scene, file: strin
                                    progress: (part: number) => void, signal: AbortSignal): Promise<BenchmarkResult> {
   const views = (scene.testCameras.length ? scene.testCameras : [defaultView(scene)]).map((view) => cropView(view, WIDTH, HEIGHT));
   const colors = (view: View) => {
-    renderer.drawColors(view, 'full');
+    renderer.drawColors(view, 'full', 'byte');
     renderer.finishColors();
   };
   const frame = (view: View) => {
-    renderer.drawColors(view, 'full');
+    renderer.drawColors(view, 'full', 'byte');
     renderer.finish(renderer.drawSplats(view, 'byte'));
   };
   /** Mean of so many in a row; one before is not timed. */

@@ -3,6 +3,7 @@
 
 import {
   DataArrayTexture, DataTexture, HalfFloatType, NearestFilter, RGBAFormat, RGBAIntegerFormat, RGIntegerFormat, UnsignedIntType, type Texture,
+  type WebGLRenderer,
 } from 'three';
 import { shFactors, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
 
@@ -46,7 +47,21 @@ export class GpuScene {
     this.bytes = scene.geometry.byteLength + weights.byteLength + scene.payload.reduce((sum, block) => sum + block.data.byteLength, 0);
   }
 
+  private get textures(): (DataTexture | DataArrayTexture)[] {
+    return [this.geometry, this.quads, this.pairs, this.weights];
+  }
+
+  /** Copies all to the GPU and lets go of the file's bytes. */
+  upload(renderer: WebGLRenderer): void {
+    for (const texture of this.textures) {
+      renderer.initTexture(texture);
+      texture.image.data = null;
+    }
+    this.scene.geometry = new Uint32Array();
+    for (const block of this.scene.payload) block.data = new Uint32Array();
+  }
+
   dispose(): void {
-    for (const texture of [this.geometry, this.quads, this.pairs, this.weights]) texture.dispose();
+    for (const texture of this.textures) texture.dispose();
   }
 }

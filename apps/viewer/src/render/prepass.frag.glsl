@@ -1,4 +1,4 @@
-// The colour and opacity that every Gaussian shows to one camera: a pixel for each. In front of this stand gaussian.glsl, the GS_
+// The colour that every Gaussian shows to one camera: a pixel for each. In front of this stand gaussian.glsl, the GS_
 // constants of the file, and behind it the model's own residual().
 
 uniform highp usampler2DArray payload_quads;
@@ -99,5 +99,5 @@ void main() {
     result = vec4(0);
     if (texel.y * 2048 + texel.x >= count) return;
     uvec4 g = texelFetch(geometry, texel, 0);
-    result = vec4(shown_color(g), float(g.x >> 24) / 255.0);
+    result = vec4(shown_color(g), 1.0);
 }

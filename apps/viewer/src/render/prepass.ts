@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The colour of every Gaussian for one camera, into a texture of a pixel each.
 
-import { NearestFilter, RGBAFormat, UnsignedByteType, WebGLRenderTarget, type WebGLRenderer } from 'three';
-import { storedInputs, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import type { WebGLRenderer, WebGLRenderTarget } from 'three';
+import { ColorActivation, storedInputs, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
 import { dot, type View } from '../camera/view';
 import type { GpuScene } from './gpu_scene';
 import { fullscreenPass, uniforms, type Defines, type Pass } from './pass';
+import { renderTarget, type Precision } from './target';
 import gaussianCode from './gaussian.glsl?raw';
 import prepassCode from './prepass.frag.glsl?raw';
 
@@ -28,15 +29,17 @@ function depthRange(scene: Scene, view: View): [number, number] {
   return [0.2, 2 * Math.max(toCenter, 0.5 * scene.distance, 1)];
 }
 
+/** Whether colours above 1 occur, which eight bits would cut off. */
+function isUnbounded(activation: ColorActivation): boolean {
+  return [ColorActivation.Relu, ColorActivation.Softplus, ColorActivation.None].includes(activation);
+}
+
 export class Prepass {
-  readonly target: WebGLRenderTarget;
+  private readonly targets: Partial<Record<Precision, WebGLRenderTarget>> = {};
   private readonly pass: Pass;
 
   constructor(private readonly gpu: GpuScene) {
     const { scene } = gpu;
-    this.target = new WebGLRenderTarget(TEXTURE_WIDTH, scene.textureHeight, {
-      format: RGBAFormat, type: UnsignedByteType, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false,
-    });
     // Without stored residual the model's code is not even compiled.
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
     this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
@@ -46,18 +49,19 @@ export class Prepass {
     }), defines(scene));
   }
 
-  draw(renderer: WebGLRenderer, view: View, mode: Mode): void {
-    this.pass.set({ camera_position: view.position, camera_forward: view.forward, depth_range: depthRange(this.gpu.scene, view), mode: MODES.indexOf(mode) });
-    this.pass.draw(renderer, this.target);
+  /** Where the colours are, in no more than `precision`. */
+  target(precision: Precision): WebGLRenderTarget {
+    const { scene } = this.gpu, type = precision === 'half' && isUnbounded(scene.colorActivation) ? 'half' : 'byte';
+    return (this.targets[type] ??= renderTarget(type, TEXTURE_WIDTH, scene.textureHeight));
   }
 
-  get bytes(): number {
-    return 4 * this.target.width * this.target.height;
+  draw(renderer: WebGLRenderer, view: View, mode: Mode, precision: Precision): void {
+    this.pass.set({ camera_position: view.position, camera_forward: view.forward, depth_range: depthRange(this.gpu.scene, view), mode: MODES.indexOf(mode) });
+    this.pass.draw(renderer, this.target(precision));
   }
 
   dispose(): void {
     this.pass.dispose();
-    this.target.dispose();
+    for (const target of Object.values(this.targets)) target.dispose();
   }
 }
-

@@ -2,7 +2,7 @@
 // From a file and a view to a picture: colours of all Gaussians (prepass), blending back to front (splats), background and
 // photometric correction (resolve).
 
-import { HalfFloatType, NearestFilter, RGBAFormat, UnsignedByteType, WebGLRenderer, WebGLRenderTarget } from 'three';
+import { WebGLRenderer, type WebGLRenderTarget } from 'three';
 import type { View } from '../camera/view';
 import type { Scene, Vector } from '../format/ngsplat';
 import { GpuScene } from './gpu_scene';
@@ -11,15 +11,9 @@ import { colorMix, gain } from './photometric';
 import { Prepass, type Mode } from './prepass';
 import resolveCode from './resolve.frag.glsl?raw';
 import { Splats } from './splats';
-
-/** What blending writes to. Eight bits round after every Gaussian; the paper's frame times are of them. */
-export type BlendPrecision = 'half' | 'byte';
+import { renderTarget, targetBytes, type Precision } from './target';
 
 export class RenderError extends Error {}
-
-function renderTarget(type: typeof HalfFloatType | typeof UnsignedByteType): WebGLRenderTarget {
-  return new WebGLRenderTarget(1, 1, { format: RGBAFormat, type, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false });
-}
 
 export interface Picture {
   mode: Mode;
@@ -30,7 +24,7 @@ export interface Picture {
 
 export class Renderer {
   readonly webgl: WebGLRenderer;
-  private readonly blended: Record<BlendPrecision, WebGLRenderTarget>;
+  private readonly blended: Record<Precision, WebGLRenderTarget>;
   private readonly resolve = fullscreenPass(resolveCode, uniforms({
     blended: null, background: [0, 0, 0], corrected: false, gain: 1, mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1], response: new Float32Array(18),
   }));
@@ -48,19 +42,19 @@ export class Renderer {
       const log = [vertex, fragment].map((shader) => gl.getShaderInfoLog(shader)).filter(Boolean).join('\n');
       throw new RenderError(`The graphics driver rejects a shader.\n${log}`);
     };
-    this.blended = { half: renderTarget(HalfFloatType), byte: renderTarget(UnsignedByteType) };
+    this.blended = { half: renderTarget('half'), byte: renderTarget('byte') };
   }
 
   private get gl(): WebGL2RenderingContext {
     return this.webgl.getContext() as WebGL2RenderingContext;
   }
 
-  /** The best that this device can blend into. */
-  get blendPrecision(): BlendPrecision {
+  /** The best that this device can draw into. */
+  get precision(): Precision {
     return this.gl.getExtension('EXT_color_buffer_float') || this.gl.getExtension('EXT_color_buffer_half_float') ? 'half' : 'byte';
   }
 
-  /** Replaces what is shown. Throws RenderError where the device cannot hold it. */
+  /** Replaces what is shown, and takes the texels out of `scene`. Throws RenderError where the device cannot hold it. */
   setScene(scene: Scene): void {
     this.clearScene();
     const largest = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
@@ -70,10 +64,10 @@ export class Renderer {
     while (this.gl.getError() !== this.gl.NO_ERROR); // of what came before
     this.gpu = new GpuScene(scene);
     this.prepass = new Prepass(this.gpu);
-    this.splats = new Splats(this.gpu, this.prepass.target.texture);
+    this.splats = new Splats(this.gpu);
     try {
-      for (const texture of [this.gpu.geometry, this.gpu.quads, this.gpu.pairs, this.gpu.weights]) this.webgl.initTexture(texture);
-      this.webgl.initRenderTarget(this.prepass.target);
+      this.gpu.upload(this.webgl);
+      this.webgl.initRenderTarget(this.prepass.target(this.precision));
       if (this.gl.getError() === this.gl.OUT_OF_MEMORY) throw new RenderError('The graphics memory does not suffice for this file.');
     } catch (error) {
       this.clearScene();
@@ -97,28 +91,28 @@ export class Renderer {
 
   /** Bytes on the GPU beside the picture itself. */
   get bytes(): number {
-    return this.gpu ? this.gpu.bytes + this.prepass!.bytes + 4 * this.gpu.scene.count : 0;
+    return this.gpu ? this.gpu.bytes + targetBytes(this.prepass!.target(this.precision)) + 4 * this.gpu.scene.count : 0;
   }
 
   /** Colours of all Gaussians for this view. */
-  drawColors(view: View, mode: Mode): void {
-    this.prepass?.draw(this.webgl, view, mode);
+  drawColors(view: View, mode: Mode, precision: Precision): void {
+    this.prepass?.draw(this.webgl, view, mode, precision);
   }
 
   /** Blends the Gaussians with the colours of the last drawColors. */
-  drawSplats(view: View, precision: BlendPrecision): WebGLRenderTarget {
+  drawSplats(view: View, precision: Precision): WebGLRenderTarget {
     const target = this.blended[precision];
     if (target.width !== view.width || target.height !== view.height) target.setSize(view.width, view.height);
     this.webgl.setRenderTarget(target);
     this.webgl.setClearColor(0, 0);
     this.webgl.clear(true, false, false);
-    this.splats?.draw(this.webgl, view, target);
+    if (this.gpu) this.splats!.draw(this.webgl, view, this.prepass!.target(precision).texture, target);
     return target;
   }
 
   /** The whole way, to the screen or to `target`. */
-  render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.blendPrecision): void {
-    this.drawColors(view, picture.mode);
+  render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.precision): void {
+    this.drawColors(view, picture.mode, precision);
     const blended = this.drawSplats(view, precision);
     const { exposure } = picture, response = this.gpu?.scene.photometric?.response;
     const corrected = exposure !== undefined && response !== undefined;
@@ -131,9 +125,8 @@ export class Renderer {
   }
 
   /** The picture's bytes, rgba from the upper left. */
-  renderPixels(view: View, picture: Picture, precision = this.blendPrecision): Uint8Array {
-    const { width, height } = view, target = renderTarget(UnsignedByteType), rows = new Uint8Array(4 * width * height), out = new Uint8Array(rows.length);
-    target.setSize(width, height);
+  renderPixels(view: View, picture: Picture, precision = this.precision): Uint8Array {
+    const { width, height } = view, target = renderTarget('byte', width, height), rows = new Uint8Array(4 * width * height), out = new Uint8Array(rows.length);
     this.render(view, picture, target, precision);
     this.webgl.readRenderTargetPixels(target, 0, 0, width, height, rows);
     target.dispose();
@@ -145,8 +138,9 @@ export class Renderer {
   finish(target: WebGLRenderTarget): void {
     this.webgl.readRenderTargetPixels(target, 0, 0, 1, 1, new Uint8Array(4));
   }
+  /** The same of colours drawn with eight bits. */
   finishColors(): void {
-    if (this.prepass) this.finish(this.prepass.target);
+    if (this.prepass) this.finish(this.prepass.target('byte'));
   }
 
   get deviceName(): string {

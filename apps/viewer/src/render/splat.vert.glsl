@@ -37,7 +37,7 @@ void main() {
     gl_Position = vec4(2.0, 2.0, 0.0, 1.0); // all four corners there: nothing is drawn
     ivec2 texel = texel_of(int(order));
     uvec4 g = texelFetch(geometry, texel, 0);
-    shown = texelFetch(colors, texel, 0);
+    shown = vec4(texelFetch(colors, texel, 0).rgb, float(g.x >> 24) / 255.0);
     offset = vec2(0);
     vec3 cam = rotation * decode_mean(g) + translation;
     if (!(cam.z >= kNear && cam.z <= kFar) || shown.a < kMinAlpha) return;

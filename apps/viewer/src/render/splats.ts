@@ -17,7 +17,7 @@ export class Splats {
   private readonly order: InstancedBufferAttribute;
   private readonly pass: Pass;
 
-  constructor(gpu: GpuScene, colors: Texture) {
+  constructor(gpu: GpuScene) {
     this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]), 3));
     this.geometry.setIndex([0, 1, 2, 0, 2, 3]);
     this.order = new InstancedBufferAttribute(new Uint32Array(gpu.scene.count), 1);
@@ -25,7 +25,7 @@ export class Splats {
     this.geometry.instanceCount = 0;
     const { antialiased } = gpu.scene;
     this.pass = new Pass(this.geometry, gaussianCode + vertexCode, fragmentCode, uniforms({
-      geometry: gpu.geometry, colors, rotation: null, translation: null, intrinsics: null, size: null,
+      geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null,
     }), { GS_ANTIALIASED: antialiased, GS_DILATION: antialiased ? 0.1 : 0.3 }, {
       transparent: true, blending: CustomBlending, blendEquation: AddEquation, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor,
     });
@@ -46,8 +46,8 @@ export class Splats {
     return before;
   }
 
-  draw(renderer: WebGLRenderer, view: View, target: RenderTarget): void {
-    this.pass.set({ ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height] });
+  draw(renderer: WebGLRenderer, view: View, colors: Texture, target: RenderTarget): void {
+    this.pass.set({ colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height] });
     this.pass.draw(renderer, target);
   }
 

@@ -28,10 +28,9 @@ export class SortClient {
   private waiting: (() => void)[] = [];
   milliseconds = 0;
 
-  /** `apply` takes a finished order and its count, and returns an array of the same length that is no longer needed. */
-  constructor(scene: Scene, apply: (order: Uint32Array, count: number) => Uint32Array, onError: (message: string) => void) {
-    const centers = sceneCenters(scene);
-    this.spare = new Uint32Array(scene.count);
+  /** `centers` as of sceneCenters, which go to the worker. `apply` takes a finished order and its count, and returns an array of the same length that is no longer needed. */
+  constructor(centers: Float32Array<ArrayBuffer>, apply: (order: Uint32Array, count: number) => Uint32Array, onError: (message: string) => void) {
+    this.spare = new Uint32Array(centers.length / 3);
     this.worker.onmessage = ({ data }: MessageEvent<SortResult>) => {
       this.spare = apply(data.order, data.count) as Uint32Array<ArrayBuffer>;
       this.milliseconds = data.milliseconds;
@@ -57,6 +56,7 @@ export class SortClient {
   }
 
   dispose(): void {
+    this.worker.onmessage = null; // a result may be on its way
     this.worker.terminate();
   }
 }
