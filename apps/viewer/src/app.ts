@@ -39,6 +39,7 @@ export class App {
   private movement: 'orbit' | 'fly' = 'orbit';
   private sortedFor = '';
   private scheduled = false;
+  private isReserved = false;
 
   constructor() {
     this.panel = new Panel({
@@ -49,8 +50,8 @@ export class App {
         this.loaded?.navigator.setMovement(name);
       },
       camera: (index) => {
-        if (index === undefined) this.loaded!.navigator.pinned = undefined;
-        else this.loaded!.navigator.pin(index);
+        if (index === undefined) this.loaded?.navigator.unpin();
+        else this.loaded?.navigator.pin(index);
         this.redraw();
       },
     });
@@ -139,7 +140,7 @@ export class App {
   }
 
   private draw(): void {
-    if (!this.loaded) return;
+    if (!this.loaded || this.isReserved) return;
     const { navigator, sorter } = this.loaded;
     const view = navigator.view(this.canvas.width, this.canvas.height);
     if (JSON.stringify([view.position, view.forward]) !== this.sortedFor) void this.sort(view);
@@ -153,20 +154,29 @@ export class App {
     }
   }
 
-  /** A test view at its own size and pose: rgba bytes from the upper left. */
-  async testViewPixels(index: number, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
-    const view = this.loaded!.scene.testCameras[index];
-    await this.sort(view);
-    const pixels = this.renderer.renderPixels(view, this.picture(mode, index), precision);
-    this.redraw();
-    return { width: view.width, height: view.height, pixels };
+  /** The order that `work` sorts for stays: nothing else is drawn meanwhile. */
+  private async reserve<T>(work: (loaded: Loaded) => Promise<T>): Promise<T> {
+    if (!this.loaded || this.isReserved) throw new Error(this.loaded ? 'another one is running' : 'no model is loaded');
+    this.isReserved = true;
+    try {
+      return await work(this.loaded);
+    } finally {
+      this.isReserved = false;
+      this.redraw();
+    }
   }
 
-  async benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
-    if (!this.loaded) throw new Error('no model is loaded');
-    const { scene, name } = this.loaded;
-    const result = await runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loading.signal);
-    this.redraw();
-    return result;
+  /** A test view at its own size and pose: rgba bytes from the upper left. */
+  testViewPixels(index: number, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
+    return this.reserve(async ({ scene }) => {
+      const view = scene.testCameras[index];
+      await this.sort(view);
+      return { width: view.width, height: view.height, pixels: this.renderer.renderPixels(view, this.picture(mode, index), precision) };
+    });
+  }
+
+  benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
+    return this.reserve(({ name, scene }) =>
+      runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loading.signal));
   }
 }

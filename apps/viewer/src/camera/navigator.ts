@@ -46,7 +46,7 @@ export class Navigator {
   constructor(private readonly scene: Scene, canvas: HTMLCanvasElement, changed: () => void) {
     this.camera.up.set(...scene.up).normalize();
     const moved = () => {
-      this.pinned = undefined;
+      this.unpin();
       changed();
     };
     this.orbit = new Orbit(this.camera, canvas, moved);
@@ -76,6 +76,10 @@ export class Navigator {
   pin(index: number): void {
     this.show(this.scene.testCameras[index]);
     this.pinned = index;
+  }
+
+  unpin(): void {
+    this.pinned = undefined;
   }
 
   setMovement(name: MovementName): void {

@@ -35,17 +35,21 @@ export class SortClient {
       this.spare = apply(data.order, data.count) as Uint32Array<ArrayBuffer>;
       this.milliseconds = data.milliseconds;
       if (this.wanted) this.start();
-      else this.waiting.splice(0).forEach((resolve) => resolve());
+      else this.settle();
     };
     this.worker.onerror = (event) => onError(`Sorting failed: ${event.message}`);
     this.worker.postMessage(centers, [centers.buffer]);
   }
 
-  /** Resolves when the order of the last camera asked for is applied. */
+  /** Resolves when the order of the last camera asked for is applied, or never will be. */
   sort(pose: Pose): Promise<void> {
     this.wanted = pose;
     if (this.spare) this.start();
     return new Promise((resolve) => this.waiting.push(resolve));
+  }
+
+  private settle(): void {
+    this.waiting.splice(0).forEach((resolve) => resolve());
   }
 
   private start(): void {
@@ -58,5 +62,6 @@ export class SortClient {
   dispose(): void {
     this.worker.onmessage = null; // a result may be on its way
     this.worker.terminate();
+    this.settle();
   }
 }
