@@ -8,6 +8,19 @@ import time
 
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
+# Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
+PSNR = """(async () => {
+  const seen = %s;
+  const picture = await createImageBitmap(await (await fetch('%s')).blob(), { colorSpaceConversion: 'none' });
+  const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+  context.drawImage(picture, 0, 0);
+  const wanted = context.getImageData(0, 0, picture.width, picture.height).data;
+  if (wanted.length !== seen.length) throw new Error('pictures of different size');
+  let sum = 0;
+  for (let i = 0; i < wanted.length; ++i) if (i %% 4 < 3) sum += ((wanted[i] - seen[i]) / 255) ** 2;
+  return -10 * Math.log10(Math.max(sum / (0.75 * wanted.length), 1e-12));
+})()"""
+
 
 def check(condition, what):
     if not condition:

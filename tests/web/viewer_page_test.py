@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uses the web viewer as people do: good and bad files, keyboard, mouse, touch, benchmark.
 
-Usage: viewer_page_test.py VIEWER_FOLDER. Exit status 77: no Chromium here.
+Usage: viewer_page_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, or no viewer there.
 """
 
 import base64
@@ -28,24 +28,57 @@ def trailer(data, version=1):
     return data + struct.pack("<I", zlib.crc32(data))
 
 
-def camera(angle):
-    """On a circle of radius 4 around the origin, looking at it: world from camera, then intrinsics."""
-    s, c = math.sin(angle), math.cos(angle)
-    return struct.pack("<18f", c, 0, -s, 4 * s, 0, 1, 0, 0, s, 0, c, -4 * c, 120, 120, 50, 50, 100, 100)
+def unit(v):
+    length = math.hypot(*v)
+    return [x / length for x in v]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def camera(position):
+    """Looks at the origin from there: world from camera, then intrinsics."""
+    forward = unit([-x for x in position])
+    right = unit(cross([0, 1, 0], forward))
+    rows = zip(right, cross(forward, right), forward, position)
+    return struct.pack("<18f", *[x for row in rows for x in row], 120, 120, 50, 50, 100, 100)
+
+
+def header(count, cameras, model=1, features=0):
+    data = b"NGSPLAT\n" + struct.pack("<11I", count, 2048, (count + 2047) // 2048, features, 0, 0, 0, 0, 0, 0, (model & 3) << 3 | (model & 4) << 4)
+    data += struct.pack("<2f", 1 / 255, 0) + (bytes(12) if model == 1 else b"") + struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4)
+    return data + struct.pack("<I", len(cameras)) + b"".join(camera(c) for c in cameras) + struct.pack("<I", 0)
+
+
+def padded(texels, count):
+    """Filled up to whole rows of 2048 texels."""
+    return texels + bytes(16 * (-count % 2048))
 
 
 def scene_file(count):
     """A ball of Gaussians with one colour each, and two test views."""
     rng = random.Random(1)
-    rows = (count + 2047) // 2048
-    data = b"NGSPLAT\n" + struct.pack("<11I", count, 2048, rows, 0, 0, 0, 0, 0, 0, 0, 1 << 3) + struct.pack("<5f", 1 / 255, 0, 0, 0, 0)
-    data += struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4) + struct.pack("<I", 2) + camera(0) + camera(1) + struct.pack("<I", 0)
+    texels = b""
     for _ in range(count):
-        p = [rng.gauss(0, 1) for _ in range(3)]
-        length = math.hypot(*p)
-        p = [x / length for x in p]
-        data += struct.pack("<4B3e2B4B", *[int(127 * (x + 1)) for x in p], 200, *p, 128, 128, 105, 105, 105, 0)
-    return trailer(data + bytes(16 * (2048 * rows - count)))
+        p = unit([rng.gauss(0, 1) for _ in range(3)])
+        texels += struct.pack("<4B3e2B4B", *[int(127 * (x + 1)) for x in p], 200, *p, 128, 128, 105, 105, 105, 0)
+    return trailer(header(count, [(0, 0, -4), (3.4, 0, -2.2)]) + padded(texels, count))
+
+
+# Of the lobe in lobe_file: unlike 1, as it has to be visible if the axis were special.
+PEAK = 0.25
+
+
+def lobe_file(angles):
+    """One black Gaussian with one white NASG lobe, seen at these angles from its axis."""
+    axis = unit([1, 3, 3])  # rounded to half precision it is longer than 1 by 0.0003
+    side = unit(cross(axis, [0, 1, 0]))
+    cameras = [[-4 * (math.cos(a) * z + math.sin(a) * x) for z, x in zip(axis, side)] for a in angles]
+    geometry = struct.pack("<4B3e2B4B", 0, 0, 0, 255, 0, 0, 0, 128, 128, 146, 146, 146, 0)
+    values = [*side, *axis, 1, 0.5, PEAK, 1, 1, 1]
+    payload = struct.pack("<16e", *values, 0, 0, 0, 0)
+    return trailer(header(1, cameras, model=3, features=1) + b"".join(padded(texel, 1) for texel in (geometry, payload[:16], payload[16:])))
 
 
 def drop(browser, name, data):
@@ -61,8 +94,9 @@ def message(browser):
     return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
 
 
-def pixel(browser, mode="full"):
-    return browser.evaluate(f"gsapp.testViewPixels(0, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
+def pixel(browser, mode="full", view=0):
+    """The one in the middle of a test view."""
+    return browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
 
 
 def check_bad_files(browser, good):
@@ -96,6 +130,15 @@ def check_special_files(browser):
     drop(browser, name, scene_file(10))
     wait_for(browser, f"document.getElementById('name').textContent === {json.dumps(name)}", "a name with markup is shown as text")
     check(browser.evaluate("document.querySelectorAll('h2 img').length") == 0, "and nothing else")
+
+
+def check_lobe_axis(browser):
+    """In half precision an axis is not quite a unit vector: nothing may happen where its product with the direction passes 1."""
+    degrees = (0, 0.1, 0.5, 1, 1.5, 1.8, 2, 2.5)
+    drop(browser, "lobe.ngsplat", lobe_file([math.radians(d) for d in degrees]))
+    wait_for(browser, "document.getElementById('name').textContent === 'lobe.ngsplat'", "a lobe is shown")
+    seen = [pixel(browser, "residual", view)[0] for view in range(len(degrees))]
+    check(all(abs(v - 255 * PEAK) <= 2 for v in seen), f"near the axis of a lobe its density is near its limit {255 * PEAK:.0f}: {seen}")
 
 
 def check_loading(browser, site):
@@ -198,10 +241,10 @@ def check_without_webgl(program, url):
 
 def main():
     program = find_chromium()
-    if program is None:
-        print("skipped: no chromium on PATH (apt-get install chromium)")
-        return 77
     viewer = pathlib.Path(sys.argv[1])
+    if program is None or not (viewer / "index.html").exists():
+        print("skipped: no chromium on PATH, or the viewer is not built (scripts/build-viewer)")
+        return 77
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name) / "below" / "any path"
         shutil.copytree(viewer, folder)
@@ -213,6 +256,7 @@ def main():
             open_viewer(browser, site.url)
             check_bad_files(browser, good)
             check_special_files(browser)
+            check_lobe_axis(browser)
             check_controls(browser, site.url)
             check_benchmark(browser)
             check_appearance(browser)
