@@ -7,7 +7,7 @@ uniform highp sampler2D weight_texels;
 uniform vec3 sh_factors;
 uniform float base_scale, base_offset;
 uniform vec3 camera_position, camera_forward;
-uniform vec2 depth_range;
+uniform float center_depth;
 uniform int count, mode;
 
 const int kFull = 0, kBase = 1, kResidual = 2, kDepth = 3;
@@ -83,7 +83,8 @@ vec3 residual(vec3 direction);
 vec3 shown_color(uvec4 g) {
     vec3 offset = decode_mean(g) - camera_position;
     float depth = dot(offset, camera_forward);
-    if (mode == kDepth) return vec3(1.0 - clamp((depth - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
+    // White near by, grey at the centre, black far away; the power gives objects around the centre some contrast.
+    if (mode == kDepth) return vec3(1.0 / (1.0 + pow(max(depth, 0.0) / center_depth, 3.0)));
     vec3 base = base_color(g), base_shown = color_activation(base);
     if (mode == kBase) return base_shown;
     vec3 shown = base_shown;

@@ -23,10 +23,9 @@ function defines(scene: Scene): Defines {
   };
 }
 
-/** Depths between which depth mode goes from white to black: that of the scene's centre, from near the camera to twice as far. */
-function depthRange(scene: Scene, view: View): [number, number] {
-  const toCenter = dot(view.forward, scene.center) - dot(view.forward, view.position);
-  return [0.2, 2 * Math.max(toCenter, 0.5 * scene.distance, 1)];
+/** Depth of the scene's centre, or where that is beside or behind the camera, of something as far. */
+function centerDepth(scene: Scene, view: View): number {
+  return Math.max(dot(view.forward, scene.center) - dot(view.forward, view.position), 0.1 * scene.distance, 1e-3);
 }
 
 /** Whether colours above 1 occur, which eight bits would cut off. */
@@ -45,7 +44,7 @@ export class Prepass {
     this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
       geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, weight_texels: gpu.weights, sh_factors: gpu.shFactors,
       base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count,
-      camera_position: [0, 0, 0], camera_forward: [0, 0, 1], depth_range: [0, 1], mode: 0,
+      camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
     }), defines(scene));
   }
 
@@ -56,7 +55,7 @@ export class Prepass {
   }
 
   draw(renderer: WebGLRenderer, view: View, mode: Mode, precision: Precision): void {
-    this.pass.set({ camera_position: view.position, camera_forward: view.forward, depth_range: depthRange(this.gpu.scene, view), mode: MODES.indexOf(mode) });
+    this.pass.set({ camera_position: view.position, camera_forward: view.forward, center_depth: centerDepth(this.gpu.scene, view), mode: MODES.indexOf(mode) });
     this.pass.draw(renderer, this.target(precision));
   }
 

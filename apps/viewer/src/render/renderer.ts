@@ -15,6 +15,11 @@ import { renderTarget, targetBytes, type Precision } from './target';
 
 export class RenderError extends Error {}
 
+/** Equal where the colours of all Gaussians are. */
+function colorsKey(view: View, mode: Mode, precision: Precision): string {
+  return JSON.stringify([view.position, view.forward, mode, precision]);
+}
+
 export interface Picture {
   mode: Mode;
   background: Vector;
@@ -24,6 +29,7 @@ export interface Picture {
 
 export class Renderer {
   readonly webgl: WebGLRenderer;
+  private readonly gl: WebGL2RenderingContext;
   private readonly blended: Record<Precision, WebGLRenderTarget>;
   private readonly resolve = fullscreenPass(resolveCode, uniforms({
     blended: null, background: [0, 0, 0], corrected: false, gain: 1, mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1], response: new Float32Array(18),
@@ -31,22 +37,20 @@ export class Renderer {
   private gpu: GpuScene | undefined;
   private prepass: Prepass | undefined;
   private splats: Splats | undefined;
+  private colorsOf = '';
 
   /** Throws RenderError where there is no WebGL2. */
   constructor(canvas: HTMLCanvasElement) {
-    if (!canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false }))
-      throw new RenderError('This page needs WebGL2, which this browser does not offer or has switched off.');
-    this.webgl = new WebGLRenderer({ canvas, antialias: false, alpha: false, depth: false });
+    const context = canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false, powerPreference: 'high-performance' });
+    if (!context) throw new RenderError('This page needs WebGL2, which this browser does not offer or has switched off.');
+    this.gl = context;
+    this.webgl = new WebGLRenderer({ canvas, context });
     this.webgl.autoClear = false;
     this.webgl.debug.onShaderError = (gl, _program, vertex, fragment) => {
       const log = [vertex, fragment].map((shader) => gl.getShaderInfoLog(shader)).filter(Boolean).join('\n');
       throw new RenderError(`The graphics driver rejects a shader.\n${log}`);
     };
     this.blended = { half: renderTarget('half'), byte: renderTarget('byte') };
-  }
-
-  private get gl(): WebGL2RenderingContext {
-    return this.webgl.getContext() as WebGL2RenderingContext;
   }
 
   /** The best that this device can draw into. */
@@ -78,6 +82,7 @@ export class Renderer {
   clearScene(): void {
     for (const part of [this.gpu, this.prepass, this.splats]) part?.dispose();
     this.gpu = this.prepass = this.splats = undefined;
+    this.colorsOf = '';
   }
 
   /** The next pictures draw the first `count` of `order`. Returns the array that is no longer needed. */
@@ -96,6 +101,7 @@ export class Renderer {
 
   /** Colours of all Gaussians for this view. */
   drawColors(view: View, mode: Mode, precision: Precision): void {
+    this.colorsOf = colorsKey(view, mode, precision);
     this.prepass?.draw(this.webgl, view, mode, precision);
   }
 
@@ -112,7 +118,7 @@ export class Renderer {
 
   /** The whole way, to the screen or to `target`. */
   render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.precision): void {
-    this.drawColors(view, picture.mode, precision);
+    if (this.colorsOf !== colorsKey(view, picture.mode, precision)) this.drawColors(view, picture.mode, precision);
     const blended = this.drawSplats(view, precision);
     const { exposure } = picture, response = this.gpu?.scene.photometric?.response;
     const corrected = exposure !== undefined && response !== undefined;

@@ -12,6 +12,7 @@ function show(heading: string, body: string, parts: { progress?: boolean; action
   progress.hidden = !parts.progress;
   actions.hidden = !parts.actions;
   dismiss.hidden = !parts.dismiss;
+  box.ariaBusy = String(parts.progress ?? false); // not every part of a file is read aloud
   box.hidden = false;
 }
 
