@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "appearance/nasg/nasg.h"
+#include "appearance/nasg/packing.h"
 #include "appearance/nasg/stability.h"
 
 namespace gs::appearance {
@@ -40,6 +41,7 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
         }
     };
     m.stability = lobe_stability<Model>;
+    m.packing = &lobe_packing<Model>();
     return m;
 }
 
