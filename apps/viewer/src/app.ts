@@ -111,7 +111,7 @@ export class App {
     const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, scene, navigator, sorter };
     this.sortedFor = '';
-    this.panel.setScene(name, scene);
+    this.panel.setScene(scene.name ?? name, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     this.benchmarkPanel.clear();
     this.draw();

@@ -4,7 +4,7 @@ import { crc32 } from '../src/format/crc32';
 import { halfToFloat } from '../src/format/half';
 import { parseScene } from '../src/format/ngsplat';
 import { sceneCenters } from '../src/sort/sort_client';
-import { CAMERA, crc, encode } from './encode';
+import { CAMERA, crc, encode, TRAILER } from './encode';
 
 const texels = (words: number, layers: number) => new Uint32Array(2048 * words * layers).map((_, i) => i);
 
@@ -32,6 +32,11 @@ describe('parseScene', () => {
     expect(scene.background).toEqual([1, 0.5, 0]);
     expect(scene.testCameras[0]).toMatchObject({ right: [1, 0, 0], forward: [0, 0, 1], position: [0, 0, -3], fx: 100, cx: 32, width: 64 });
     expect([...sceneCenters(scene).subarray(0, 3)]).toEqual([1, -2.5, 0]);
+  });
+
+  it('reads what gsapp says about the model', () => {
+    const trailer = { ...TRAILER, appearance: 'nasg', scene: 'lego', test_views: { psnr: 30.5, packed_psnr: 30.25, protocol: '' } };
+    expect(parseScene(encode({ trailer }))).toMatchObject({ appearance: 'nasg', name: 'lego', psnr: { model: 30.5, packed: 30.25 } });
   });
 
   it('reads a file of another program, without a trailer', () => {

@@ -4,7 +4,7 @@
 
 import { Cursor, FormatError } from './cursor';
 import { models, type ModelCode } from '../models';
-import { readTrailer } from './trailer';
+import { readTrailer, type Trailer } from './trailer';
 
 /** Texels in a row. */
 export const TEXTURE_WIDTH = 2048;
@@ -51,7 +51,8 @@ export interface TexelBlock {
   data: Uint32Array;
 }
 
-export interface Scene {
+/** Files by others have no trailer: their appearance is called as the format does, their background is black. */
+export interface Scene extends Trailer {
   count: number;
   textureHeight: number;
   model: ModelCode;
@@ -82,9 +83,6 @@ export interface Scene {
   weights: Uint16Array;
   geometry: Uint32Array;
   payload: TexelBlock[];
-  /** As gsapp calls it; of files by others, as the format does. */
-  appearance: string;
-  background: Vector;
 }
 
 /** Directions that enter the first layer of a network, as stored: padded to a multiple of four. */

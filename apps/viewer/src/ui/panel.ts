@@ -95,5 +95,6 @@ export function sceneInfo(scene: Scene, fileBytes: number, gpuBytes: number): [s
     ['File', megabytes(fileBytes)],
     ['Graphics memory', megabytes(gpuBytes)],
     ['Test views', String(scene.testCameras.length)],
+    ...(scene.psnr ? [['Their PSNR', `${scene.psnr.model.toFixed(2)} dB`], ['As stored here', `${scene.psnr.packed.toFixed(2)} dB`]] as [string, string][] : []),
   ];
 }
