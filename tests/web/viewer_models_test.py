@@ -13,8 +13,9 @@ import tempfile
 from browser import Browser, find_chromium
 from site_server import PSNR, SOFTWARE_WEBGL, Site, check, open_viewer
 
-# Degrees of sh and neural join at iterations 1000, 2000 and 3000.
-ITERATIONS = {"none": 300, "sv": 1200, "nasg": 1200, "nasgabor": 1200, "sh": 3200, "neural": 3200}
+# View dependence begins at iteration 1000; further degrees of sh and neural join at 2000 and 3000.
+ITERATIONS = {"none": 300, "sh": 3200, "sv": 1200, "nasg": 1200, "nasgabor": 1200, "neural": 3200, "neural_wide": 1200, "neural_1layer": 1200,
+              "neural_3layers": 1200, "neural_plain": 1200}
 VIEWS = (0, 4, 8)
 MODES = ("full", "base", "residual")
 LEAST_PSNR = 38
@@ -38,7 +39,7 @@ def compare(browser, url, model):
             brightest = browser.evaluate(f"(async () => {pixels}.reduce((most, v, i) => i % 4 < 3 ? Math.max(most, v) : most, 0))()")
             check(brightest > 20 or (model, mode) == ("none", "residual"), f"{model}: view {view} shows something in {mode}")
             values.append(browser.evaluate(PSNR % (pixels, f"reference/{mode}/{view:05}.png")))
-        print(f"{model:9} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
+        print(f"{model:14} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
         check(min(values) >= LEAST_PSNR, f"{model} {mode}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture")
 
 

@@ -223,6 +223,14 @@ def check_device_limits(browser, url):
     drop(browser, "small.ngsplat", scene_file(100))
     wait_for(browser, "document.getElementById('name').textContent === 'small.ngsplat'", "a smaller file is shown after that")
     browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source="""{
+        const original = WebGL2RenderingContext.prototype.shaderSource;
+        WebGL2RenderingContext.prototype.shaderSource = function (shader, text) { original.call(this, shader, text.replace('shown_color(g)', 'no_such_thing')); };
+    }""")["identifier"]
+    open_viewer(browser, url)
+    wait_for(browser, "!document.getElementById('notice').hidden", "a driver that does not take a shader is noticed")
+    check("rejects a shader" in message(browser) and "no_such_thing" in message(browser), message(browser))
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
     open_viewer(browser, url)
     browser.evaluate("document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()")
     wait_for(browser, "!document.getElementById('notice').hidden", "a lost device is noticed")
@@ -247,6 +255,7 @@ def main():
         return 77
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name) / "below" / "any path"
+        check("three.js authors" in (viewer / "LICENSES.txt").read_text(), "the notice of what is bundled is there")
         shutil.copytree(viewer, folder)
         good = scene_file(3000)
         (folder / "scene.ngsplat").write_bytes(good)

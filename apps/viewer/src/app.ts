@@ -2,7 +2,7 @@
 // The page: one renderer, at most one model, and what the user asked to see of it.
 
 import { runBenchmark, type BenchmarkResult } from './benchmark';
-import { Navigator } from './camera/navigator';
+import { Navigator, type MovementName } from './camera/navigator';
 import type { View } from './camera/view';
 import { FormatError } from './format/cursor';
 import { readAll, type Source } from './format/load';
@@ -26,6 +26,9 @@ interface Loaded {
   sorter?: SortClient;
 }
 
+/** Equal where the order is. */
+const poseKey = (view: View): string => JSON.stringify([view.position, view.forward]);
+
 export class App {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
   private readonly renderer = new Renderer(this.canvas);
@@ -36,7 +39,7 @@ export class App {
   private loading = new AbortController();
   private mode: Mode = 'full';
   private photometric = true;
-  private movement: 'orbit' | 'fly' = 'orbit';
+  private movement: MovementName = 'orbit';
   private sortedFor = '';
   private scheduled = false;
   private isReserved = false;
@@ -81,8 +84,9 @@ export class App {
         showLoading(name, bytes, size);
       });
       signal.throwIfAborted();
-      this.show(name, parseScene(buffer), buffer.byteLength);
-      hideNotice();
+      const scene = parseScene(buffer);
+      hideNotice(); // before drawing, which may have something to say
+      this.show(name, scene, buffer.byteLength);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
       this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
@@ -134,8 +138,7 @@ export class App {
   }
 
   private sort(view: View): Promise<void> {
-    const pose = JSON.stringify([view.position, view.forward]);
-    this.sortedFor = pose;
+    this.sortedFor = poseKey(view);
     return this.loaded!.sorter?.sort({ position: view.position, forward: view.forward }) ?? Promise.resolve();
   }
 
@@ -143,7 +146,7 @@ export class App {
     if (!this.loaded || this.isReserved) return;
     const { navigator, sorter } = this.loaded;
     const view = navigator.view(this.canvas.width, this.canvas.height);
-    if (JSON.stringify([view.position, view.forward]) !== this.sortedFor) void this.sort(view);
+    if (poseKey(view) !== this.sortedFor) void this.sort(view);
     this.panel.setCamera(navigator.pinned);
     try {
       this.renderer.render(view, this.picture(this.mode, navigator.pinned));
