@@ -11,6 +11,7 @@
 #include "appearance/stability_case.h"
 #include "kernels/core/schedule.h"
 #include "kernels/core/gaussian_state.h"
+#include "kernels/core/vec.h"
 
 namespace gs {
 
@@ -47,6 +48,8 @@ struct ModelInfo {
     std::function<void(std::uint64_t seed, float* weights)> init_shared;
     /// Names and degenerate cases for the stability measurement, at max_degree_limit. Without it all columns are one kind.
     std::function<StabilityPlan()> stability;
+    /// The residual in double, for what the host does with a finished model: model_residual of the struct (contract.h).
+    Vec3<double> (*residual)(const double* shared, const double* params, const Vec3<double>& direction, int degree) = nullptr;
     /// How files for viewers hold the model; null: they cannot.
     const Packing* packing = nullptr;
 };

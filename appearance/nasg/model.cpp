@@ -41,6 +41,7 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
         }
     };
     m.stability = lobe_stability<Model>;
+    m.residual = &model_residual<Model, double>;
     m.packing = &lobe_packing<Model>();
     return m;
 }

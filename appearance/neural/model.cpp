@@ -42,6 +42,7 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     m.num_shared = Model::kNumShared;
     m.init_shared = &init_weights<Model>;
     m.stability = network_stability<Model>;
+    m.residual = &model_residual<Model, double>;
     m.packing = &network_packing<Model>();
     return m;
 }

@@ -44,6 +44,7 @@ const ModelInfo& sv_info() {
         m.rates = sv_rates;
         m.init_residual = sv_init;
         m.stability = sv_stability;
+        m.residual = &model_residual<Sv, double>;
         m.packing = &sv_packing();
         return m;
     }();
