@@ -18,7 +18,8 @@ ITERATIONS = {"none": 300, "sh": 3200, "sv": 1200, "nasg": 1200, "nasgabor": 120
               "neural_3layers": 1200, "neural_plain": 1200}
 VIEWS = (0, 4, 8)
 MODES = ("full", "base", "residual")
-LEAST_PSNR = 38
+# 49.9 and more were measured; 38 would still look the same.
+LEAST_PSNR = 45
 
 
 def export(gsapp, scene, model, folder):
