@@ -5,10 +5,13 @@ import { element } from './elements';
 
 /** Pauses longer than this are not a slow frame: nothing moved. */
 const PAUSE = 500;
+/** Fewer frames in a row say nothing about a rate. */
+const FEWEST_FRAMES = 5;
 
 export class Meter {
   private last = -Infinity;
   private interval = 0;
+  private frames = 0;
 
   constructor(private readonly output = element('meter')) {}
 
@@ -16,9 +19,9 @@ export class Meter {
   frame(now: number, sortMilliseconds: number, drawn: number): void {
     const dt = now - this.last;
     this.last = now;
-    if (dt > PAUSE) this.interval = 0;
-    else this.interval = this.interval ? 0.9 * this.interval + 0.1 * dt : dt;
-    const rate = this.interval ? `${(1000 / this.interval).toFixed(0)} frames/s · ` : '';
+    this.frames = dt > PAUSE ? 0 : this.frames + 1;
+    this.interval = this.frames > 1 ? 0.9 * this.interval + 0.1 * dt : dt;
+    const rate = this.frames >= FEWEST_FRAMES ? `${(1000 / this.interval).toFixed(0)} frames/s · ` : '';
     this.output.textContent = `${rate}${drawn.toLocaleString('en')} drawn · sorted in ${sortMilliseconds.toFixed(0)} ms`;
   }
 }

@@ -10,7 +10,7 @@ import { megabytes } from './notice';
 const MODE_HELP: Record<Mode, string> = {
   full: 'The picture as gsapp renders it.',
   base: 'Every Gaussian in the colour that all directions share.',
-  residual: 'How far each Gaussian’s colour is from its base, before black.',
+  residual: 'How far each Gaussian’s colour is from its base, on black.',
   depth: 'Near is white.',
 };
 const KEYS: Record<MovementName, string> = {
