@@ -66,6 +66,11 @@ FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::
     const fs::path root = fs::canonical(folder, error);
     if (error || !fs::is_directory(root, error)) throw UsageError(fmt::format("'{}' is no folder; gsapp export RUN -o DIR writes one", folder.string()));
     httplib::Server& server = implementation_->server;
+    // Without the library's own choice, with which two servers would share a port.
+    server.set_socket_options([](socket_t socket) {
+        const int yes = 1;
+        ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    });
     server.Get(".*", [root](const httplib::Request& request, httplib::Response& response) { answer(root, request, response); });
     constexpr const char* kHost = "127.0.0.1";
     port_ = port == 0 ? server.bind_to_any_port(kHost) : (server.bind_to_port(kHost, port) ? port : -1);
