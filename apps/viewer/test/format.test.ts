@@ -94,6 +94,7 @@ describe('parseScene', () => {
     ['another width', changed(12, 1024), /width is 1024/],
     ['an unknown activation', changed(32, 9), /colour activation 9/],
     ['bands with a gap', encode({ bandMask: 0b1010 }), /not 1 up to/],
+    ['bands beyond the third', encode({ bandMask: 0b11110 }), /outside degrees 1 to 3/],
     ['a model of a newer version', encode({ model: 7 }), /number 7 is unknown/],
     ['flags of a newer version', changed(48, 8 | 1 << 9), /newer/],
     ['more cameras than bytes', changed(100, 0xffffffff), /truncated: 4294967295 test cameras/],

@@ -10,6 +10,8 @@ import { readTrailer, type Trailer } from './trailer';
 export const TEXTURE_WIDTH = 2048;
 /** Most half-precision numbers of one Gaussian. */
 const MOST_HALVES = 64;
+/** Largest network that is believed. */
+const MOST_NEURONS = 256, MOST_LAYERS = 16;
 /** Bits of one coefficient of spherical harmonics, by degree. */
 const SH_BITS = [7, 8, 6];
 
@@ -88,7 +90,7 @@ export interface Scene extends Trailer {
 /** Directions that enter the first layer of a network, as stored: padded to a multiple of four. */
 export function storedInputs(scene: Pick<Scene, 'featureDim' | 'bandMask' | 'constantInput' | 'foldedFirstLayer'>): number {
   let inputs = scene.foldedFirstLayer ? 0 : scene.featureDim + (scene.constantInput ? 1 : 0);
-  for (let l = 1; l <= 6; ++l) if ((scene.bandMask >> l) & 1) inputs += 2 * l + 1;
+  for (let l = 1; l <= 3; ++l) if ((scene.bandMask >> l) & 1) inputs += 2 * l + 1;
   return 4 * Math.ceil(inputs / 4);
 }
 
@@ -121,7 +123,7 @@ export function parseScene(buffer: ArrayBuffer): Scene {
   if (textureHeight !== Math.ceil(count / TEXTURE_WIDTH)) throw new FormatError(`${count} Gaussians do not fill ${textureHeight} rows of ${TEXTURE_WIDTH}`);
   if (colorActivation > ColorActivation.None) throw new FormatError(`colour activation ${colorActivation} is unknown`);
   if (residualActivation > ResidualActivation.Softplus) throw new FormatError(`residual activation ${residualActivation} is unknown`);
-  if (bandMask & ~0b1111110) throw new FormatError(`the mask of bands, ${bandMask}, has bits outside degrees 1 to 6`);
+  if (bandMask & ~0b1110) throw new FormatError(`the mask of bands, ${bandMask}, has bits outside degrees 1 to 3`);
   const isSh = id === SPHERICAL_HARMONICS;
   const [baseScale, baseOffset] = c.floats(2, 'range of the base colour');
   const shScales = (isSh ? [...c.floats(3, 'scales of spherical harmonics')] : [0, 0, 0]) as Vector;
@@ -158,7 +160,7 @@ function readWeights(c: Cursor, scene: Scene): void {
   let expected = 0;
   if (scene.model.id === NEURAL) {
     const { neurons, hiddenLayers } = scene;
-    if (neurons < 4 || neurons > MOST_HALVES || neurons % 4 || hiddenLayers < 1 || hiddenLayers > 8)
+    if (neurons < 4 || neurons > MOST_NEURONS || neurons % 4 || hiddenLayers < 1 || hiddenLayers > MOST_LAYERS)
       throw new FormatError(`a network of ${hiddenLayers} layers of ${neurons} neurons is none that this format knows`);
     expected = (storedInputs(scene) / 4) * neurons + (hiddenLayers - 1) * (neurons / 4) * neurons + (neurons / 4) * 3;
   }
