@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neural in the viewer: GS_HIDDEN_LAYERS layers of GS_NEURONS, whose weights come as texels of 4 (README.md has the network).
-// Texel base + j out + o holds the weights from inputs 4j..4j+3 to output o. GS_FOLDED: what does not depend on the direction
+// Neural in the viewer: GS_HIDDEN_LAYERS layers of GS_NEURONS, whose weights come four at a time (README.md has the network).
+// weights[base + j out + o] holds the weights from inputs 4j..4j+3 to output o. GS_FOLDED: what does not depend on the direction
 // is already multiplied by the first layer, and a Gaussian's numbers are its sums; otherwise they are the encoded features.
 #pragma ngsplat 0 neural
 
@@ -44,7 +44,7 @@ void network_inputs(vec3 d, float p[GS_HALVES], out vec4 inputs[GS_INPUTS / 4]) 
 
 vec4 weights_times(int base, int j, int outputs, int o, vec4 x) {
     int t = base + j * outputs + o;
-    return vec4(dot(weight(t), x), dot(weight(t + 1), x), dot(weight(t + 2), x), dot(weight(t + 3), x));
+    return vec4(dot(weights[t], x), dot(weights[t + 1], x), dot(weights[t + 2], x), dot(weights[t + 3], x));
 }
 
 vec3 residual(vec3 d) {
@@ -71,6 +71,6 @@ vec3 residual(vec3 d) {
         base += quads * GS_NEURONS;
     }
     vec3 sum = vec3(0);
-    for (int j = 0; j < quads; ++j) sum += vec3(dot(weight(base + 3 * j), hidden[j]), dot(weight(base + 3 * j + 1), hidden[j]), dot(weight(base + 3 * j + 2), hidden[j]));
+    for (int j = 0; j < quads; ++j) sum += vec3(dot(weights[base + 3 * j], hidden[j]), dot(weights[base + 3 * j + 1], hidden[j]), dot(weights[base + 3 * j + 2], hidden[j]));
     return residual_activation(sum);
 }

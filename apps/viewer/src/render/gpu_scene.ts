@@ -2,13 +2,11 @@
 // The data of one file on the GPU.
 
 import {
-  DataArrayTexture, DataTexture, HalfFloatType, NearestFilter, RGBAFormat, RGBAIntegerFormat, RGIntegerFormat, UnsignedIntType, type Texture,
+  DataArrayTexture, DataTexture, NearestFilter, RGBAIntegerFormat, RGIntegerFormat, Uniform, UniformsGroup, UnsignedIntType, Vector4, type Texture,
   type WebGLRenderer,
 } from 'three';
+import { halfToFloat } from '../format/half';
 import { shFactors, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
-
-/** Texels of weights in a row. */
-const WEIGHTS_WIDTH = 64;
 
 function integers<T extends Texture>(texture: T, internalFormat: 'RG32UI' | 'RGBA32UI'): T {
   texture.format = internalFormat === 'RG32UI' ? RGIntegerFormat : RGBAIntegerFormat;
@@ -20,11 +18,21 @@ function integers<T extends Texture>(texture: T, internalFormat: 'RG32UI' | 'RGB
   return texture;
 }
 
+/** Weights of a network as a uniform block: every device has room for 1024 vectors, twice what the largest variant takes. */
+function weightsBlock(halves: Uint16Array): UniformsGroup {
+  const vectors: Vector4[] = [];
+  for (let i = 0; i < halves.length; i += 4) vectors.push(new Vector4(...[...halves.subarray(i, i + 4)].map(halfToFloat)));
+  const group = new UniformsGroup();
+  group.setName('Weights');
+  group.add(new Uniform(vectors));
+  return group;
+}
+
 export class GpuScene {
   readonly geometry: DataTexture;
   readonly quads: DataArrayTexture;
   readonly pairs: DataTexture;
-  readonly weights: DataTexture;
+  readonly weights: UniformsGroup;
   readonly shFactors: number[];
   /** Bytes of the textures. */
   readonly bytes: number;
@@ -38,17 +46,13 @@ export class GpuScene {
     const pairs = scene.payload.find((block) => block.words === 2);
     this.quads = integers(quads ? new DataArrayTexture(quads.data, TEXTURE_WIDTH, height, quads.layers) : new DataArrayTexture(new Uint32Array(4), 1, 1, 1), 'RGBA32UI');
     this.pairs = integers(pairs ? new DataTexture(pairs.data, TEXTURE_WIDTH, height) : new DataTexture(new Uint32Array(2), 1, 1), 'RG32UI');
-    const rows = Math.max(1, Math.ceil(scene.weights.length / 4 / WEIGHTS_WIDTH));
-    const weights = new Uint16Array(4 * WEIGHTS_WIDTH * rows);
-    weights.set(scene.weights);
-    this.weights = new DataTexture(weights, WEIGHTS_WIDTH, rows, RGBAFormat, HalfFloatType);
-    this.weights.needsUpdate = true;
+    this.weights = weightsBlock(scene.weights);
     this.shFactors = shFactors(scene.shScales);
-    this.bytes = scene.geometry.byteLength + weights.byteLength + scene.payload.reduce((sum, block) => sum + block.data.byteLength, 0);
+    this.bytes = scene.geometry.byteLength + 2 * scene.weights.byteLength + scene.payload.reduce((sum, block) => sum + block.data.byteLength, 0);
   }
 
   private get textures(): (DataTexture | DataArrayTexture)[] {
-    return [this.geometry, this.quads, this.pairs, this.weights];
+    return [this.geometry, this.quads, this.pairs];
   }
 
   /** Copies all to the GPU and lets go of the file's bytes. */
@@ -63,5 +67,6 @@ export class GpuScene {
 
   dispose(): void {
     for (const texture of this.textures) texture.dispose();
+    this.weights.dispose();
   }
 }

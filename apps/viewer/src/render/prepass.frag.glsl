@@ -3,7 +3,9 @@
 
 uniform highp usampler2DArray payload_quads;
 uniform highp usampler2D payload_pairs;
-uniform highp sampler2D weight_texels;
+#if GS_WEIGHTS > 0
+layout(std140) uniform Weights { vec4 weights[GS_WEIGHTS]; };
+#endif
 uniform vec3 sh_factors;
 uniform float base_scale, base_offset;
 uniform vec3 camera_position, camera_forward;
@@ -16,7 +18,7 @@ out vec4 result;
 
 ivec2 texel;
 
-// What models read: texel k of four words, the texel of two words, half-precision numbers, and texel t of the weights.
+// What models read: texel k of four words, the texel of two words, half-precision numbers, and weights[t].
 uvec4 payload(int k) { return texelFetch(payload_quads, ivec3(texel, k), 0); }
 uvec2 payload_pair() { return texelFetch(payload_pairs, texel, 0).xy; }
 #if GS_HALVES > 0
@@ -33,7 +35,6 @@ float[GS_HALVES] payload_halves() {
     return p;
 }
 #endif
-vec4 weight(int t) { return texelFetch(weight_texels, ivec2(t & 63, t >> 6), 0); }
 
 // ln(1 + e^10x)/10 without overflow.
 vec3 softplus(vec3 x) { return max(x, 0.0) + log(1.0 + exp(-10.0 * abs(x))) / 10.0; }

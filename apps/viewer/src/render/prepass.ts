@@ -19,7 +19,7 @@ function defines(scene: Scene): Defines {
     GS_MODEL: scene.model.id, GS_UNITS: scene.featureDim, GS_HALVES: 8 * quads, GS_DEGREE: scene.degree, GS_BANDS: scene.bandMask,
     GS_INPUTS: storedInputs(scene), GS_NEURONS: scene.neurons, GS_HIDDEN_LAYERS: scene.hiddenLayers, GS_FOLDED: scene.foldedFirstLayer,
     GS_CONSTANT_INPUT: scene.constantInput, GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation,
-    GS_EXPONENTIAL_BASE: scene.exponentialBase, GS_HAS_RESIDUAL: scene.payload.length > 0,
+    GS_WEIGHTS: scene.weights.length / 4, GS_EXPONENTIAL_BASE: scene.exponentialBase, GS_HAS_RESIDUAL: scene.payload.length > 0,
   };
 }
 
@@ -42,10 +42,11 @@ export class Prepass {
     // Without stored residual the model's code is not even compiled.
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
     this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
-      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, weight_texels: gpu.weights, sh_factors: gpu.shFactors,
+      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, sh_factors: gpu.shFactors,
       base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count,
       camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
     }), defines(scene));
+    if (scene.weights.length > 0) this.pass.material.uniformsGroups = [gpu.weights];
   }
 
   /** Where the colours are, in no more than `precision`. */
