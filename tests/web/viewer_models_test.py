@@ -25,9 +25,7 @@ CASES = {
     "nasgabor": LEGO + ["1200"],
     "neural": LEGO + ["3200"],
     "neural_wide": LEGO + ["1200"],
-    "neural_1layer": LEGO + ["1200"],
     "neural_3layers": LEGO + ["1200"],
-    "neural_plain": LEGO + ["1200"],
     "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
 }
 VIEWS = (0, 3, 7)
