@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "appearance/packing.h"
 #include "appearance/stability_case.h"
 #include "kernels/core/schedule.h"
 #include "kernels/core/gaussian_state.h"
@@ -16,6 +15,7 @@
 namespace gs {
 
 class Backend;
+struct Packing;
 
 /// Facts about the scene that some learning rates depend on.
 struct RateContext {
@@ -50,7 +50,7 @@ struct ModelInfo {
     std::function<StabilityPlan()> stability;
     /// The residual in double, for what the host does with a finished model: model_residual of the struct (contract.h).
     Vec3<double> (*residual)(const double* shared, const double* params, const Vec3<double>& direction, int degree) = nullptr;
-    /// How files for viewers hold the model; null: they cannot.
+    /// How files for viewers hold the model (packing.h, which device code cannot include); null: they cannot.
     const Packing* packing = nullptr;
 };
 

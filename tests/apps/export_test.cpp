@@ -58,6 +58,7 @@ TEST(Export, WritesFilesForOtherPrograms) {
     const Gaussians sh = read_ply(program.path("sh/point_cloud.ply"));
     EXPECT_EQ(sh.appearance.model, "sh");
     EXPECT_EQ(sh.count, own.count);
+    EXPECT_NE(program.read("sh/point_cloud.ply").find("comment spherical harmonics fitted to the colours of sv, "), std::string::npos);
 }
 
 TEST(Export, WhatCannotBeExportedLeavesNothing) {
