@@ -50,12 +50,15 @@ vec3 residual_activation(vec3 x) {
 #endif
 }
 
+// As in appearance/contract.h; half floats end at 65504, and what is infinite would stay so behind an alpha of 0.
+const float kLargestColor = 255.0;
+
 // The shift by 1/2 of those activations that have one is part of the stored base colour.
 vec3 color_activation(vec3 x) {
 #if GS_COLOR_ACTIVATION == 0
-    return max(x, 0.0);
+    return clamp(x, 0.0, kLargestColor);
 #elif GS_COLOR_ACTIVATION == 1
-    return softplus(x);
+    return min(softplus(x), kLargestColor);
 #elif GS_COLOR_ACTIVATION == 2
     return 1.0 / (1.0 + exp(-4.0 * x));
 #elif GS_COLOR_ACTIVATION == 3
