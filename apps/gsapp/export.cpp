@@ -45,7 +45,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
 void export_web(const ExportArguments& arguments, std::optional<std::int64_t> iteration) {
     const std::filesystem::path folder = arguments.output, viewer = viewer_folder();
     require_free(folder, {"scene.ngsplat", "index.html"}, arguments.overwrite);
-    SavedRun run = open_saved_run(arguments.run, iteration, arguments.source);
+    SavedRun run = open_saved_run(arguments.run, iteration, {.source = arguments.source});
     const Gaussians all = run.backend->download(false);
     require_finite(all);
     const Gaussians model = visible_gaussians(all);

@@ -47,7 +47,7 @@ class Writer {
     template <class T> void value(const T& x) { bytes(&x, sizeof x); }
     template <class T> void values(const std::vector<T>& x) { bytes(x.data(), x.size() * sizeof(T)); }
     void bytes(const void* data, std::size_t size) {
-        if (size == 0) return; // zlib takes a null pointer, as empty vectors have, for a wish to begin anew
+        if (size == 0) return; // an empty vector's pointer may be null, for which zlib would begin anew
         crc_ = crc32_z(crc_, static_cast<const Bytef*>(data), size);
         out_.write(static_cast<const char*>(data), std::streamsize(size));
     }
@@ -81,7 +81,7 @@ class Reader {
     }
     void bytes(void* data, std::int64_t size, const char* what) {
         need(size, what);
-        if (size == 0) return; // as in Writer::bytes
+        if (size == 0) return; // as above
         if (!in_.read(static_cast<char*>(data), std::streamsize(size))) fail(fmt::format("read error in {}", what));
         crc_ = crc32_z(crc_, static_cast<const Bytef*>(data), std::size_t(size));
         left_ -= size;

@@ -58,6 +58,29 @@ TEST(Ngsplat, OffsetsAreThoseOfTheFormat) {
     EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "g.ngsplat"), 48), 1u << 6);
 }
 
+/// CRC-32 bit by bit, as its polynomial is defined.
+std::uint32_t plain_crc(const std::string& bytes) {
+    std::uint32_t crc = 0xffffffff;
+    for (const char c : bytes) {
+        crc ^= std::uint8_t(c);
+        for (int bit = 0; bit < 8; ++bit) crc = crc & 1 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
+    }
+    return ~crc;
+}
+
+TEST(Ngsplat, ChecksumIsOverAllBytesBeforeIt) {
+    const TempFolder folder;
+    for (const char* model : {"none", "neural"}) {
+        for (const std::int64_t count : {0, 5, 2048}) { // empty textures, empty padding
+            PackedScene scene = packed(model, count);
+            scene.trailer = "{}";
+            write_ngsplat(folder / "s.ngsplat", scene);
+            const std::string bytes = slurp(folder / "s.ngsplat");
+            EXPECT_EQ(value_at<std::uint32_t>(bytes, bytes.size() - 4), plain_crc(bytes.substr(0, bytes.size() - 4))) << model << " " << count;
+        }
+    }
+}
+
 TEST(Ngsplat, BytesPerGaussianAreThePapers) {
     const std::pair<const char*, int> expected[] = {{"none", 16}, {"sh", 56}, {"sv", 128}, {"nasg", 48}, {"nasgabor", 48}, {"neural", 48}, {"neural_wide", 48}};
     for (const auto& [model, bytes] : expected) EXPECT_EQ(packed(model, 1).bytes_per_gaussian(), bytes) << model;
