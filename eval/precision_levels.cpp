@@ -11,7 +11,6 @@ const std::vector<PrecisionLevel>& precision_levels() {
     // Cutoffs of two 8-bit steps and of a tenth of a percent are the first that a table of PSNRs shows.
     static const std::vector<PrecisionLevel> levels = {
         {"full", false, [](TrainOptions&) {}},
-        {"exact", true, [](TrainOptions& o) { o.exact_math = true; }},
         {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = "fp16"; }},
         {"bf16-moments", true, [](TrainOptions& o) { o.appearance_moments = "bf16"; }},
         {"cutoffs", false, [](TrainOptions& o) { o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},

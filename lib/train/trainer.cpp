@@ -164,7 +164,7 @@ class Run {
         if (options_.hostile_start > 0)
             spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
                          make_hostile(state, options_.hostile_start, options_.seed), state.count);
-        state.active_degree = schedule_.active_degree(0);
+        state.active_degree = schedule_.active_degree();
         state.ppisp = photometric_.initial_state();
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
@@ -181,6 +181,7 @@ class Run {
             spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
         photometric_.resume(checkpoint.state, iteration_);
+        schedule_.resume(checkpoint.state.active_degree);
         backend_ = make_backend();
         backend_->upload(checkpoint.state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
@@ -191,7 +192,8 @@ class Run {
 
     void iterate() {
         decide_photometric();
-        write_change(schedule_.before_step(*backend_, iteration_));
+        const bool hold = iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
+        write_change(schedule_.before_step(*backend_, iteration_, hold));
         const std::size_t index = order_.at(iteration_);
         const auto image = images_.get(index);
         if (iteration_ + prefetch_ < options_.iterations) images_.prefetch(ahead_.at(iteration_ + prefetch_));
@@ -311,7 +313,7 @@ class Run {
                      {"ssim", last_.ssim},
                      {"num_gaussians", backend_->count()},
                      {"num_instances", last_.num_instances},
-                     {"active_degree", schedule_.active_degree(iteration_ - 1)},
+                     {"active_degree", schedule_.active_degree()},
                      {"milliseconds", 1e3 * interval_seconds},
                      {"data_wait_milliseconds", 1e3 * (wait - logged_wait_)},
                      {"train_seconds", train_seconds_}});

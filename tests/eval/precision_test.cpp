@@ -39,7 +39,7 @@ TEST(Precision, LevelsAreNamedOnceAndDiffer) {
         precision_level("quick");
         FAIL();
     } catch (const UsageError& e) {
-        EXPECT_NE(std::string(e.what()).find("'quick' is not one of full, exact"), std::string::npos) << e.what();
+        EXPECT_NE(std::string(e.what()).find("'quick' is not one of full, half-storage"), std::string::npos) << e.what();
     }
 }
 
