@@ -61,10 +61,11 @@ void export_web(const ExportArguments& arguments, std::optional<std::int64_t> it
     if (!viewer.empty()) copy_folder(viewer, staging.path());
     staging.publish();
 
-    spdlog::info("{}: {} Gaussians, {} bytes each ({} of them geometry and base colour)", (folder / "scene.ngsplat").string(), scene.count(), scene.bytes_per_gaussian(),
-                 sizeof(GeometryWords));
+    spdlog::info("{}: {} Gaussians, {} bytes each ({} of them geometry and base colour)", (folder / "scene.ngsplat").string(), scene.count(),
+                 scene.bytes_per_gaussian(), sizeof(GeometryWords));
     if (loss)
-        spdlog::info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.scene.test.size(), loss->psnr, loss->packed_psnr, loss->psnr - loss->packed_psnr);
+        spdlog::info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.scene.test.size(), loss->psnr, loss->packed_psnr,
+                     loss->psnr - loss->packed_psnr);
     else
         spdlog::info("the run has no test views (--eval): what packing loses was not measured");
     if (viewer.empty())
@@ -74,7 +75,9 @@ void export_web(const ExportArguments& arguments, std::optional<std::int64_t> it
 }
 
 /// For programs that know one kind of Gaussian: whether spherical harmonics say it already.
-bool is_plain_sh(const Gaussians& g) { return (g.appearance.model == "sh" || g.appearance.model == "none") && g.appearance.activation == ColorActivation::kRelu; }
+bool is_plain_sh(const Gaussians& g) {
+    return (g.appearance.model == "sh" || g.appearance.model == "none") && g.appearance.activation == ColorActivation::kRelu;
+}
 
 void export_file(const ExportArguments& arguments, std::optional<std::int64_t> iteration) {
     const std::string name = "point_cloud." + arguments.format;
@@ -93,7 +96,8 @@ void export_file(const ExportArguments& arguments, std::optional<std::int64_t> i
     PlyOptions options{saved.iteration};
     if (arguments.sh_projection && !is_plain_sh(saved.state)) {
         ShProjection projection = project_to_sh(saved.state, 3);
-        options.note = fmt::format("spherical harmonics fitted to the colours of {}, {:.2f} dB over all directions", saved.state.appearance.model, projection.psnr);
+        options.note = fmt::format("spherical harmonics fitted to the colours of {}, {:.2f} dB over all directions", saved.state.appearance.model,
+                                   projection.psnr);
         spdlog::info("{}", options.note);
         saved.state = std::move(projection.gaussians);
     }

@@ -19,8 +19,10 @@ namespace {
 constexpr std::size_t kChunk = 1 << 20;
 
 const char* content_type(const fs::path& file) {
-    static const std::map<std::string, const char*> types = {{".html", "text/html; charset=utf-8"}, {".js", "text/javascript"}, {".css", "text/css"}, {".json", "application/json"},
-                                                             {".svg", "image/svg+xml"}, {".png", "image/png"}, {".txt", "text/plain; charset=utf-8"}};
+    static const std::map<std::string, const char*> types = {
+        {".html", "text/html; charset=utf-8"}, {".js", "text/javascript"}, {".css", "text/css"},  {".json", "application/json"},
+        {".txt", "text/plain; charset=utf-8"}, {".svg", "image/svg+xml"},  {".png", "image/png"},
+    };
     const auto known = types.find(file.extension().string());
     return known == types.end() ? "application/octet-stream" : known->second; // .ngsplat, .ply, .splat
 }

@@ -136,10 +136,13 @@ Header read_header(Reader& in) {
     const std::uint32_t rows = std::uint32_t(padded_count(h.count) / kTextureWidth);
     if (h.texture_width != kTextureWidth) in.fail(fmt::format("texWidth is {}, expected {}", h.texture_width, kTextureWidth));
     if (h.texture_height != rows) in.fail(fmt::format("texHeight is {}, expected {} for {} Gaussians", h.texture_height, rows, h.count));
-    if (h.color_activation > std::uint32_t(PackedColorActivation::kNone)) in.fail(fmt::format("colorActivation is {}, expected 0 to 5", h.color_activation));
-    if (h.residual_activation > std::uint32_t(PackedResidualActivation::kSoftplus)) in.fail(fmt::format("residualActivation is {}, expected 0 to 2", h.residual_activation));
+    if (h.color_activation > std::uint32_t(PackedColorActivation::kNone))
+        in.fail(fmt::format("colorActivation is {}, expected 0 to 5", h.color_activation));
+    if (h.residual_activation > std::uint32_t(PackedResidualActivation::kSoftplus))
+        in.fail(fmt::format("residualActivation is {}, expected 0 to 2", h.residual_activation));
     if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}: of a newer version, this program knows {:#x}", h.flags, flag::kKnown));
-    if (flag::model_of(h.flags) > std::uint32_t(PackedModel::kNasgabor)) in.fail(fmt::format("the model has number {}, expected 0 to 4", flag::model_of(h.flags)));
+    if (flag::model_of(h.flags) > std::uint32_t(PackedModel::kNasgabor))
+        in.fail(fmt::format("the model has number {}, expected 0 to 4", flag::model_of(h.flags)));
     return h;
 }
 

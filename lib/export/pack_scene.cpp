@@ -40,12 +40,13 @@ double mean_area(const std::array<double, 3>& s) {
 }
 
 /// Rounding scales, in steps of 8.6 %, is most of what packing loses. The opacity takes back what it does to the area, with the
-/// exponent that measured best: where a Gaussian is opaque, less would be right, where it is faint all of it.
+/// exponent that measured best: where a Gaussian is opaque, less would be right, where it is faint all of it. Scales that the
+/// codes do not reach are no rounding: those are smaller than any pixel, or larger than any view.
 double compensated_opacity(double opacity, const std::array<double, 3>& scales) {
     std::array<double, 3> rounded;
     std::transform(scales.begin(), scales.end(), rounded.begin(), [](double s) { return decode_scale(scale_code(s)); });
-    const double ratio = mean_area(scales) / mean_area(rounded);
-    return std::isfinite(ratio) ? std::min(1.0, opacity * std::sqrt(ratio)) : opacity;
+    const double ratio = mean_area(scales) / mean_area(rounded), step = decode_scale(2) / decode_scale(1);
+    return ratio > 1 / step && ratio < step ? std::min(1.0, opacity * std::sqrt(ratio)) : opacity;
 }
 
 PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
@@ -86,7 +87,8 @@ void require_finite(const Gaussians& g) {
         const auto& group = g.groups[k];
         const auto bad = std::find_if(group.param.begin(), group.param.end(), [](float x) { return !gs_isfinite(x); });
         if (bad != group.param.end())
-            throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}", (bad - group.param.begin()) / group.width, kGroupNames[std::size_t(k)], *bad));
+            throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}", (bad - group.param.begin()) / group.width,
+                                           kGroupNames[std::size_t(k)], *bad));
     }
     const auto bad = std::find_if(g.shared.param.begin(), g.shared.param.end(), [](float x) { return !gs_isfinite(x); });
     if (bad != g.shared.param.end()) throw NumericError(fmt::format("cannot export: shared weight {} is {}", bad - g.shared.param.begin(), *bad));
@@ -143,7 +145,7 @@ void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>
     }
     if (test.empty()) {
         for (std::int64_t i = 0; i < g.count; ++i)
-            distances.push_back(1.5 * (Eigen::Vector3d(means[std::size_t(3 * i)], means[std::size_t(3 * i + 1)], means[std::size_t(3 * i + 2)]) - center).norm());
+            distances.push_back(1.5 * (Eigen::Vector3f(means.data() + 3 * i).cast<double>() - center).norm());
     }
     if (up.norm() < 1e-6) up = {0, -1, 0};
     up.normalize();

@@ -51,7 +51,8 @@ void Staging::publish() {
 
 void require_free(const fs::path& folder, const std::vector<std::string>& names, bool overwrite) {
     std::error_code ignored;
-    if (fs::exists(folder, ignored) && !fs::is_directory(folder, ignored)) throw UsageError(fmt::format("'{}' is a file; give a folder with -o", folder.string()));
+    if (fs::exists(folder, ignored) && !fs::is_directory(folder, ignored))
+        throw UsageError(fmt::format("'{}' is a file; give a folder with -o", folder.string()));
     if (overwrite) return;
     for (const std::string& name : names) {
         if (fs::exists(folder / name, ignored)) throw UsageError(fmt::format("'{}' exists; --overwrite replaces it", (folder / name).string()));

@@ -102,7 +102,7 @@ TEST(Ngsplat, ComesBackExactly) {
                 EXPECT_EQ(back.cameras.size(), scene.cameras.size());
                 EXPECT_EQ(back.trailer, scene.trailer);
                 ASSERT_EQ(back.ppisp.has_value(), extras);
-                if (extras) EXPECT_EQ(back.ppisp->views, scene.ppisp->views);
+                if (extras) { EXPECT_EQ(back.ppisp->views, scene.ppisp->views); }
                 write_ngsplat(folder / "t.ngsplat", back);
                 EXPECT_EQ(slurp(folder / "t.ngsplat"), slurp(folder / "s.ngsplat"));
             }

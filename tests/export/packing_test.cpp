@@ -63,7 +63,7 @@ TEST(Packing, ShowsTheResidualAtEveryDegree) {
             }
             // Halves: a few units of 2^-11. SH: half a step of each coefficient, 15 of them, of bands that reach about 1.2.
             EXPECT_LE(worst, scene.appearance.header.model == PackedModel::kSh ? 0.12 : 5e-3);
-            if (degree == 0) EXPECT_EQ(worst, 0);
+            if (degree == 0) { EXPECT_EQ(worst, 0); }
         }
     }
 }
@@ -164,6 +164,14 @@ TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
         const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
         EXPECT_NEAR(sigmoid(double(back[Group::kOpacity].param[std::size_t(i)])), opacity, 0.51 / 255 + 0.043 * opacity) << "half of what two scales gain";
     }
+}
+
+TEST(PackScene, ScalesBeyondTheCodesLeaveTheOpacityAlone) {
+    Gaussians g = random_gaussians(3, {"none", 0, ColorActivation::kRelu});
+    g[Group::kScale].param = {-20, -25, -30, 30, 38, 39, -1e30f, -1e30f, -1e30f};
+    g[Group::kOpacity].param = {0, 0, 0};
+    const Gaussians back = packed_geometry(pack_gaussians(g));
+    for (const float raw : back[Group::kOpacity].param) EXPECT_NEAR(sigmoid(double(raw)), 0.5, 0.51 / 255);
 }
 
 TEST(PackScene, WhatIsNeverSeenIsLeftOut) {
