@@ -109,7 +109,7 @@ function contiguousDegree(mask: number): number {
   return degree;
 }
 
-/** Throws FormatError, which says what is wrong, for anything but a complete file. `crc` is that of the whole file but its last 4 bytes. */
+/** Throws FormatError, which says what is wrong, for anything but a complete file. */
 export function parseScene(buffer: ArrayBuffer): Scene {
   const c = new Cursor(buffer);
   if (c.text(8, 'magic') !== 'NGSPLAT\n') throw new FormatError('this is no .ngsplat file: it does not begin with NGSPLAT');
