@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -166,6 +167,8 @@ class SuiteRun {
 void run_suite(const std::string& suite, const std::vector<std::string>& appearances, TrainOptions base) {
     if (base.model.empty()) base.model = (fs::path("output") / (scene_name(base.source) + "-" + suite)).string();
     if (!base.resume.empty()) throw UsageError("--suite: runs are not resumed; the same command again trains those that are missing");
+    if (std::find(appearances.begin(), appearances.end(), kAutoAppearance) != appearances.end())
+        throw UsageError("--appearances: a suite compares models by name; auto would choose another one in every run");
     const std::vector<SuiteCell> cells = suite_cells(suite, appearances, base);
     if (cells.empty()) throw UsageError("--appearances: no appearance model named");
     SuiteRun(suite, base.model, cells).run();

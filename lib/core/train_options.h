@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// TrainOptions::appearance while the scene is to decide.
+inline constexpr const char* kAutoAppearance = "auto";
+
 struct TrainOptions {
     // Input and output
     std::string source;                   ///< scene folder, file, or builtin:NAME
@@ -35,7 +38,8 @@ struct TrainOptions {
     std::int64_t preview_every = 0;       ///< 0 = off
     std::string background = "black";     ///< black | white | random | R,G,B
     // Appearance
-    std::string appearance = "sh";
+    std::string appearance = "sh";        ///< a model's name, or "auto" until it is chosen
+    double auto_tolerance = 0.1;          ///< dB
     int sh_degree = 3;
     std::string color_activation = "relu"; ///< relu | softplus | sigmoid | hardsigmoid
     // Photometric correction (PPISP)

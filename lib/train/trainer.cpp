@@ -13,6 +13,7 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
+#include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/cameras_json.h"
 #include "lib/model/hostile_start.h"
@@ -55,12 +56,17 @@ class Run {
           schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
           photometric_(options_, scene) {
         set_num_threads(options.threads);
+        rates_.log(options_);
         if (start.checkpoint)
             resume(std::move(*start.checkpoint));
         else
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         log_.emplace(folder_.train_log(), iteration_);
+        if (!start.first_event.is_null()) {
+            start.first_event["iteration"] = 0;
+            log_->write(start.first_event);
+        }
         prune_nonfinite(); // before such a Gaussian leaves its mark in the moments of all that it covers
     }
 
@@ -142,10 +148,7 @@ class Run {
     }
 
     void begin() {
-        InitOptions init;
-        init.mcmc = options_.strategy == "mcmc";
-        init.random_points = options_.init_points;
-        init.seed = options_.seed;
+        const InitOptions init = init_options(options_);
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
         if (options_.hostile_start > 0)
             spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
@@ -372,10 +375,20 @@ AppearanceSpec appearance_spec(const TrainOptions& options) {
     return spec;
 }
 
+namespace {
+
+std::filesystem::path resumed_file(const TrainOptions& options) {
+    return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+}
+
+}  // namespace
+
+std::string checkpoint_appearance(const TrainOptions& options) { return SafetensorsFile(resumed_file(options)).metadata("appearance"); }
+
 RunStart open_run(const TrainOptions& options) {
-    RunStart start{RunFolder{options.model}, std::nullopt};
+    RunStart start{RunFolder{options.model}, std::nullopt, {}};
     if (!options.resume.empty()) {
-        const auto file = options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+        const auto file = resumed_file(options);
         start.checkpoint = read_checkpoint(file);
         require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
         prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);
