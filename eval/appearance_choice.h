@@ -31,7 +31,8 @@ struct AppearanceChoice {
     std::size_t chosen = 0, best = 0;  ///< indices into the trials
     /// Shares of the held-out squared error of the first trial; they add up to 1.
     double direction = 0, photometric = 0, neither = 1;
-    /// By how much the model that gains most on the views it was trained on does so, dB over the first trial, and its gain on those held out.
+    /// What the best model gains on the views it was trained on and on those held out, dB over the first trial; where that is the best itself,
+    /// of the model that gains most on the former.
     double train_gain = 0, held_out_gain = 0;
     Remainder remainder = Remainder::kUnresolved;
 };

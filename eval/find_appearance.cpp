@@ -23,7 +23,7 @@ constexpr std::size_t kHeldOutEvery = 8, kFewestViews = 8;
 /// Shares of options.iterations: of the training without view dependence that all trials begin from, and of each trial. With six models, the
 /// dearest at 1.5 times the time of the cheapest, that is below 0.45 of a run.
 constexpr double kWarmUpShare = 0.1, kTrialShare = 0.05;
-/// Largest share of the time of a run without view dependence.
+/// Largest share of the time of the run that is to follow, at the time of an iteration that the trials saw: later ones have more Gaussians.
 constexpr double kTimeShare = 0.5;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -94,7 +94,7 @@ std::vector<AppearanceTrial> run_trials(const TrainOptions& options, const Scene
     double last = 0;
     for (const AppearanceSpec& spec : candidates(options)) {
         const double trial_start = now();
-        if (!trials.empty() && trial_start - start + last > kTimeShare * double(options.iterations) * trials.front().seconds) {
+        if (!trials.empty() && trial_start - start + last > kTimeShare * double(options.iterations) * trials[choose_appearance(trials, options.auto_tolerance).chosen].seconds) {
             skipped.push_back(spec.model);
             continue;
         }
