@@ -61,7 +61,7 @@ std::vector<AppearanceSpec> candidates(TrainOptions options) {
 
 /// What is left after the best model, in words with figures.
 std::string words(const AppearanceChoice& c) {
-    const std::string gains = fmt::format("models gain up to {:.2f} dB on views they were trained on, and {:.2f} dB on held-out ones", c.train_gain, c.held_out_gain);
+    const std::string gains = fmt::format("the model gains {:.2f} dB on views it was trained on, and {:.2f} dB on held-out ones", c.train_gain, c.held_out_gain);
     switch (c.remainder) {
         case Remainder::kReflectance: return fmt::format("reflectance: {}", gains);
         case Remainder::kPhotometric: return fmt::format("photometric: whole images differ in exposure or colour, which --ppisp on corrects and no appearance explains; {}", gains);
