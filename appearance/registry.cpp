@@ -7,6 +7,12 @@
 
 namespace gs {
 
+std::vector<std::string> appearance_names() {
+    std::vector<std::string> names;
+    for (const ModelInfo* model : appearance_models()) names.push_back(model->name);
+    return names;
+}
+
 const ModelInfo& appearance_model(const std::string& name) {
     std::string known;
     for (const ModelInfo* model : appearance_models()) {

@@ -15,8 +15,6 @@
 namespace gs {
 namespace {
 
-/// The size at which renderers are usually compared.
-constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 /// Enough views to average over, few enough that their images fit every memory.
 constexpr std::size_t kMaxViews = 64;
 /// Rates are multiplied by this: Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps

@@ -8,7 +8,7 @@
 #include <set>
 
 #include "eval/metrics.h"
-#include "eval/protocol.h"
+#include "lib/core/duration.h"
 
 namespace gs {
 namespace {
@@ -18,13 +18,6 @@ std::string four_digits(double v) { return fmt::format("{:.4f}", v); }
 std::string whole(double v) { return fmt::format("{:.0f}", v); }
 std::string one_digit(double v) { return fmt::format("{:.1f}", v); }
 std::string gibibytes(double v) { return fmt::format("{:.2f} GiB", v / double(1 << 30)); }
-
-std::string duration(double seconds) {
-    const auto rounded = std::int64_t(std::lround(seconds));
-    if (rounded < 60) return fmt::format("{:.1f} s", seconds);
-    if (rounded < 3600) return fmt::format("{} min {:02} s", rounded / 60, rounded % 60);
-    return fmt::format("{} h {:02} min", rounded / 3600, rounded / 60 % 60);
-}
 
 /// The metrics in the order of columns. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
 std::vector<MetricInfo> column_metrics() {
@@ -40,7 +33,7 @@ const std::vector<Column>& cost_columns() {
     static const std::vector<Column> columns = {
         {"bytes_per_gaussian", "bytes/G", Better::kLower, whole, [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
         {"num_gaussians", "#Gs", Better::kNeither, whole, [](const TableRow& r) { return as_double(r.num_gaussians); }},
-        {"train_seconds", "train time", Better::kLower, duration, [](const TableRow& r) { return r.train_seconds; }},
+        {"train_seconds", "train time", Better::kLower, duration_text, [](const TableRow& r) { return r.train_seconds; }},
         {"peak_device_bytes", "peak memory", Better::kLower, gibibytes, [](const TableRow& r) { return as_double(r.peak_device_bytes); }},
         {"fps", "FPS", Better::kHigher, one_digit,
          [](const TableRow& r) { return r.frame_seconds && *r.frame_seconds > 0 ? std::optional(1 / *r.frame_seconds) : std::nullopt; }}};
@@ -54,7 +47,6 @@ std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
     for (const TableRow& row : rows) {
         for (const auto& [name, value] : row.further_metrics) wanted.insert(name);
         for (const auto& [name, reason] : row.not_measured) wanted.insert(name);
-        if (!row.protocol_name.empty()) wanted.insert({lpips_metric(find_protocol(row.protocol_name).lpips_net), "DISTS", "MILO"});
     }
     std::vector<Column> columns;
     for (const MetricInfo& m : column_metrics())

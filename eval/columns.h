@@ -20,8 +20,8 @@ struct Column {
     std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< where it is no metric
 };
 
-/// PSNR, SSIM, the learned metrics of the rows' protocol, every other metric that a row has or was asked for (those of unknown names last), then bytes/G,
-/// #Gs, train time, peak memory and FPS.
+/// PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then bytes/G, #Gs, train time, peak memory
+/// and FPS.
 std::vector<Column> table_columns(const std::vector<TableRow>& rows);
 
 /// The row's value; empty where it has none.

@@ -3,9 +3,9 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "eval/comparison.h"
+#include "eval/text_table.h"
 
 namespace gs {
 
@@ -23,18 +23,8 @@ std::string format_comparison(const Comparison& comparison, TableFormat format);
 std::string comparison_csv(const Comparison& comparison);
 std::string comparison_json(const Comparison& comparison);
 
-/// What a table shows, as text that is not escaped yet; shared by Markdown, LaTeX and HTML.
-struct TextCell {
-    std::string text, deviation;  ///< deviation empty: none
-    int place = 0;                ///< as in ColumnStats
-};
-struct TextTable {
-    std::string title;
-    std::vector<std::string> header;
-    std::size_t num_labels = 0;  ///< leading columns that hold words
-    std::vector<std::vector<TextCell>> lines;
-};
-/// Columns of words that say nothing (no options, no correction, one run) and of costs that no line has are left out.
+/// What a table shows; shared by Markdown, LaTeX and HTML. Columns of words that say nothing (no options, no correction, one run) and of
+/// costs that no line has are left out.
 TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns);
 
 }  // namespace gs

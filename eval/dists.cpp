@@ -2,9 +2,10 @@
 // DISTS from the moments of feature maps.
 #include "eval/dists.h"
 
+#include <utility>
+
 #include "eval/metric_weights.h"
 #include "kernels/core/error.h"
-#include "kernels/core/parallel.h"
 
 namespace gs {
 namespace {
@@ -13,31 +14,21 @@ constexpr std::array<double, 3> kMean = {0.485, 0.456, 0.406}, kDeviation = {0.2
 constexpr double kC1 = 1e-6, kC2 = 1e-6;  ///< keep the quotients of channels that are zero at 1
 constexpr int kImageChannels = 3;
 
-/// How much channel `c` of the two maps disagrees, weighted.
-double channel_distance(const FeatureMap& a, const FeatureMap& b, int c, double alpha, double beta) {
-    const float *va = a.plane(c), *vb = b.plane(c);
-    const std::size_t n = a.pixels();
-    double mean_a = 0, mean_b = 0;
-    for (std::size_t i = 0; i < n; ++i) mean_a += va[i], mean_b += vb[i];
-    mean_a /= double(n), mean_b /= double(n);
-    double var_a = 0, var_b = 0, difference = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-        const double da = va[i] - mean_a, db = vb[i] - mean_b;
-        var_a += da * da, var_b += db * db, difference += (da - db) * (da - db);
-    }
+/// How much a channel of the two maps disagrees, weighted.
+double channel_distance(const ChannelComparison& c, double alpha, double beta) {
     // One minus the similarities, without the cancellation: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb + c).
-    const double texture = (mean_a - mean_b) * (mean_a - mean_b) / (mean_a * mean_a + mean_b * mean_b + kC1);
-    const double structure = difference / double(n) / ((var_a + var_b) / double(n) + kC2);
+    const double texture = (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kC1);
+    const double structure = c.difference / (c.variance_a + c.variance_b + kC2);
     return alpha * texture + beta * structure;
 }
 
 }  // namespace
 
-Dists::Dists(const std::filesystem::path& folder) : net_(load_vgg16(folder / files()[0], Pooling::kL2)) {
+Dists::Dists(std::shared_ptr<const FeatureNet> vgg16, const std::filesystem::path& folder) : net_(std::move(vgg16)) {
     const auto path = folder / files()[1];
     const MetricWeights weights(path);
     int channels = kImageChannels;
-    for (const NetStage& stage : net_.stages) channels += stage.channels();
+    for (const NetStage& stage : net_->stages) channels += stage.channels();
     alpha_ = weights.read("alpha", {1, channels, 1, 1});
     beta_ = weights.read("beta", {1, channels, 1, 1});
     for (int i = 0; i < channels; ++i) weight_sum_ += double(alpha_[std::size_t(i)]) + beta_[std::size_t(i)];
@@ -45,22 +36,21 @@ Dists::Dists(const std::filesystem::path& folder) : net_(load_vgg16(folder / fil
 }
 
 double Dists::operator()(const Image& a, const Image& b) const {
-    require_net_size(a, b, min_side());
+    require_net_size(a, b, kMinSide);
+    const TensorEngine& engine = *net_->engine;
     double sum = 0;
-    std::size_t first = 0;
-    const auto add = [&](const FeatureMap& fa, const FeatureMap& fb) {
-        std::vector<double> distances(std::size_t(fa.channels));  // summed in order afterwards
-        parallel_for(fa.channels, [&](std::int64_t c) {
-            distances[std::size_t(c)] = channel_distance(fa, fb, int(c), alpha_[first + std::size_t(c)], beta_[first + std::size_t(c)]);
-        });
-        for (const double d : distances) sum += d;
-        first += std::size_t(fa.channels);
+    std::size_t channel = 0;
+    const auto add = [&](const Tensor& fa, const Tensor& fb) {
+        for (const ChannelComparison& comparison : engine.compare_channels(fa, fb)) {
+            sum += channel_distance(comparison, alpha_[channel], beta_[channel]);
+            ++channel;
+        }
     };
-    add(normalized_input(a, {0, 0, 0}, {1, 1, 1}), normalized_input(b, {0, 0, 0}, {1, 1, 1}));
-    FeatureMap fa = normalized_input(a, kMean, kDeviation), fb = normalized_input(b, kMean, kDeviation);
-    for (const NetStage& stage : net_.stages) {
-        fa = stage.run(std::move(fa));
-        fb = stage.run(std::move(fb));
+    add(normalized_input(engine, a, {0, 0, 0}, {1, 1, 1}), normalized_input(engine, b, {0, 0, 0}, {1, 1, 1}));
+    Tensor fa = normalized_input(engine, a, kMean, kDeviation), fb = normalized_input(engine, b, kMean, kDeviation);
+    for (const NetStage& stage : net_->stages) {
+        fa = stage.run(engine, std::move(fa), Pooling::kL2);
+        fb = stage.run(engine, std::move(fb), Pooling::kL2);
         add(fa, fb);
     }
     return sum / weight_sum_;

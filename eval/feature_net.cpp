@@ -5,6 +5,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "eval/metric_weights.h"
 #include "eval/psnr.h"
@@ -13,67 +14,60 @@
 namespace gs {
 namespace {
 
-FeatureMap pooled(FeatureMap in, Pooling pooling) {
-    switch (pooling) {
-        case Pooling::kMax2: return max_pool(in, 2, 2);
-        case Pooling::kMax3: return max_pool(in, 3, 2);
-        case Pooling::kL2: return l2_pool(in);
-        case Pooling::kNone: break;
-    }
-    return in;
+Tensor pooled(const TensorEngine& engine, const Tensor& in, Pooling pooling) {
+    if (pooling == Pooling::kL2) return engine.l2_pool(in);
+    return engine.max_pool(in, pooling == Pooling::kMax2 ? 2 : 3, 2);
 }
 
 }  // namespace
 
-FeatureMap NetStage::run(FeatureMap in) const {
-    FeatureMap map = pooled(std::move(in), pooling);
-    for (const ConvLayer& layer : layers) map = convolve(map, layer, true);
-    return map;
+Tensor NetStage::run(const TensorEngine& engine, Tensor in, Pooling pooling) const {
+    if (pools) in = pooled(engine, in, pooling);
+    for (const ConvLayer& layer : layers) in = engine.convolve(in, layer, true);
+    return in;
 }
 
-FeatureNet load_vgg16(const std::filesystem::path& file, Pooling pooling) {
+std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file) {
     const MetricWeights weights(file);
-    FeatureNet net;
-    net.min_side = pooling == Pooling::kMax2 ? 16 : 1;  // four halvings that round down; l2_pool rounds up
+    FeatureNet net{std::move(engine), {}};
     int in = 3, index = 0;
     for (const auto& [channels, count] : {std::pair(64, 2), {128, 2}, {256, 3}, {512, 3}, {512, 3}}) {
-        NetStage stage{net.stages.empty() ? Pooling::kNone : pooling, {}};
+        NetStage stage{!net.stages.empty(), {}};
         for (int i = 0; i < count; ++i) {
-            stage.layers.push_back(weights.read_layer(fmt::format("features.{}", index), {in, channels, 3, 1, 1, {}, {}}));
+            stage.layers.push_back(weights.read_layer(*net.engine, fmt::format("features.{}", index), {in, channels, 3, 1, 1}));
             in = channels;
             index += 2;  // a ReLU follows
         }
         index += 1;  // pooling
         net.stages.push_back(std::move(stage));
     }
-    return net;
+    return std::make_shared<const FeatureNet>(std::move(net));
 }
 
-FeatureNet load_alexnet(const std::filesystem::path& file) {
+std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file) {
     const MetricWeights weights(file);
-    FeatureNet net;
-    net.min_side = 31;  // leaves 7, 3 and 1 values after the first convolution and the two poolings
-    const auto add = [&](Pooling pooling, int index, ConvLayer layer) {
-        net.stages.push_back({pooling, {weights.read_layer(fmt::format("features.{}", index), std::move(layer))}});
+    FeatureNet net{std::move(engine), {}};
+    const auto add = [&](bool pools, int index, const ConvLayer& layer) {
+        net.stages.push_back({pools, {weights.read_layer(*net.engine, fmt::format("features.{}", index), layer)}});
     };
-    add(Pooling::kNone, 0, {3, 64, 11, 4, 2, {}, {}});
-    add(Pooling::kMax3, 3, {64, 192, 5, 1, 2, {}, {}});
-    add(Pooling::kMax3, 6, {192, 384, 3, 1, 1, {}, {}});
-    add(Pooling::kNone, 8, {384, 256, 3, 1, 1, {}, {}});
-    add(Pooling::kNone, 10, {256, 256, 3, 1, 1, {}, {}});
-    return net;
+    add(false, 0, {3, 64, 11, 4, 2});
+    add(true, 3, {64, 192, 5, 1, 2});
+    add(true, 6, {192, 384, 3, 1, 1});
+    add(false, 8, {384, 256, 3, 1, 1});
+    add(false, 10, {256, 256, 3, 1, 1});
+    return std::make_shared<const FeatureNet>(std::move(net));
 }
 
-FeatureMap normalized_input(const Image& image, const std::array<double, 3>& offset, const std::array<double, 3>& scale) {
+Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset, const std::array<double, 3>& scale) {
     if (image.channels != 3) throw UsageError(fmt::format("learned metrics compare rgb images, not {} channels", image.channels));
-    FeatureMap map(3, image.height, image.width);
+    std::vector<float> values;
+    values.reserve(std::size_t(3) * image.height * image.width);
     for (int c = 0; c < 3; ++c) {
-        float* to = map.plane(c);
         for (int y = 0; y < image.height; ++y) {
-            for (int x = 0; x < image.width; ++x) *to++ = float((double(image.value(x, y, c)) - offset[c]) / scale[c]);
+            for (int x = 0; x < image.width; ++x) values.push_back(float((double(image.value(x, y, c)) - offset[c]) / scale[c]));
         }
     }
-    return map;
+    return engine.upload(3, image.height, image.width, values);
 }
 
 void require_net_size(const Image& a, const Image& b, int min_side) {

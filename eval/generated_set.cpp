@@ -111,14 +111,10 @@ Gaussians generated_gaussians(std::int64_t count, std::uint64_t seed, const Appe
     return g;
 }
 
-Scene generated_scene(Backend& backend, const Vec3<float>& background) {
-    Scene scene;
-    scene.source = scene.kind = "generated";
-    scene.split_rule = "no test views";
+std::vector<Camera> generated_cameras() {
+    std::vector<Camera> cameras(kNumCameras);
     for (int k = 0; k < kNumCameras; ++k) {
-        View view;
-        view.name = "orbit_" + std::to_string(k);
-        Camera& camera = view.camera;
+        Camera& camera = cameras[std::size_t(k)];
         camera.width = 1280, camera.height = 720;
         camera.fx = camera.fy = kFocal, camera.cx = 640, camera.cy = 360;
         const double angle = 2 * M_PI * k / kNumCameras, elevation = k % 2 ? 0.6 : 0.2;
@@ -128,6 +124,18 @@ Scene generated_scene(Backend& backend, const Vec3<float>& background) {
         camera.rotation.row(1) = (-away).cross(right);
         camera.rotation.row(2) = -away;
         camera.translation = -camera.rotation * (kDistance * away);
+    }
+    return cameras;
+}
+
+Scene generated_scene(Backend& backend, const Vec3<float>& background) {
+    Scene scene;
+    scene.source = scene.kind = "generated";
+    scene.split_rule = "no test views";
+    for (const Camera& camera : generated_cameras()) {
+        View view;
+        view.name = "orbit_" + std::to_string(scene.train.size());
+        view.camera = camera;
         RenderRequest request;
         request.camera = camera_params(camera);
         request.background = background;

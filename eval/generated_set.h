@@ -2,6 +2,8 @@
 // Sets of Gaussians of any size without data, so that speed can be measured at scale.
 #pragma once
 
+#include <vector>
+
 #include "kernels/backend.h"
 #include "lib/scene/scene.h"
 
@@ -13,7 +15,10 @@ namespace gs {
 /// are the model's initial values plus normals of 0.05. All degrees are active.
 Gaussians generated_gaussians(std::int64_t count, std::uint64_t seed, const AppearanceSpec& appearance);
 
-/// Eight cameras of 1280x720 pixels around the ball, whose images are what `backend` renders now, as 8 bits.
+/// Eight of 1280x720 pixels around the ball.
+std::vector<Camera> generated_cameras();
+
+/// Training views of these cameras, whose images are what `backend` renders now, as 8 bits.
 Scene generated_scene(Backend& backend, const Vec3<float>& background);
 
 }  // namespace gs

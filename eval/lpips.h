@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,9 @@ LpipsRange parse_lpips_range(const std::string& name);
 
 class Lpips {
   public:
-    /// Reads vgg16.safetensors and lpips_vgg.safetensors, or alexnet.safetensors and lpips_alex.safetensors (lin0..lin4.weight
-    /// (1,C,1,1)), of the folder. Throws DataError naming file and tensor.
-    Lpips(const std::filesystem::path& folder, LpipsNet net, LpipsRange range);
+    /// `net`: VGG16 or AlexNet, as `kind` says. Reads lpips_vgg.safetensors or lpips_alex.safetensors (lin0..lin4.weight (1,C,1,1)) of the
+    /// folder. Throws DataError naming file and tensor.
+    Lpips(std::shared_ptr<const FeatureNet> net, LpipsNet kind, const std::filesystem::path& folder, LpipsRange range);
 
     /// 0 for identical images, larger for less similar ones; symmetric. The sum over five layers of the mean over pixels of
     /// the weighted squared difference of features that have unit length in each pixel. Values in [0,1], 3 channels. Throws
@@ -33,16 +34,18 @@ class Lpips {
     /// Source: Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", version 0.1.
     double operator()(const Image& a, const Image& b) const;
 
-    int min_side() const { return net_.min_side; }
-    /// The files that the constructor reads.
+    /// VGG16: four halvings that round down. AlexNet: leaves 7, 3 and 1 values after the first convolution and the two poolings.
+    int min_side() const { return kind_ == LpipsNet::kVgg ? 16 : 31; }
+    /// The files of net and heads.
     static std::vector<std::string> files(LpipsNet net);
     /// One sentence for the protocol in results.json.
     static std::string describe(LpipsNet net, LpipsRange range);
 
   private:
-    FeatureNet net_;
+    std::shared_ptr<const FeatureNet> net_;
+    LpipsNet kind_;
     LpipsRange range_;
-    std::vector<std::vector<float>> heads_;  ///< by stage, by channel
+    std::vector<Tensor> heads_;  ///< by stage: (C,1,1)
 };
 
 }  // namespace gs

@@ -24,9 +24,9 @@ std::vector<float> MetricWeights::read(const std::string& name, const std::vecto
     return values;
 }
 
-ConvLayer MetricWeights::read_layer(const std::string& name, ConvLayer layer) const {
-    layer.weights = read(name + ".weight", {layer.out, layer.in, layer.kernel, layer.kernel});
-    layer.bias = read(name + ".bias", {layer.out});
+ConvLayer MetricWeights::read_layer(const TensorEngine& engine, const std::string& name, ConvLayer layer) const {
+    layer.weights = engine.upload(layer.out, layer.in, layer.kernel * layer.kernel, read(name + ".weight", {layer.out, layer.in, layer.kernel, layer.kernel}));
+    layer.bias = engine.upload(layer.out, 1, 1, read(name + ".bias", {layer.out}));
     return layer;
 }
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/convolution.h"
+#include "kernels/tensors/tensor_engine.h"
 #include "lib/io/safetensors.h"
 
 namespace gs {
@@ -20,8 +20,8 @@ class MetricWeights {
     /// Throws DataError naming file and tensor when it is missing, has another shape or type, or holds a value that is not finite.
     std::vector<float> read(const std::string& name, const std::vector<std::int64_t>& shape) const;
 
-    /// `name`.weight and `name`.bias of a layer whose sizes are filled in. Throws as above.
-    ConvLayer read_layer(const std::string& name, ConvLayer layer) const;
+    /// `name`.weight and `name`.bias of a layer whose sizes are filled in, for `engine`. Throws as above.
+    ConvLayer read_layer(const TensorEngine& engine, const std::string& name, ConvLayer layer) const;
 
   private:
     std::filesystem::path path_;

@@ -12,6 +12,7 @@
 #include "eval/milo.h"
 #include "eval/psnr.h"
 #include "kernels/core/error.h"
+#include "lib/train/choose_backend.h"
 
 namespace gs {
 namespace {
@@ -27,7 +28,7 @@ const MetricInfo& metric_info(const std::string& name) {
 
 MetricScore measured(double value) { return {value, ""}; }
 
-/// compute() of a metric with weights. It is shared, as functions are copied and weights are large.
+/// compute() of a metric with weights. It is shared, as functions are copied.
 template <class Net>
 auto checked_size(std::shared_ptr<const Net> net, int min_side) {
     return [net, min_side](const Image& render, const Image& truth) {
@@ -50,17 +51,27 @@ std::optional<MetricScore> without_weights(const std::filesystem::path& folder, 
     return std::nullopt;
 }
 
-}  // namespace
+/// What learned metrics share, made when the first of them asks.
+class SharedNets {
+  public:
+    explicit SharedNets(const MetricOptions& options) : options_(options) {}
 
-const std::vector<MetricInfo>& known_metrics() {
-    static const std::vector<MetricInfo> all = {
-        {"psnr", "PSNR", true, 2},  {"ssim", "SSIM", true, 4},   {"lpips-vgg", "LPIPS-VGG", false, 4}, {"lpips-alex", "LPIPS-Alex", false, 4},
-        {"flip", "FLIP", false, 4}, {"dists", "DISTS", false, 4}, {"milo", "MILO", false, 4},
-    };
-    return all;
-}
+    std::shared_ptr<const TensorEngine> engine() {
+        if (!engine_) engine_ = choose_tensor_engine(options_.device);
+        return engine_;
+    }
+    std::shared_ptr<const FeatureNet> vgg16() {
+        if (!vgg16_) vgg16_ = load_vgg16(engine(), options_.weights / "vgg16.safetensors");
+        return vgg16_;
+    }
 
-Metric make_metric(const std::string& name, const MetricOptions& options) {
+  private:
+    const MetricOptions& options_;
+    std::shared_ptr<const TensorEngine> engine_;
+    std::shared_ptr<const FeatureNet> vgg16_;
+};
+
+Metric make_metric(const std::string& name, const MetricOptions& options, SharedNets& nets) {
     Metric metric{metric_info(name), "", nullptr};
     // Of a metric with weights: absent files are an answer, damaged ones are an error now rather than after rendering.
     const auto learned = [&](const std::vector<std::string>& files, const auto& load) {
@@ -81,22 +92,37 @@ Metric make_metric(const std::string& name, const MetricOptions& options) {
         metric.compute = [ppd = options.flip_pixels_per_degree](const Image& a, const Image& b) { return measured(flip(a, b, ppd)); };
     } else if (name == "dists") {
         metric.protocol = Dists::describe();
-        learned(Dists::files(), [&] {
-            const auto net = std::make_shared<const Dists>(options.weights);
-            return checked_size(net, net->min_side());
-        });
+        learned(Dists::files(), [&] { return checked_size(std::make_shared<const Dists>(nets.vgg16(), options.weights), Dists::kMinSide); });
     } else if (name == "milo") {
         metric.protocol = Milo::describe();
-        learned(Milo::files(), [&] { return checked_size(std::make_shared<const Milo>(options.weights), Milo::kMinSide); });
+        learned(Milo::files(), [&] { return checked_size(std::make_shared<const Milo>(nets.engine(), options.weights), Milo::kMinSide); });
     } else {
         const LpipsNet kind = name == "lpips-vgg" ? LpipsNet::kVgg : LpipsNet::kAlex;
         metric.protocol = Lpips::describe(kind, options.lpips_range);
         learned(Lpips::files(kind), [&] {
-            const auto net = std::make_shared<const Lpips>(options.weights, kind, options.lpips_range);
-            return checked_size(net, net->min_side());
+            const auto net = kind == LpipsNet::kVgg ? nets.vgg16() : load_alexnet(nets.engine(), options.weights / "alexnet.safetensors");
+            const auto lpips = std::make_shared<const Lpips>(net, kind, options.weights, options.lpips_range);
+            return checked_size(lpips, lpips->min_side());
         });
     }
     return metric;
+}
+
+}  // namespace
+
+const std::vector<MetricInfo>& known_metrics() {
+    static const std::vector<MetricInfo> all = {
+        {"psnr", "PSNR", true, 2},  {"ssim", "SSIM", true, 4},   {"lpips-vgg", "LPIPS-VGG", false, 4}, {"lpips-alex", "LPIPS-Alex", false, 4},
+        {"flip", "FLIP", false, 4}, {"dists", "DISTS", false, 4}, {"milo", "MILO", false, 4},
+    };
+    return all;
+}
+
+std::vector<Metric> make_metrics(const std::vector<std::string>& names, const MetricOptions& options) {
+    SharedNets nets(options);
+    std::vector<Metric> metrics;
+    for (const std::string& name : names) metrics.push_back(make_metric(name, options, nets));
+    return metrics;
 }
 
 std::vector<std::string> parse_metric_names(const std::string& list) {

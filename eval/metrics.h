@@ -35,6 +35,7 @@ struct MetricOptions {
     LpipsRange lpips_range = LpipsRange::kSymmetric;
     double flip_pixels_per_degree = kFlipPixelsPerDegree;
     std::filesystem::path weights;  ///< folder that scripts/export_metric_weights.py wrote; empty = none
+    std::string device = "auto";    ///< that learned metrics compute on: auto, cpu, cuda
 };
 
 struct Metric {
@@ -44,13 +45,13 @@ struct Metric {
     std::function<MetricScore(const Image& render, const Image& truth)> compute;
 };
 
-/// The named metric, its weights loaded (60 MB for VGG16, of each metric that uses it). Where files of weights are missing the
-/// metric answers with that reason; damaged ones throw DataError naming file and tensor. Throws UsageError naming the known
-/// ones for another name.
-Metric make_metric(const std::string& name, const MetricOptions& options);
+/// The named metrics, in that order, their weights loaded to the device (VGG16's once). Where files of weights are missing a metric answers
+/// with that reason; damaged ones throw DataError naming file and tensor. Throws UsageError naming the known ones for another name,
+/// DeviceError for "cuda" without a device.
+std::vector<Metric> make_metrics(const std::vector<std::string>& names, const MetricOptions& options);
 
 /// The names in a list as typed, "psnr,ssim,flip", without repetitions and in the order of known_metrics(). "all" stands for
-/// all of them. Throws UsageError as make_metric, and for an empty list.
+/// all of them. Throws UsageError as make_metrics, and for an empty list.
 std::vector<std::string> parse_metric_names(const std::string& list);
 
 /// The folder of weights: as given on the command line, else the environment variable GSAPP_METRIC_WEIGHTS, else empty. Throws

@@ -3,10 +3,11 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "eval/convolution.h"
+#include "kernels/tensors/tensor_engine.h"
 #include "lib/io/image.h"
 
 namespace gs {
@@ -15,7 +16,7 @@ class Milo {
   public:
     /// Reads milo.safetensors of the folder (mask_finder_1.netBasic.{0,2,4,6,8}.{weight,bias} as in the authors' MILO.pth).
     /// Throws DataError naming file and tensor.
-    explicit Milo(const std::filesystem::path& folder);
+    Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& folder);
 
     /// The authors' "raw error", not its remapping to opinion scores: 0 for identical images, lower is better. A net of five
     /// 3x3 convolutions sees truth, render and the upsampled mask of the next coarser of four scales; the last mask weights
@@ -32,6 +33,7 @@ class Milo {
     static std::string describe() { return "MILO raw error (mean of mask times absolute difference), images at their size in [0,1]"; }
 
   private:
+    std::shared_ptr<const TensorEngine> engine_;
     std::vector<ConvLayer> layers_;
 };
 

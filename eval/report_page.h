@@ -3,7 +3,7 @@
 
 namespace gs {
 
-/// eval/report_page.html: the page of write_report, with {{tables}}, {{plots}}, {{program}} and {{pictures}}, in this order, to be filled in.
+/// eval/report_page.html: the body of write_report's page, with {{tables}}, {{plots}}, {{program}} and {{pictures}}, in this order, to be filled in.
 extern const char* const kReportPage;
 
 }  // namespace gs

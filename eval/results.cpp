@@ -99,4 +99,17 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     write_text_atomic(folder.results(), results.dump(1) + "\n");
 }
 
+void write_frame_times(const RunFolder& folder, std::int64_t iteration, const FrameTimes& times) {
+    Json results = existing(folder.results());
+    section(results, "frame_times")[fmt::format("ours_{}", iteration)] = {{"protocol", kFrameProtocol},
+                                                                          {"device", times.device},
+                                                                          {"num_views", times.num_views},
+                                                                          {"frames_per_view", times.frames_per_view},
+                                                                          {"mean_seconds", times.mean},
+                                                                          {"median_seconds", times.median},
+                                                                          {"min_seconds", times.min},
+                                                                          {"max_seconds", times.max}};
+    write_text_atomic(folder.results(), results.dump(1) + "\n");
+}
+
 }  // namespace gs

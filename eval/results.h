@@ -9,6 +9,7 @@
 #include <string>
 
 #include "eval/evaluate.h"
+#include "eval/frame_times.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {
@@ -42,5 +43,8 @@ struct RunFacts {
 /// JSON knows no infinity: a PSNR of identical images is written as null. Atomic per file. Throws DataError when an
 /// existing file is no JSON object or cannot be written.
 void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts);
+
+/// Adds "frame_times": {"ours_N": {..}} to results.json, which need not exist. Atomic. Throws as above.
+void write_frame_times(const RunFolder& folder, std::int64_t iteration, const FrameTimes& times);
 
 }  // namespace gs

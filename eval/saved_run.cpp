@@ -61,12 +61,13 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     return model;
 }
 
-SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const std::string& source) {
+SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead) {
     SavedRun run;
     run.folder = run_folder;
     run.options = load_run_options(run_folder);
     run.options.model = run_folder.string(); // which may have been moved
-    if (!source.empty()) run.options.source = source;
+    if (!instead.source.empty()) run.options.source = instead.source;
+    if (!instead.device.empty()) run.options.device = instead.device;
     const SavedModel model = read_saved_model(run_folder, iteration);
     run.iteration = model.iteration;
     run.correction = model.correction;

@@ -38,9 +38,14 @@ bool holds_model(const std::filesystem::path& run_folder);
 /// DataError naming what is missing. Warns where ppisp.json is of another iteration.
 SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
-/// Opens a model as read_saved_model does, and the scene the run was trained on (`source` instead, loaded with the run's options,
-/// unless empty). Throws what load_scene throws, too.
-SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration, const std::string& source = "");
+/// What is taken instead of the run's own option, where not empty.
+struct RunChanges {
+    std::string source = {}, device = {};
+};
+
+/// Opens a model as read_saved_model does, and the scene the run was trained on (or another, loaded with the run's options). Throws what
+/// load_scene throws, too.
+SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead = {});
 
 /// How `--appearance auto` chose the run's model; null where it was named. Throws DataError for a file that is no JSON object.
 nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_folder);

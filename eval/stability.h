@@ -19,6 +19,8 @@
 #include <string>
 #include <vector>
 
+#include "eval/text_table.h"
+
 namespace gs {
 
 /// One model and one kind of input.
@@ -39,7 +41,9 @@ struct StabilityRow {
 /// mathematics library; no random seed to choose.
 std::vector<StabilityRow> measure_stability();
 
-/// Markdown, padded to read in a terminal.
-std::string format_stability(const std::vector<StabilityRow>& rows);
+/// The same for every colour activation and the named models; names that are not registered are ignored.
+std::vector<StabilityRow> measure_stability(const std::vector<std::string>& models);
+
+TextTable stability_table(const std::vector<StabilityRow>& rows);
 
 }  // namespace gs

@@ -9,6 +9,8 @@
 #include <limits>
 #include <random>
 
+#include "appearance/model_info.h"
+
 namespace gs {
 namespace {
 
@@ -103,9 +105,11 @@ std::span<const float> stability_sweep() {
 
 std::string ends_text(double at_lowest, double at_highest) { return fmt::format("{:.3g} at -max, {:.3g} at +max", at_lowest, at_highest); }
 
-std::vector<StabilityRow> measure_stability() {
+std::vector<StabilityRow> measure_stability() { return measure_stability(appearance_names()); }
+
+std::vector<StabilityRow> measure_stability(const std::vector<std::string>& models) {
     std::vector<StabilityRow> rows = measure_activation_stability();
-    for (StabilityRow& row : measure_model_stability()) rows.push_back(std::move(row));
+    for (StabilityRow& row : measure_model_stability(models)) rows.push_back(std::move(row));
     return rows;
 }
 

@@ -36,7 +36,8 @@ std::span<const float> stability_sweep();
 /// "a at -max, b at +max".
 std::string ends_text(double at_lowest, double at_highest);
 
-std::vector<StabilityRow> measure_model_stability();
+/// Of the named models, in the order of the registry; others are ignored.
+std::vector<StabilityRow> measure_model_stability(const std::vector<std::string>& models);
 std::vector<StabilityRow> measure_activation_stability();
 
 }  // namespace gs

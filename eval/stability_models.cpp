@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <random>
@@ -12,6 +13,7 @@
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "eval/stability_compare.h"
+#include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
 
 #include "appearance_types.inc"
@@ -193,15 +195,21 @@ template <class Model> class Sweep {
     std::normal_distribution<float> normal_;
 };
 
-template <class... Models> std::vector<StabilityRow> sweep_all() {
+template <class... Models> std::vector<StabilityRow> sweep_all(const std::vector<std::string>& names) {
+    std::vector<std::function<std::vector<StabilityRow>()>> sweeps;
+    const auto add = [&]<class Model>(const Model* model) {
+        if (std::find(names.begin(), names.end(), appearance_name(model)) != names.end()) sweeps.push_back([] { return Sweep<Model>().rows(); });
+    };
+    (add(static_cast<const Models*>(nullptr)), ...);
+    std::vector<std::vector<StabilityRow>> by_model(sweeps.size());
+    parallel_for(std::int64_t(sweeps.size()), [&](std::int64_t k) { by_model[std::size_t(k)] = sweeps[std::size_t(k)](); });
     std::vector<StabilityRow> all;
-    const auto add = [&](std::vector<StabilityRow> rows) { std::move(rows.begin(), rows.end(), std::back_inserter(all)); };
-    (add(Sweep<Models>().rows()), ...);
+    for (auto& rows : by_model) std::move(rows.begin(), rows.end(), std::back_inserter(all));
     return all;
 }
 
 }  // namespace
 
-std::vector<StabilityRow> measure_model_stability() { return sweep_all<GS_ALL_APPEARANCE_MODELS>(); }
+std::vector<StabilityRow> measure_model_stability(const std::vector<std::string>& models) { return sweep_all<GS_ALL_APPEARANCE_MODELS>(models); }
 
 }  // namespace gs

@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The grids, and reading their run folders back.
+// The grids.
 #include "eval/suite.h"
 
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/fmt/ranges.h>
 
-#include <algorithm>
 #include <functional>
 #include <limits>
 
-#include "eval/table.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
-#include "lib/model/run_folder.h"
 
 namespace gs {
 namespace {
@@ -30,8 +27,7 @@ std::vector<Row> densification_rows() {
     };
     const auto tenth = [](TrainOptions& o) {
         o.strategy = "mcmc", o.speedy_splat = false;
-        o.cap_max = std::max<std::int64_t>(1, o.cap_max / 10);
-        o.init_points = std::min(o.init_points, o.cap_max); // MCMC keeps what is there to begin with
+        limit_budget(o, 0.1);
     };
     return {{"MCMC", "mcmc", strategy("mcmc", false)},
             {"MCMC 0.1x", "mcmc-0.1x", tenth},
@@ -82,18 +78,11 @@ std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<s
             cell.options.eval = true;
             cell.options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
             row.vary(cell.options);
+            require_named_appearance(cell.options);
             validate(cell.options);
             cells.push_back(std::move(cell));
         }
     return cells;
-}
-
-std::optional<CellResult> finished_cell(const SuiteCell& cell) {
-    const std::optional<TableRow> row = finished_run(cell.options);
-    if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;
-    std::error_code ignored;
-    const auto bytes = fs::file_size(RunFolder{cell.options.model}.point_cloud(cell.options.iterations), ignored);
-    return CellResult{row->psnr, row->ssim, *row->num_gaussians, *row->train_seconds, *row->frame_seconds, std::int64_t(bytes)};
 }
 
 }  // namespace gs

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/cell.h"
 #include "lib/core/train_options.h"
 
 namespace gs {
@@ -26,19 +27,6 @@ std::vector<std::string> suite_names();
 /// strategy" is decided in every cell by its own; what the suite varies is overwritten, `eval` is on. Folders are
 /// <base.model>/<row>-<appearance>. Throws UsageError for an unknown suite, and where validate does.
 std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<std::string>& appearances, const TrainOptions& base);
-
-/// Scores and costs of a finished run.
-struct CellResult {
-    double psnr = 0, ssim = 0;
-    std::int64_t num_gaussians = 0;
-    double train_seconds = 0;
-    double frame_seconds = 0;  ///< mean of a frame at the test views' size
-    std::int64_t bytes = 0;    ///< of the point cloud file
-};
-
-/// The result of a cell whose folder holds a finished run of the same options; empty otherwise. Options that change neither
-/// model nor figures (messages, image cache, saving along the way) may differ.
-std::optional<CellResult> finished_cell(const SuiteCell& cell);
 
 struct SuiteLine {
     SuiteCell cell;

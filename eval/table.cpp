@@ -57,6 +57,15 @@ std::optional<double> number_fact(const Json& object, const char* name) {
     return object.at(name).get<double>();
 }
 
+/// Empty unless all of it is there.
+std::optional<FrameTimes> frame_times_fact(const Json& object) {
+    const auto views = count_fact(object, "num_views"), frames = count_fact(object, "frames_per_view");
+    const auto mean = number_fact(object, "mean_seconds"), median = number_fact(object, "median_seconds"), min = number_fact(object, "min_seconds"),
+               max = number_fact(object, "max_seconds");
+    if (!views || !frames || !mean || !median || !min || !max) return std::nullopt;
+    return FrameTimes{text_fact(object, "device"), int(*views), int(*frames), *mean, *median, *min, *max};
+}
+
 }  // namespace
 
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration) {
@@ -99,6 +108,7 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     if (count.is_number_integer()) row.num_gaussians = count.get<std::int64_t>();
     row.train_seconds = number_fact(timing, "train_seconds");
     row.frame_seconds = number_fact(timing, "frame_seconds");
+    row.frame_times = frame_times_fact(fact(json, "frame_times", key));
     row.peak_device_bytes = count_fact(fact(json, "memory", key), "peak_device_bytes");
     return row;
 }

@@ -10,6 +10,7 @@
 #include "kernels/camera.h"
 #include "kernels/ceilings.h"
 #include "kernels/core/gaussian_state.h"
+#include "kernels/raster_config.h"
 
 namespace gs {
 
@@ -98,6 +99,11 @@ struct BackendOptions {
     bool deterministic = false;                      ///< fixed order of all sums: bitwise repeatable on one device, slower
     bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, through memory; for comparison
     std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
+    double min_alpha = kMinAlpha;                    ///< fainter fragments are skipped; at least kMinAlpha
+    double min_transmittance = kMinTransmittance;    ///< a pixel below this is finished
+    bool exact_math = false;                         ///< CUDA: exponentials of fragments to the last bit, not in one instruction
+    bool half_residuals = false;                     ///< CUDA: frames read residual parameters rounded to half precision
+    bool packed_moments = false;                     ///< CUDA: Adam's two moments of a residual parameter in 32 bits (bfloat16)
 };
 
 struct McmcParams {

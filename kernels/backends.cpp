@@ -6,6 +6,7 @@
 #include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
+#include "kernels/tensors/tensor_engine.h"
 
 #include "backends.inc"
 
@@ -37,6 +38,7 @@ int cuda_device_count() { return 0; }
 std::string cuda_driver_description() { throw DeviceError(cuda_unavailable_reason()); }
 Ceilings cuda_ceilings() { throw DeviceError(cuda_unavailable_reason()); }
 std::string cuda_unavailable_reason() { return "this gsapp was built without CUDA"; }
+std::unique_ptr<TensorEngine> make_cuda_tensor_engine() { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
 std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
 #endif
 

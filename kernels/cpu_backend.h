@@ -14,7 +14,8 @@ namespace gs {
 
 template <class Model> class CpuBackend final : public Backend {
   public:
-    explicit CpuBackend(const BackendOptions&) {} // every sum has a fixed order here; images stay where they are
+    /// Every sum has a fixed order here, and images stay where they are.
+    explicit CpuBackend(const BackendOptions& options) : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
 
     std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
 

@@ -33,7 +33,7 @@ class StageTimer {
 
 template <class Real, class Model> class CpuRasterizer {
   public:
-    explicit CpuRasterizer(std::int64_t max_instances = default_max_instances()) : max_instances_(max_instances) {}
+    explicit CpuRasterizer(std::int64_t max_instances = default_max_instances(), const Cutoffs<Real>& cutoffs = {}) : max_instances_(max_instances), cutoffs_(cutoffs) {}
 
     /// image: planar (3,H,W); transmittance: (H,W). Keeps what backward() needs.
     void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background, int degree,
@@ -144,7 +144,7 @@ template <class Real, class Model> class CpuRasterizer {
         Splat<Real>& s = splats_[i];
         PixelBounds b;
         Real z;
-        if (!make_splat(g, camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, b, z)) return;
+        if (!make_splat(g, camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, b, z, cutoffs_)) return;
         const std::size_t before = bin.tiles.size();
         for (int ty = b.y_min / kCpuTile; ty * kCpuTile < b.y_max; ++ty)
             for (int tx = b.x_min / kCpuTile; tx * kCpuTile < b.x_max; ++tx) {
@@ -161,10 +161,11 @@ template <class Real, class Model> class CpuRasterizer {
     TileInput<Real> tile_input(std::int64_t tile) const {
         const std::uint32_t first = binning_.offsets()[tile], last = binning_.offsets()[tile + 1];
         return {int(tile % tiles_x_) * kCpuTile, int(tile / tiles_x_) * kCpuTile, camera_.width, camera_.height,
-                binning_.instances().data() + first, std::int64_t(last - first), splats_.data(), background_};
+                binning_.instances().data() + first, std::int64_t(last - first), splats_.data(), background_, cutoffs_};
     }
 
     std::int64_t max_instances_;
+    Cutoffs<Real> cutoffs_;
     CameraParams<Real> camera_{};
     DepthKey depth_key_{};
     Vec3<Real> background_{};

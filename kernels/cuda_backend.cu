@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #include "appearance/model_info.h"
 #include "kernels/cuda_device.h"
@@ -15,6 +16,15 @@ namespace {
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
 /// Largest side: pixel bounds are 16-bit, padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
+/// Threads of a block that rounds parameters, and where they saturate.
+constexpr int kHalfBlock = 256;
+constexpr float kLargestHalf = 65504;
+
+std::uint32_t bits_of(float x) {
+    std::uint32_t bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
 
 __global__ void report_step(const StepControl* control, StepStatus* status) {
     status->num_instances = control->num_instances;
@@ -31,12 +41,38 @@ cudaStream_t make_stream() {
     return stream;
 }
 
+/// A group's moments as words of both (packed_moments.h), to nearest.
+template <class Group> std::vector<float> packed(const Group& group) {
+    std::vector<float> words(group.m.size());
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        const std::uint32_t word = pack_moments(bits_of(group.m[i]), bits_of(group.v[i]), 0x8000);
+        std::memcpy(&words[i], &word, sizeof word);
+    }
+    return words;
+}
+
+/// Back: m holds the words.
+template <class Group> void unpack(Group& group) {
+    group.v.resize(group.m.size());
+    for (std::size_t i = 0; i < group.m.size(); ++i) {
+        const std::uint32_t word = bits_of(group.m[i]), m = first_moment_bits(word), v = second_moment_bits(word);
+        std::memcpy(&group.m[i], &m, sizeof m);
+        std::memcpy(&group.v[i], &v, sizeof v);
+    }
+}
+
+__global__ void round_to_half(std::size_t n, const float* values, __half* out) {
+    const std::size_t i = std::size_t(blockIdx.x) * kHalfBlock + threadIdx.x;
+    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -kLargestHalf, kLargestHalf));
+}
+
 int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
 
 }  // namespace
 
 CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& options)
-    : kernels_(kernels), options_(options), stream_(make_stream()), lazy_(model_, stream_), images_(options.image_budget, kInFlight) {
+    : kernels_(kernels), options_(options), cutoffs_(Cutoffs<float>::of(options.min_alpha, options.min_transmittance)), stream_(make_stream()), lazy_(model_, stream_), images_(options.image_budget, kInFlight) {
+    model_.packed_moments = options.packed_moments;
     GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
     for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
     GS_CUDA(cudaMemsetAsync(control_.reserve(1), 0, sizeof(StepControl), stream_));
@@ -69,6 +105,10 @@ void CudaBackend::upload(const Gaussians& state) {
         const auto& group = state.groups[g];
         meta_.groups[g].width = model_.width[g] = group.width;
         model_.param[g].upload(group.param);
+        if (model_.moments(g).size() == 1) {
+            model_.m[g].upload_or_zero(group.m.empty() ? group.m : packed(group), group.param.size());
+            continue;
+        }
         model_.m[g].upload_or_zero(group.m, group.param.size());
         model_.v[g].upload_or_zero(group.v, group.param.size());
     }
@@ -90,6 +130,7 @@ void CudaBackend::upload(const Gaussians& state) {
     ppisp_.upload(state.ppisp);
     sizes_ = {}; // it takes some of the scratch block
     model_.count = state.count;
+    half_residuals_current_ = false;
     lazy_.reset(meta_.step);
     GS_CUDA(cudaDeviceSynchronize());
 }
@@ -104,7 +145,10 @@ Gaussians CudaBackend::download(bool with_moments) {
         out.groups[g].param = model_.param[g].download(n);
         if (!with_moments) continue;
         out.groups[g].m = model_.m[g].download(n);
-        out.groups[g].v = model_.v[g].download(n);
+        if (model_.moments(g).size() == 1)
+            unpack(out.groups[g]);
+        else
+            out.groups[g].v = model_.v[g].download(n);
     }
     const std::size_t shared = std::size_t(kernels_.shared.count);
     out.shared.param = model_.shared_param.download(shared);
@@ -173,11 +217,24 @@ PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, R
                                     p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation,
                                     model_.shared_param.get()};
     return {view, camera, kernels_.directional ? meta_.active_degree : 0, padded(camera.width, kCudaTileX), padded(camera.height, kCudaTileY), mode,
-            DepthKey::of(camera.near_plane, camera.far_plane), lazy, {}, {}};
+            DepthKey::of(camera.near_plane, camera.far_plane), cutoffs_, lazy, {}, {}, nullptr};
+}
+
+PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
+    PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+    if (!options_.half_residuals || model_.floats(int(Group::kResidual)) == 0) return args;
+    if (!half_residuals_current_) {
+        const std::size_t n = model_.floats(int(Group::kResidual));
+        round_to_half<<<num_blocks(n, kHalfBlock), kHalfBlock, 0, stream_>>>(n, model_.param[int(Group::kResidual)].get(), half_residuals_.reserve(n));
+        GS_CUDA_LAUNCHED("round_to_half");
+        half_residuals_current_ = true;
+    }
+    args.half_residuals = half_residuals_.get();
+    return args;
 }
 
 BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
-    return {camera.width, camera.height, background, image_, transmittance_};
+    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_, options_.exact_math};
 }
 
 CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
@@ -234,7 +291,7 @@ CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
     CudaBins bins;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
-        PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+        PreprocessArgs args = frame_args(r);
         bins = enqueue_forward(args, r.background, false);
         report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
         GS_CUDA_LAUNCHED("report_step");
@@ -273,7 +330,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     GS_CUDA(cudaEventRecord(begin, stream_));
     for (int k = 0; k < repeats; ++k)
         for (const RenderRequest& view : views) {
-            PreprocessArgs args = preprocess_args(view.camera, view.mode, {});
+            PreprocessArgs args = frame_args(view);
             enqueue_forward(args, view.background, false);
             if (ppisp_.corrects(view.isp)) ppisp_.apply(view.isp, image_, view.camera.width, view.camera.height, image_, stream_);
         }
@@ -300,6 +357,7 @@ void CudaBackend::step(const StepRequest& r) {
     Step s;
     s.request = r;
     s.adam_step = ++meta_.step;
+    half_residuals_current_ = false;
     s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates[int(Group::kResidual)]);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) s.isp_step = ppisp_.begin_step();
     launch(std::move(s), r.target);
@@ -453,7 +511,7 @@ MemoryUse CudaBackend::memory() {
     sizes_ = {}; // counting leaves null pointers behind
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
-    use.rows = {{"parameters, Adam moments, indices", model_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
+    use.rows = {{"parameters, Adam moments, indices", model_.bytes() + half_residuals_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
                 {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     if (ppisp_.host().active()) use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
@@ -478,6 +536,7 @@ MemoryUse CudaBackend::memory() {
 template <class Fn> auto CudaBackend::densify(Fn fn) {
     settle();
     sizes_ = {}; // it may use all of the scratch block
+    half_residuals_current_ = false;
     CudaDensify densify(model_, scratch_, stream_);
     const auto result = fn(densify);
     lazy_.reset(meta_.step);

@@ -103,6 +103,8 @@ class CudaBackend final : public Backend {
     /// Forgets all steps in flight, none of which has changed anything.
     void abandon_steps();
     PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
+    /// Of a frame: all steps are taken.
+    PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
     /// Runs a densification; rows have then taken all steps.
     template <class Fn> auto densify(Fn fn);
@@ -111,9 +113,12 @@ class CudaBackend final : public Backend {
 
     const ModelKernels kernels_;
     const BackendOptions options_;
+    const Cutoffs<float> cutoffs_;
     cudaStream_t stream_ = nullptr;
     CudaModel model_;
     CudaLazyResiduals lazy_;
+    DeviceBuffer<__half> half_residuals_; ///< only with options.half_residuals
+    bool half_residuals_current_ = false;
     CudaPpisp ppisp_;
     Gaussians meta_; ///< all but count, arrays and PPISP
 

@@ -2,8 +2,11 @@
 // What the CUDA backend needs of an appearance model: its kernels. Everything else is compiled once.
 #pragma once
 
+#include <cuda_fp16.h>
+
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/optimizer/lazy_adam.h"
+#include "kernels/optimizer/moments_cuda.cuh"
 #include "kernels/optimizer/update_device.h"
 
 namespace gs {
@@ -12,7 +15,7 @@ namespace gs {
 struct LazyArgs {
     std::uint32_t* last_step; ///< (n) Adam's step up to which a residual is caught up; null: all are
     std::uint32_t step;       ///< the step to be taken
-    const float *m, *v;       ///< moments of the residuals
+    MomentRows moments;       ///< of the residuals
     LazyTable table;
 
     __device__ int lag(std::int64_t i) const { return last_step ? int(step - 1 - last_step[i]) : 0; }
@@ -38,9 +41,11 @@ struct PreprocessArgs {
     int degree, width_padded, height_padded; ///< padded to whole tiles
     RenderMode mode;
     DepthKey depth_key;
+    Cutoffs<float> cutoffs;
     LazyArgs lazy;
     SharedArgs shared;
     SeparateArgs separate;
+    const __half* half_residuals; ///< residual parameters as frames read them; null: those of `params`
 };
 
 struct ModelKernels {

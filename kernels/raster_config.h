@@ -16,6 +16,15 @@ inline constexpr double kMaxLogScale = 40;
 inline constexpr double kMinAlpha = 1.0 / 255.0;
 /// A pixel is finished by the fragment that takes its transmittance below this; that fragment is still blended.
 inline constexpr double kMinTransmittance = 1e-4;
+
+/// Where a backend stops looking: the two limits above, or higher ones that trade accuracy for speed.
+template <class Real> struct Cutoffs {
+    Real alpha = Real(kMinAlpha), inverse_alpha = Real(255); ///< at least kMinAlpha, below which nothing is kept for rendering
+    Real transmittance = Real(kMinTransmittance);
+
+    static Cutoffs of(double alpha, double transmittance) { return {Real(alpha), Real(1 / alpha), Real(transmittance)}; }
+};
+
 /// Floor of 1-alpha in the backward pass.
 inline constexpr double kMinOneMinusAlpha = 1e-6;
 /// |q|^2 below this has no direction: culled, and dead for densification.

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp bench`: what an iteration and a frame cost on this machine; how stable the appearance models compute; and suites of
-// training runs.
+// `gsapp bench`: what an iteration and a frame cost on this machine; frame times of several runs; how stable the appearance models
+// compute; and suites of training runs.
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
 #include <map>
 #include <memory>
 
+#include "appearance/model_info.h"
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/frames.h"
 #include "apps/gsapp/suite.h"
 #include "eval/bench.h"
 #include "eval/generated_set.h"
@@ -30,9 +32,10 @@ struct BenchArguments {
     int repeat = 0, frame_repeat = 0;  ///< 0 = by device
     std::int64_t iteration = -1;       ///< -1 = the last saved one
     std::vector<std::int64_t> generate;
-    bool compare_deterministic = false, stability = false;
-    std::string suite;                 ///< empty = none
-    std::vector<std::string> appearances = {"sh", "nasgabor", "neural"};
+    bool compare_deterministic = false, stability = false, frames = false;
+    std::vector<std::string> runs;         ///< of --frames
+    std::string suite;                     ///< empty = none
+    std::vector<std::string> appearances;  ///< empty = by command
 };
 
 /// A GPU needs many short steps for one good number; on the CPU the same number of them would take minutes.
@@ -87,22 +90,36 @@ void measure_scene(const TrainOptions& options, const BenchArguments& arguments)
     measure(*backend, options, scene, model, subject, arguments);
 }
 
+void measure_frames(const TrainOptions& options, const BenchArguments& arguments) {
+    if (arguments.runs.empty() && arguments.generate.empty()) throw UsageError("--frames: name folders of runs, or sets with --generate");
+    run_frames({.runs = arguments.runs,
+                .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
+                .generate = arguments.generate,
+                .appearances = arguments.appearances.empty() ? appearance_names() : arguments.appearances,
+                .frames_per_view = repeats(arguments, options).frame_repeat},
+               options);
+}
+
 void run_bench_command(const TrainArguments& train, const BenchArguments& arguments) {
+    if (!arguments.appearances.empty() && arguments.suite.empty() && !arguments.frames)
+        throw UsageError("--appearances: only --suite and --frames compare models; --appearance names one");
     if (arguments.stability) {
-        std::fputs(format_stability(measure_stability()).c_str(), stdout);
+        std::fputs(markdown_table(stability_table(measure_stability())).c_str(), stdout);
         return;
     }
     if (!arguments.suite.empty()) {
         const TrainOptions base = train.combine();
         setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
-        run_suite(arguments.suite, arguments.appearances, base);
+        run_suite(arguments.suite, arguments.appearances.empty() ? std::vector<std::string>{"sh", "nasgabor", "neural"} : arguments.appearances, base);
         return;
     }
-    const bool generate = !arguments.generate.empty();
-    const TrainOptions options = train.resolve({.stored_run = !generate, .default_source = generate ? "generated" : ""});
+    const bool no_scene = !arguments.generate.empty() || arguments.frames;
+    const TrainOptions options = train.resolve({.stored_run = !no_scene, .default_source = no_scene ? "generated" : ""});
     setup_log(options.quiet ? "warn" : options.log_level);
     set_num_threads(options.threads);
-    if (generate)
+    if (arguments.frames)
+        measure_frames(options, arguments);
+    else if (no_scene)
         measure_generated(options, arguments);
     else
         measure_scene(options, arguments);
@@ -119,7 +136,7 @@ void add_bench_command(CLI::App& app, Command& selected) {
     command->add_option("--repeat", arguments->repeat, "Iterations in one measurement (default: 100 on a GPU, 20 on the CPU)")->check(CLI::Range(1, 100000));
     command->add_option("--frame-repeat", arguments->frame_repeat, "Times that each view is rendered (default: 100 on a GPU, 3 on the CPU)")
         ->check(CLI::Range(1, 100000));
-    CLI::Option* iteration = command->add_option("--iteration", arguments->iteration, "With -m RUN: saved iteration to measure (default: the last)")
+    CLI::Option* iteration = command->add_option("--iteration", arguments->iteration, "With -m RUN or --frames RUN: saved iteration to measure (default: the last)")
                                  ->check(CLI::NonNegativeNumber);
     // Checks run after transforms in the order they were added, so the range is that of the whole number.
     CLI::Option* generate = command->add_option("--generate", arguments->generate, "Sizes of generated sets, e.g. 1M,3M,6M; needs no scene")
@@ -139,8 +156,21 @@ void add_bench_command(CLI::App& app, Command& selected) {
                              ->excludes(iteration)
                              ->excludes(generate)
                              ->excludes(stability);
-    command->add_option("--appearances", arguments->appearances, "With --suite: appearance models")->delimiter(',')->capture_default_str()->needs(suite);
-    command->callback([train, arguments, &selected] { selected = [train, arguments] { run_bench_command(*train, *arguments); }; });
+    CLI::Option* frames = command->add_option("--frames", arguments->runs,
+                                              "Instead: frame times of the runs in these folders at 1280x720 pixels, by view, in one table and in their results.json; "
+                                              "with --generate also of generated sets, the same Gaussians for every model")
+                              ->expected(0, CLI::detail::expected_max_vector_size)
+                              ->type_name("[RUN ...]")
+                              ->excludes(stability)
+                              ->excludes(suite);
+    command->add_option("--appearances", arguments->appearances,
+                        "Appearance models of --suite (default: sh, nasgabor, neural) and of the generated sets of --frames (default: all)")
+        ->delimiter(',');
+    command->callback([train, arguments, frames, &selected] {
+        arguments->frames = frames->count() > 0;
+        std::erase(arguments->runs, "");  // what CLI11 makes of the option without a value
+        selected = [train, arguments] { run_bench_command(*train, *arguments); };
+    });
 }
 
 }  // namespace gs

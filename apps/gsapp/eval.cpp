@@ -36,7 +36,7 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
 
 void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
                   const EvalArguments& arguments) {
-    SavedRun run = open_saved_run(folder, iteration, arguments.source);
+    SavedRun run = open_saved_run(folder, iteration, {.source = arguments.source, .device = arguments.metrics.device});
     EvalOptions options;
     options.protocol = protocol;
     options.metrics = metrics;
@@ -62,10 +62,9 @@ void run_eval(const EvalArguments& arguments) {
     const TableFormat format = parse_table_format(arguments.format);
     Protocol protocol = find_protocol(arguments.protocol);
     if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);
-    std::vector<Metric> metrics;
-    for (const std::string& name : parse_metric_names(arguments.metrics.names)) {
-        if (name != "psnr" && name != "ssim") metrics.push_back(make_metric(name, metric_options(arguments.metrics, protocol.lpips_range)));
-    }
+    std::vector<std::string> further = parse_metric_names(arguments.metrics.names);
+    std::erase_if(further, [](const std::string& name) { return name == "psnr" || name == "ssim"; });  // always computed
+    const std::vector<Metric> metrics = make_metrics(further, metric_options(arguments.metrics, protocol.lpips_range));
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
@@ -95,7 +94,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
     command->add_option("--format", arguments->format, "Tables as markdown, csv, latex or json")->capture_default_str();
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
     add_metric_options(*command, arguments->metrics);
-    for (const char* option : {"--metrics", "--metric-weights"}) command->get_option(option)->excludes(skip);
+    for (const char* option : {"--metrics", "--metric-weights", "--device"}) command->get_option(option)->excludes(skip);
     command->add_option("--protocol", arguments->protocol, "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
         ->capture_default_str()
         ->excludes(skip);

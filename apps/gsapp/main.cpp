@@ -63,6 +63,7 @@ int run(int argc, char** argv) {
     add_render_command(app, selected);
     add_prepare_command(app, selected);
     add_bench_command(app, selected);
+    add_tradeoff_command(app, selected);
     add_metrics_command(app, selected);
     add_options_command(app, selected);
     try {

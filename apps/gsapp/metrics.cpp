@@ -32,8 +32,7 @@ void run_metrics(const CompareArguments& arguments) {
     require_same_size(render, truth);
     nlohmann::ordered_json json = {{"scores", nlohmann::ordered_json::object()}, {"not_measured", nlohmann::ordered_json::object()}};
     std::string text;
-    for (const std::string& name : names) {
-        const Metric metric = make_metric(name, options);
+    for (const Metric& metric : make_metrics(names, options)) {
         const MetricScore score = metric.compute(render, truth);
         const std::string& key = metric.info.key;
         if (score.value) {
@@ -44,7 +43,7 @@ void run_metrics(const CompareArguments& arguments) {
             json["not_measured"][key] = score.reason;
             text += fmt::format("{:<10} {}\n", key, score.reason);
         }
-        json["protocol"][name] = metric.protocol;
+        json["protocol"][metric.info.name] = metric.protocol;
     }
     std::fputs(arguments.json ? (json.dump(1) + "\n").c_str() : text.c_str(), stdout);
 }
@@ -58,12 +57,16 @@ void add_metric_options(CLI::App& command, MetricArguments& arguments) {
     command.add_option("--metric-weights", arguments.weights,
                        "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: $GSAPP_METRIC_WEIGHTS)")
         ->type_name("DIR");
+    command.add_option("--device", arguments.device,
+                       "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, cpu or cuda")
+        ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
 }
 
 MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_range) {
     MetricOptions options;
     options.lpips_range = lpips_range;
     options.weights = metric_weights_folder(arguments.weights);
+    if (!arguments.device.empty()) options.device = arguments.device;
     return options;
 }
 

@@ -12,9 +12,10 @@ namespace gs {
 struct MetricArguments {
     std::string names;    ///< as for parse_metric_names
     std::string weights;  ///< as for metric_weights_folder
+    std::string device = {};  ///< empty: not given
 };
 
-/// --metrics and --metric-weights, into `arguments`, which must outlive `command`.
+/// --metrics, --metric-weights and --device, into `arguments`, which must outlive `command`.
 void add_metric_options(CLI::App& command, MetricArguments& arguments);
 
 /// Throws UsageError.

@@ -9,6 +9,7 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/bench.h"
+#include "eval/cell.h"
 #include "eval/comparison_format.h"
 #include "eval/find_appearance.h"
 #include "eval/results.h"
@@ -175,8 +176,7 @@ void print_table(const std::vector<TableRow>& rows, bool quiet) {
 /// Trains the same with `num_runs` seeds in a row, into <model>-0, <model>-1, ..., and prints their mean and deviation.
 void run_seeds(TrainOptions base, int frame_rounds, int num_runs) {
     if (!base.resume.empty()) throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
-    if (base.appearance == kAutoAppearance)
-        throw UsageError("--runs: seeds are compared under one model; let one run of --appearance auto choose it, then name it here");
+    require_named_appearance(base);
     if (!base.eval) throw UsageError("--runs: there is nothing to average without --eval");
     if (base.model.empty()) base.model = default_run_folder(base, "-0");
     std::vector<TableRow> rows;

@@ -6,7 +6,7 @@ namespace {
 
 constexpr int kAtOnce = 4;
 
-template <bool kForBackward>
+template <bool kForBackward, bool kExact>
 __global__ void __launch_bounds__(kCudaTilePixels, 6)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, StepControl* __restrict__ control, float4* __restrict__ checkpoints,
                   BlendChunk* __restrict__ chunks, std::uint32_t* __restrict__ all_hits, std::uint32_t* __restrict__ processed) {
@@ -38,7 +38,7 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
     if (begin + lane < end) next = fetch(begin + lane);
     std::uint32_t base = begin;
     for (; base < end; base += 32) {
-        if (__all_sync(~0u, p.t < float(kMinTransmittance))) break;
+        if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
         if (kForBackward && base > begin && (base - begin) % kChunk == 0)
             checkpoints[(std::size_t(first_checkpoint) + (base - begin) / kChunk - 1) * kCudaTilePixels + threadIdx.x] = make_float4(p.r, p.g, p.b, p.t);
         const Splat<float> mine = next.splat();
@@ -56,14 +56,14 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
 #pragma unroll
             for (int u = 0; u < kAtOnce; ++u) {
                 s[u] = batch.load(k + u < count ? k + u : k);
-                alpha[u] = fragment_alpha(s[u].shape, px, py).alpha;
+                alpha[u] = fragment_alpha<kExact>(s[u].shape, px, py).alpha;
             }
 #pragma unroll
             for (int u = 0; u < kAtOnce; ++u) {
                 if (k + u >= count) break;
                 if (kForBackward)
-                    blended |= unsigned(__any_sync(~0u, alpha[u] >= float(kMinAlpha) && p.t >= float(kMinTransmittance))) << (k + u);
-                blend_fragment<float, float>(p, alpha[u], s[u].r, s[u].g, s[u].b);
+                    blended |= unsigned(__any_sync(~0u, alpha[u] >= image.cutoffs.alpha && p.t >= image.cutoffs.transmittance)) << (k + u);
+                blend_fragment<float, float>(p, alpha[u], s[u].r, s[u].g, s[u].b, image.cutoffs);
             }
         }
         if (kForBackward) {
@@ -109,10 +109,9 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles) {
 }
 
 void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream) {
-    if (for_backward)
-        blend_forward<true><<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, checkpoints_, chunks_, hits_, processed_);
-    else
-        blend_forward<false><<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, nullptr, nullptr, nullptr, nullptr);
+    const auto kernel = for_backward ? (image.exact ? blend_forward<true, true> : blend_forward<true, false>)
+                                     : (image.exact ? blend_forward<false, true> : blend_forward<false, false>);
+    kernel<<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, checkpoints_, chunks_, hits_, processed_);
     GS_CUDA_LAUNCHED("blend_forward");
 }
 

@@ -20,6 +20,7 @@ template <class Real> struct TileInput {
     std::int64_t num_instances;
     const Splat<Real>* splats;   ///< of all Gaussians
     Vec3<Real> background;
+    Cutoffs<Real> cutoffs;
 };
 
 inline constexpr int kTilePixels = kCpuTile * kCpuTile;
@@ -39,7 +40,7 @@ template <class Real> struct BlockGeometry {
         }
     }
 
-    /// Bit b: block b may hold a pixel with alpha >= 1/255.
+    /// Bit b: block b may hold a pixel with alpha at the cutoff or above.
     unsigned touched(const Splat<Real>& s) const {
         const Lanes<Real> power = min_power_in_rectangle(s, block_x, block_y, Real(kCpuBlock - 1), Real(kCpuBlock - 1));
         return mask_bits(at_least(Lanes<Real>(touch_threshold(s)), power));
@@ -75,12 +76,12 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
         for (; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelForward<L> p{L::load(t + at), L::load(r + at), L::load(g + at), L::load(b + at)};
-            blend_fragment<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg, cb);
+            blend_fragment<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg, cb, in.cutoffs);
             p.t.store(t + at);
             p.r.store(r + at);
             p.g.store(g + at);
             p.b.store(b + at);
-            if (!mask_bits(at_least(p.t, L(Real(kMinTransmittance))))) open &= ~(1u << block);
+            if (!mask_bits(at_least(p.t, L(in.cutoffs.transmittance)))) open &= ~(1u << block);
         }
     }
     const std::size_t plane = std::size_t(in.width) * in.height;
@@ -131,7 +132,7 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
         for (; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelBackward<L> p{L::load(t + at), L::load(behind + at), L::load(gr + at), L::load(gg + at), L::load(gb + at), L::load(background + at)};
-            blend_fragment_backward<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]), cr, cg, cb, sum);
+            blend_fragment_backward<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]), cr, cg, cb, in.cutoffs, sum);
             p.t.store(t + at);
             p.behind.store(behind + at);
         }

@@ -24,15 +24,18 @@ template <class P> struct FragmentShape {
 
 template <class P> struct FragmentAlpha {
     P dx, dy; ///< splat mean - pixel centre
-    P alpha;  ///< not yet compared with 1/255
+    P alpha;  ///< not yet compared with the cutoff
 };
 
 /// alpha of a splat at pixel centres (px, py). Forward and backward call this one function, so that they agree on
-/// which fragments count.
-template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
+/// which fragments count. kExact: the exponential to the last bit where P has a faster one.
+template <bool kExact = false, class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
     const P exponent = gs_fma(dx, gs_fma(s.qa, dx, s.qb * dy), s.qc * dy * dy);
-    return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
+    if constexpr (kExact)
+        return {dx, dy, s.opacity * gs_exp2(lane_min(exponent, P(0)))};
+    else
+        return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
 }
 
 /// Front-to-back state of a pixel.
@@ -40,9 +43,9 @@ template <class P> struct PixelForward {
     P t, r, g, b; ///< transmittance and colour so far
 };
 
-/// Blends one fragment where it is visible (alpha >= 1/255) and the pixel is unfinished (T >= 1e-4).
-template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb) {
-    const auto active = at_least(alpha, P(T(kMinAlpha))) & at_least(s.t, P(T(kMinTransmittance)));
+/// Blends one fragment where it is visible (alpha >= 1/255) and the pixel is unfinished (T >= 1e-4), or as other cutoffs say.
+template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
+    const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(s.t, P(cutoffs.transmittance));
     const P w = select(active, s.t * alpha, P(T(0)));
     s.r = gs_fma(w, cr, s.r);
     s.g = gs_fma(w, cg, s.g);
@@ -75,23 +78,23 @@ template <class P> struct FragmentSlope {
 
 /// Passes a fragment front to back: `t`, `behind` and `background` are those of PixelBackward, color_gradient is
 /// dL/dpixel . colour of the fragment.
-template <class P, class T> GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient) {
+template <class P, class T> GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient, const Cutoffs<T>& cutoffs) {
     const P zero(T(0)), one(T(1));
-    const auto active = at_least(alpha, P(T(kMinAlpha))) & at_least(t, P(T(kMinTransmittance)));
+    const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(t, P(cutoffs.transmittance));
     const P w = select(active, t * alpha, zero);
     const P t_after = t - w;
     // Behind the fragment that finishes a pixel there is exactly nothing. Setting so removes the one badly
     // conditioned case: 1/(1-alpha) up to 1e6 times rounding noise.
-    behind = select(at_least(t_after, P(T(kMinTransmittance))), behind - w * color_gradient, zero);
+    behind = select(at_least(t_after, P(cutoffs.transmittance)), behind - w * color_gradient, zero);
     const P inverse = reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))));
     const P dL_dalpha = t * color_gradient - (behind + background) * inverse;
     t = t_after;
     return {w, select(active, dL_dalpha, zero)};
 }
 
-template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb) {
+template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
     const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
-    const FragmentSlope<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient);
+    const FragmentSlope<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient, cutoffs);
     return {f.w, -(alpha * f.dL_dalpha)};
 }
 
@@ -109,14 +112,14 @@ template <class P> struct PixelScore {
 
 /// (dI/dG)^2 of one fragment, G = alpha / opacity its Gaussian's value (densification spec section 3). What is not finite
 /// counts as nothing: such a Gaussian is not worth more than one that was never seen.
-template <class P, class T> GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum) {
-    const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum).dL_dalpha, square = slope * slope;
+template <class P, class T> GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
+    const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs).dL_dalpha, square = slope * slope;
     return select(at_least(P(T(kLargestScore)), square), square, P(T(0)));
 }
 
 template <class P, class T>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb, SplatSums<P>& sum) {
-    const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, cr, cg, cb);
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb, const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
+    const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, cr, cg, cb, cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;
     sum.hx = sum.hx + hx;
@@ -134,7 +137,7 @@ template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, cons
     SplatGradient<T> d;
     d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};
     d.conic = {T(0.5) * k.hxx, T(0.5) * k.hxy, T(0.5) * k.hyy};
-    d.opacity = -k.h / s.opacity; // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255
+    d.opacity = -k.h / s.opacity; // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, as alpha had to be
     d.color = {k.r, k.g, k.b};
     return d;
 }

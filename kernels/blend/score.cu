@@ -23,7 +23,7 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
     }
     const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     for (std::uint32_t base = begin; base < end; base += 32) {
-        if (__all_sync(~0u, p.t < float(kMinTransmittance))) break;
+        if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
         Splat<float> mine{};
         std::uint32_t instance = 0;
         bool hit = false;
@@ -39,7 +39,7 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
         float of_lane = 0; // the sum of the lane-th splat
         for (int k = 0; k < count; ++k) {
             const SplatBatch::Entry s = batch.load(k);
-            const float sum = warp_sum(fragment_score<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.shape.opacity, s.r + s.g + s.b));
+            const float sum = warp_sum(fragment_score<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.shape.opacity, s.r + s.g + s.b, image.cutoffs));
             if (lane == k) of_lane = sum;
         }
         if (lane < count) {

@@ -30,7 +30,7 @@ void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelScore<L> p{L::load(t + at), L::load(behind + at), L::load(background + at)};
             const L alpha = fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha;
-            sum = sum + fragment_score<L, Real>(p, alpha, shape.opacity, color_sum);
+            sum = sum + fragment_score<L, Real>(p, alpha, shape.opacity, color_sum, in.cutoffs);
             p.t.store(t + at);
             p.behind.store(behind + at);
         }

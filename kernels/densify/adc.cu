@@ -85,10 +85,13 @@ __global__ void cap_opacities(std::int64_t n, float* raw_opacities) {
     if (i < n) raw_opacities[i] = reset_raw_opacity(raw_opacities[i]);
 }
 
-bool has_room(const CudaModel& model, std::int64_t rows) {
-    for (int g = 0; g < kNumGroups; ++g)
-        for (const auto* buffer : {&model.param[g], &model.m[g], &model.v[g]})
-            if (buffer->capacity() < std::size_t(rows) * model.width[g]) return false;
+bool has_room(CudaModel& model, std::int64_t rows) {
+    for (int g = 0; g < kNumGroups; ++g) {
+        const std::size_t floats = std::size_t(rows) * model.width[g];
+        if (model.param[g].capacity() < floats) return false;
+        for (const auto* moment : model.moments(g))
+            if (moment->capacity() < floats) return false;
+    }
     return true;
 }
 

@@ -75,7 +75,7 @@ void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, std::in
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.width[g];
         if (width == 0) continue;
-        for (auto* moment : {&model.m[g], &model.v[g]}) {
+        for (auto* moment : model.moments(g)) {
             clear_rows<<<blocks, kRowBlock, 0, stream>>>(num_rows, space.from, width, moment->get());
             GS_CUDA_LAUNCHED("clear_rows");
         }
@@ -119,7 +119,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
         if (read_back(space.sums + n - 1, stream_) > 0) {
             model_.reserve_rows(params.cap); // once; nothing works on the old rows any more
             for (int g = 0; g < kNumGroups; ++g)
-                for (auto* moment : {&model_.m[g], &model_.v[g]})
+                for (auto* moment : model_.moments(g))
                     if (const int width = model_.width[g])
                         GS_CUDA(cudaMemsetAsync(moment->get() + n * width, 0, std::size_t(target - n) * width * sizeof(float), stream_));
             fill_rows(model_, space, n, target - n, nullptr, params.min_opacity, RngStream::kGrow, iteration, seed, stream_);

@@ -57,7 +57,7 @@ void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.width[g];
         gather_array(model.param[g].get(), width, order, total, slice, stream);
-        for (auto* moment : {&model.m[g], &model.v[g]}) {
+        for (auto* moment : model.moments(g)) {
             gather_array(moment->get(), width, order, kept, slice, stream);
             if (const std::size_t fresh = std::size_t(total - kept) * width) GS_CUDA(cudaMemsetAsync(moment->get() + kept * width, 0, fresh * sizeof(float), stream));
         }

@@ -12,16 +12,21 @@ __global__ void fill(std::int64_t n, std::uint32_t value, std::uint32_t* out) {
 }
 
 /// A warp per row.
-__global__ void catch_up_all(std::int64_t n, int width, LazyArgs lazy, float* __restrict__ p, float* __restrict__ m, float* __restrict__ v) {
+__global__ void catch_up_all(std::int64_t n, int width, LazyArgs lazy, float* __restrict__ p) {
     const std::int64_t row = (std::int64_t(blockIdx.x) * kBlock + threadIdx.x) / 32;
     const int lane = threadIdx.x & 31;
     if (row >= n) return;
     const int lag = lazy.lag(row);
     if (lag <= 0) return;
     const float sum = lazy.table.sums[lag], decay_m = first_moment_decay(lag), decay_v = second_moment_decay(lag);
-    for (std::int64_t k = row * width + lane; k < (row + 1) * width; k += 32) {
-        p[k] = catch_up_parameter(p[k], m[k], v[k], sum, lazy.table.epsilon);
-        m[k] *= decay_m, v[k] *= decay_v;
+    const MomentRows moments = lazy.moments.at(row * width);
+    const std::uint32_t seed = mix_bits(std::uint32_t(row) ^ mix_bits(lazy.step));
+    p += row * width;
+    for (int k = lane; k < width; k += 32) {
+        float m, v;
+        moments.load(k, m, v);
+        p[k] = catch_up_parameter(p[k], m, v, sum, lazy.table.epsilon);
+        moments.store(k, m * decay_m, v * decay_v, seed);
     }
     __syncwarp();
     if (lane == 0) lazy.last_step[row] = lazy.step - 1;
@@ -41,7 +46,7 @@ LazyArgs CudaLazyResiduals::begin_step(std::int64_t step, bool lazy, double rate
     LazyArgs args{};
     args.step = std::uint32_t(step);
     args.last_step = last_step_.get();
-    args.m = model_.m[int(Group::kResidual)].get(), args.v = model_.v[int(Group::kResidual)].get();
+    args.moments = {model_.m[int(Group::kResidual)].get(), model_.v[int(Group::kResidual)].get()};
     args.table = schedule_.table();
     schedule_.advance(rate, step);
     step_ = step;
@@ -56,8 +61,8 @@ void CudaLazyResiduals::catch_up() {
     caught_up_ = step_;
     if (!behind) return;
     constexpr int k = int(Group::kResidual);
-    const LazyArgs args{last_step_.get(), std::uint32_t(step_ + 1), model_.m[k].get(), model_.v[k].get(), schedule_.table()};
-    catch_up_all<<<num_blocks(32 * n, kBlock), kBlock, 0, stream_>>>(n, width, args, model_.param[k].get(), model_.m[k].get(), model_.v[k].get());
+    const LazyArgs args{last_step_.get(), std::uint32_t(step_ + 1), {model_.m[k].get(), model_.v[k].get()}, schedule_.table()};
+    catch_up_all<<<num_blocks(32 * n, kBlock), kBlock, 0, stream_>>>(n, width, args, model_.param[k].get());
     GS_CUDA_LAUNCHED("catch_up_all");
 }
 

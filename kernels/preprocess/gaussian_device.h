@@ -80,13 +80,13 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
 /// left out: it is only worth computing once a tile is known to be touched.
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded, int height_padded, Splat<Real>& s,
-                      PixelBounds& bounds, Real& depth) {
-    if (!(sigmoid(g.raw_opacity) >= Real(kMinAlpha))) return false;
+                      PixelBounds& bounds, Real& depth, const Cutoffs<Real>& cutoffs = {}) {
+    if (!(sigmoid(g.raw_opacity) >= cutoffs.alpha)) return false;
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
     set_shape(s, p, g.raw_opacity);
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
-    s.threshold = gs_max(gs_log(Real(255) * s.opacity), Real(0));
+    s.threshold = gs_max(gs_log(cutoffs.inverse_alpha * s.opacity), Real(0));
     bounds = pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
     depth = p.cam.z;
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;

@@ -56,11 +56,15 @@ template <class Model> struct RowMemory {
     /// that this lane's row has missed. Returns the rows that had.
     __device__ unsigned load(const PreprocessArgs& a, std::int64_t first, unsigned mask, int lag) {
         const int width = a.params.residual_width;
+        if (a.half_residuals) { // of frames, which come after all steps
+            load_rows(mask, width, list, a.half_residuals + first * width, rows);
+            return 0;
+        }
         load_rows(mask, width, list, a.params.residual(first), rows);
         const unsigned stale = __ballot_sync(~0u, lag > 0);
         if (stale) {
             sums[threadIdx.x & 31] = a.lazy.table.sums[lag];
-            catch_up_rows(stale, width, list, sums, a.lazy.table.epsilon, a.lazy.m + first * width, a.lazy.v + first * width, rows);
+            catch_up_rows(stale, width, list, sums, a.lazy.table.epsilon, a.lazy.moments.at(first * width), rows);
         }
         return stale;
     }
@@ -96,7 +100,7 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     PixelBounds b{0, 0, 0, 0};
     float depth = 0;
     bool valid = i < a.params.count;
-    if (valid) valid = make_splat(a.params.geometry(i), a.camera, a.width_padded, a.height_padded, s, b, depth);
+    if (valid) valid = make_splat(a.params.geometry(i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
     const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
     const unsigned warp_visible = __ballot_sync(~0u, visible);
@@ -151,7 +155,7 @@ struct ColumnSteps {
 /// Adam on the selected residual rows of a warp, whose parameters (caught up) and gradients are in shared memory; the moments
 /// are multiplied by the factors of their row first.
 __device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list, const float* parameters, const float* gradients, const float* decay_m,
-                                   const float* decay_v, const ColumnSteps& steps, float* __restrict__ p, float* __restrict__ m, float* __restrict__ v) {
+                                   const float* decay_v, const ColumnSteps& steps, float* __restrict__ p, const MomentRows& moments, std::uint32_t seed) {
     RowElements elements(mask, width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
         int at[kRowUnroll], row[kRowUnroll], column[kRowUnroll];
@@ -159,7 +163,7 @@ __device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list,
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
             at[u] = elements.next(row[u], column[u]);
-            if (at[u] >= 0) mm[u] = m[at[u]], vv[u] = v[at[u]];
+            if (at[u] >= 0) moments.load(at[u], mm[u], vv[u]);
         }
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
@@ -167,21 +171,22 @@ __device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list,
             float x = parameters[at[u]];
             mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
             adam_update(x, mm[u], vv[u], gradients[at[u]], steps.of(column[u]));
-            p[at[u]] = x, m[at[u]] = mm[u], v[at[u]] = vv[u];
+            p[at[u]] = x;
+            moments.store(at[u], mm[u], vv[u], seed);
         }
     }
 }
 
 /// The same for all 32 rows, none of which has missed a step: four values at a time.
 __device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const ColumnSteps& steps, float* __restrict__ p,
-                                       float* __restrict__ m, float* __restrict__ v) {
+                                       const MomentRows& moments, std::uint32_t seed) {
     constexpr int kUnroll = 3;
     const int lane = threadIdx.x & 31, size = 8 * width;
     for (int e = lane; e < size; e += 32 * kUnroll) {
         float4 mm[kUnroll], vv[kUnroll];
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u)
-            if (e + 32 * u < size) mm[u] = reinterpret_cast<const float4*>(m)[e + 32 * u], vv[u] = reinterpret_cast<const float4*>(v)[e + 32 * u];
+            if (e + 32 * u < size) moments.load4(e + 32 * u, mm[u], vv[u]);
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u) {
             const int at = e + 32 * u;
@@ -191,7 +196,8 @@ __device__ inline void update_all_rows(int width, const float* parameters, const
             const auto step = [&](int k) { return steps.each ? steps.each[(4 * at + k) % width] : steps.all; };
             adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0)), adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1));
             adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2)), adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3));
-            reinterpret_cast<float4*>(p)[at] = x, reinterpret_cast<float4*>(m)[at] = mm[u], reinterpret_cast<float4*>(v)[at] = vv[u];
+            reinterpret_cast<float4*>(p)[at] = x;
+            moments.store4(at, mm[u], vv[u], seed);
         }
     }
 }
@@ -340,13 +346,15 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncwarp();
         constexpr int k = int(Group::kResidual);
         const std::int64_t first = (i - lane) * width;
-        float *p = arrays.param[k] + first, *m = arrays.m[k] + first, *v = arrays.v[k] + first;
+        float* p = arrays.param[k] + first;
+        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
+        const std::uint32_t seed = mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step)); // of the warp and the step
         const ColumnSteps steps{update.steps[k], update.per_column ? column_steps : nullptr};
         if (rows == ~0u && !stale) {
-            update_all_rows(width, parameters, gradients, steps, p, m, v);
+            update_all_rows(width, parameters, gradients, steps, p, moments, seed);
         } else {
             if (!stale) decay_m[lane] = decay_v[lane] = 1;
-            update_rows(rows, width, space.memory.list, parameters, gradients, decay_m, decay_v, steps, p, m, v);
+            update_rows(rows, width, space.memory.list, parameters, gradients, decay_m, decay_v, steps, p, moments, seed);
         }
     }
     if constexpr (kShared > 0) {

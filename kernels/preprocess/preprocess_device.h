@@ -22,7 +22,7 @@ template <class T> struct Splat {
     T a, b, c;      ///< conic: inverse of the dilated 2-D covariance [[a,b],[b,c]]
     T opacity;      ///< activated
     Vec3<T> color;  ///< after the colour activation
-    T threshold;    ///< ln(255 opacity) >= 0: the power at which alpha falls to 1/255
+    T threshold;    ///< ln(opacity / cutoff) >= 0: the power at which alpha falls to the cutoff, 1/255
 };
 
 /// Widening of the touch tests: above the rounding of the power in float, below what costs time.

@@ -3,7 +3,7 @@
 // are one contiguous piece, which its lanes move together; each thread then finds its row in shared memory.
 #pragma once
 
-#include "kernels/core/cuda.h"
+#include "kernels/optimizer/moments_cuda.cuh"
 
 namespace gs {
 
@@ -61,6 +61,29 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
     __syncwarp();
 }
 
+/// The same from half precision.
+__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const __half* __restrict__ from, float* to) {
+    if (mask == ~0u) {
+        for (int k = threadIdx.x & 31; k < 16 * width; k += 32) reinterpret_cast<float2*>(to)[k] = __half22float2(reinterpret_cast<const __half2*>(from)[k]);
+        __syncwarp();
+        return;
+    }
+    RowElements elements(mask, width, list);
+    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
+        int at[kRowUnroll], row, column;
+        __half x[kRowUnroll];
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            at[u] = elements.next(row, column);
+            if (at[u] >= 0) x[u] = from[at[u]];
+        }
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u)
+            if (at[u] >= 0) to[at[u]] = __half2float(x[u]);
+    }
+    __syncwarp();
+}
+
 /// Copies the rows of a warp that `mask` selects from shared memory, to the same offsets.
 __device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* __restrict__ to) {
     RowElements elements(mask, width, list);
@@ -74,8 +97,7 @@ __device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, 
 
 /// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums`: of the rows, in shared
 /// memory.
-__device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon, const float* __restrict__ m, const float* __restrict__ v,
-                                     float* parameters) {
+__device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon, const MomentRows& moments, float* parameters) {
     constexpr int kUnroll = 4;
     RowElements elements(mask, width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kUnroll) {
@@ -84,7 +106,7 @@ __device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* lis
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u) {
             at[u] = elements.next(row[u], column);
-            if (at[u] >= 0) mm[u] = m[at[u]], vv[u] = v[at[u]];
+            if (at[u] >= 0) moments.load(at[u], mm[u], vv[u]);
         }
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u)

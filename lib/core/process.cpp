@@ -3,6 +3,8 @@
 #include "lib/core/process.h"
 
 #include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
 #include <spawn.h>
 #include <spdlog/fmt/fmt.h>
 #include <sys/wait.h>
@@ -19,6 +21,7 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kKeptLines = 12;
+constexpr int kAskEvery = 100; // ms
 
 /// environ with `added` replacing variables of the same name.
 std::vector<std::string> merged_environment(const std::vector<std::pair<std::string, std::string>>& added) {
@@ -39,25 +42,41 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
     return out;
 }
 
-pid_t start(const std::vector<std::string>& arguments, const std::vector<std::string>& environment, int output) {
+pid_t start(const std::vector<std::string>& arguments, const std::vector<std::string>& environment, int output, bool own_group) {
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes); // its process group is 0: a new one
+    if (own_group) posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
     posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&actions, output, STDERR_FILENO);
     pid_t pid = 0;
-    const int error = posix_spawnp(&pid, arguments[0].c_str(), &actions, nullptr, pointers(arguments).data(), pointers(environment).data());
+    const int error = posix_spawnp(&pid, arguments[0].c_str(), &actions, &attributes, pointers(arguments).data(), pointers(environment).data());
     posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
     if (error == ENOENT) throw UsageError(fmt::format("the program '{}' is not installed or not on PATH", arguments[0]));
     if (error != 0) throw Error(ExitCode::kUnexpected, fmt::format("cannot start '{}': {}", arguments[0], std::strerror(error)));
     return pid;
 }
 
+/// Waits until there is something to read, or `stop` says so. Returns what it said.
+bool wait_for_input(int input, const std::function<bool()>& stop) {
+    pollfd ready{input, POLLIN, 0};
+    while (!stop())
+        if (::poll(&ready, 1, kAskEvery) > 0) return false;
+    return true;
+}
+
 /// Splits the stream at newlines and carriage returns (progress that programs overwrite in place).
-void read_lines(int input, const std::function<void(const std::string&)>& on_line) {
+void read_lines(int input, pid_t pid, const std::function<void(const std::string&)>& on_line, std::function<bool()> stop) {
     std::string line;
     char buffer[4096];
     for (;;) {
+        if (stop && wait_for_input(input, stop)) {
+            ::kill(pid, SIGINT);
+            stop = {}; // a second signal would end it before it has saved
+        }
         const ssize_t n = ::read(input, buffer, sizeof buffer);
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0) break;
@@ -93,19 +112,20 @@ struct Descriptor {
 }  // namespace
 
 ProcessResult run_process(const std::vector<std::string>& arguments, const std::vector<std::pair<std::string, std::string>>& environment,
-                          const std::function<void(const std::string&)>& on_line) {
+                          const std::function<void(const std::string&)>& on_line, const std::function<bool()>& stop) {
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0) throw Error(ExitCode::kUnexpected, fmt::format("cannot make a pipe: {}", std::strerror(errno)));
     Descriptor input{ends[0]}, output{ends[1]};
-    const pid_t child = start(arguments, merged_environment(environment), output.fd);
+    const pid_t child = start(arguments, merged_environment(environment), output.fd, bool(stop));
     output.close();
     ProcessResult result;
     try {
-        read_lines(input.fd, [&](const std::string& line) {
+        const auto keep_line = [&](const std::string& line) {
             if (line.find_first_not_of(" \t") != std::string::npos) result.last_lines.push_back(line);
             if (result.last_lines.size() > kKeptLines) result.last_lines.erase(result.last_lines.begin());
             on_line(line);
-        });
+        };
+        read_lines(input.fd, child, keep_line, stop);
     } catch (...) {
         input.close();  // a child that still writes then ends by SIGPIPE instead of waiting for a reader
         wait_for(child);

@@ -153,10 +153,40 @@ void add_run_options(Table& table) {
                      .values = "black, white, random, or R,G,B with numbers in 0..1"});
 }
 
+void add_precision_options(Table& table) {
+    const std::string group = "Precision";
+    table.push_back({.key = "alpha-cutoff",
+                     .field = &O::alpha_cutoff,
+                     .group = group,
+                     .help = "fragments fainter than this are skipped; 1 is what 3DGS does, more is faster and less accurate",
+                     .unit = "steps of 1/255",
+                     .min = 1,
+                     .max = 64});
+    table.push_back({.key = "transmittance-cutoff",
+                     .field = &O::transmittance_cutoff,
+                     .group = group,
+                     .help = "a pixel that lets less light through is finished; 1e-4 is what 3DGS does, more is faster and less accurate",
+                     .min = 1e-4,
+                     .max = 0.5});
+    table.push_back({.key = "exact-math",
+                     .field = &O::exact_math,
+                     .group = group,
+                     .help = "on the GPU: exponentials of fragments to the last bit instead of in one instruction; the CPU's always are"});
+    table.push_back({.key = "appearance-storage",
+                     .field = &O::appearance_storage,
+                     .group = group,
+                     .help = "on the GPU: precision in which frames read what makes colours depend on the view; it is trained in single precision",
+                     .choices = {"fp32", "fp16"}});
+    table.push_back({.key = "appearance-moments",
+                     .field = &O::appearance_moments,
+                     .group = group,
+                     .help = "on the GPU: precision of the optimizer's moments of the same parameters; bf16 takes a third of their training memory away",
+                     .choices = {"fp32", "bf16"}});
+}
+
 void add_model_options(Table& table) {
-    std::vector<std::string> models;
-    for (const ModelInfo* model : appearance_models()) models.push_back(model->name);
     const std::string group = "Model";
+    std::vector<std::string> models = appearance_names();
     models.push_back(kAutoAppearance);
     table.push_back({.key = "appearance",
                      .field = &O::appearance,
@@ -368,6 +398,7 @@ const std::vector<Option>& train_option_table() {
         Table t;
         add_input_options(t);
         add_run_options(t);
+        add_precision_options(t);
         add_model_options(t);
         add_photometric_options(t);
         add_loss_options(t);

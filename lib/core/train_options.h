@@ -37,6 +37,12 @@ struct TrainOptions {
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
     std::int64_t preview_every = 0;       ///< 0 = off
     std::string background = "black";     ///< black | white | random | R,G,B
+    // Precision
+    double alpha_cutoff = 1;              ///< steps of 1/255
+    double transmittance_cutoff = 1e-4;
+    bool exact_math = false;              ///< GPU only
+    std::string appearance_storage = "fp32"; ///< of frames: fp32 | fp16, GPU only
+    std::string appearance_moments = "fp32"; ///< of Adam: fp32 | bf16, GPU only
     // Appearance
     std::string appearance = "sh";        ///< a model's name, or "auto" until it is chosen
     double auto_tolerance = 0.1;          ///< dB

@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
 #include "lib/core/bytes.h"
 
@@ -11,15 +12,26 @@ namespace gs {
 bool uses_cuda(const std::string& device) { return device == "cuda" || (device == "auto" && cuda_available()); }
 
 BackendOptions backend_options(const TrainOptions& options) {
-    return {.deterministic = options.deterministic, .separate_appearance = options.separate_appearance, .image_budget = std::int64_t(parse_bytes(options.image_cache))};
+    return {.deterministic = options.deterministic,
+            .separate_appearance = options.separate_appearance,
+            .image_budget = std::int64_t(parse_bytes(options.image_cache)),
+            .min_alpha = kMinAlpha * options.alpha_cutoff,
+            .min_transmittance = options.transmittance_cutoff,
+            .exact_math = options.exact_math,
+            .half_residuals = options.appearance_storage == "fp16",
+            .packed_moments = options.appearance_moments == "bf16"};
 }
 
 std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
+    if (!cuda && (options.half_residuals || options.packed_moments))
+        throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " is of the GPU; the CPU computes in fp32");
     auto backend = cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
     const bool fallback = device == "auto" && !cuda;
     spdlog::info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }
+
+std::unique_ptr<TensorEngine> choose_tensor_engine(const std::string& device) { return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine(); }
 
 }  // namespace gs

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which device a model runs on.
+// Which device a model runs on, and its scores are computed on.
 #pragma once
 
 #include <string>
 
 #include "kernels/backend.h"
+#include "kernels/tensors/tensor_engine.h"
 #include "lib/core/train_options.h"
 
 namespace gs {
@@ -17,5 +18,8 @@ BackendOptions backend_options(const TrainOptions& options);
 
 /// Of an "auto" that found no GPU, one line of the log says why. Throws DeviceError for "cuda" without a device.
 std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
+
+/// What learned metrics compute on. Throws as above.
+std::unique_ptr<TensorEngine> choose_tensor_engine(const std::string& device);
 
 }  // namespace gs

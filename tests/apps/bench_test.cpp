@@ -2,6 +2,8 @@
 // `gsapp bench` and `gsapp --version` as a user calls them.
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -38,6 +40,23 @@ TEST(Bench, MeasuresInitialPointsElsewhere) {
     expect_lines(program.run("bench -s builtin:diffuse -r 4" + std::string(kFew)), {"builtin:diffuse, initial points"});
     EXPECT_EQ(program.run("bench -s builtin:diffuse -m none --iteration 1").exit_code, 2);
     EXPECT_EQ(program.run("bench").exit_code, 2);
+}
+
+TEST(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
+    const Program program;
+    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run").exit_code, 0);
+    const auto before = nlohmann::json::parse(program.read("run/results.json"));
+    const Outcome frames = program.run("bench --frames run --generate 1k --appearances none,sv --device cpu --frame-repeat 2");
+    expect_lines(frames, {"| run | scene     | model | device ", "| run | diffuse   | none  | CPU", "| -   | generated | none  | CPU", "| -   | generated | sv    | CPU",
+                          "\n\nframe times at 1280x720 pixels"});
+    auto after = nlohmann::json::parse(program.read("run/results.json"));
+    EXPECT_EQ(after["frame_times"]["ours_2"]["frames_per_view"], 2);
+    EXPECT_GE(after["frame_times"]["ours_2"]["max_seconds"], after["frame_times"]["ours_2"]["min_seconds"]);
+    after.erase("frame_times");
+    EXPECT_EQ(after, before) << "nothing else changes";
+    EXPECT_EQ(program.run("bench --frames").exit_code, 2);
+    EXPECT_EQ(program.run("bench --frames nowhere").exit_code, 3);
+    EXPECT_EQ(program.run("bench --generate 1k --appearances none").exit_code, 2) << "one model at a time";
 }
 
 TEST(Bench, TabulatesStabilityWithoutAScene) {

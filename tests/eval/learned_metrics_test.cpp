@@ -13,6 +13,8 @@
 #include "eval/milo.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/cuda_device.h"
+#include "lib/train/choose_backend.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/random_weights.h"
 
@@ -266,12 +268,32 @@ double expected_milo(const Image& render, const Image& truth) {
     return sum / (3.0 * truth.width * truth.height);
 }
 
+using EnginePointer = std::shared_ptr<const TensorEngine>;
+
+Lpips make_lpips(const EnginePointer& engine, LpipsNet kind, LpipsRange range) {
+    const auto net = kind == LpipsNet::kVgg ? load_vgg16(engine, weights().path("vgg16.safetensors")) : load_alexnet(engine, weights().path("alexnet.safetensors"));
+    return {net, kind, weights().folder.path(), range};
+}
+
+Dists make_dists(const EnginePointer& engine) { return {load_vgg16(engine, weights().path("vgg16.safetensors")), weights().folder.path()}; }
+
+/// Of every engine there is.
+class Definition : public ::testing::TestWithParam<const char*> {
+  protected:
+    void SetUp() override {
+        if (GetParam() == std::string("cuda") && !cuda_available()) GTEST_SKIP() << "no CUDA device: " << cuda_unavailable_reason();
+        engine_ = choose_tensor_engine(GetParam());
+    }
+    EnginePointer engine_;
+};
+INSTANTIATE_TEST_SUITE_P(Engines, Definition, ::testing::Values("cpu", "cuda"), [](const auto& info) { return std::string(info.param); });
+
 void expect_relative(double value, double expected) { EXPECT_LT(std::abs(value - expected) / expected, 1e-5) << value << " " << expected; }
 
-TEST(Lpips, VggEqualsTheDefinition) {
+TEST_P(Definition, OfLpipsWithVgg) {
     const Image a = noise_image(21, 16, 1), b = noise_image(21, 16, 2);
     for (const LpipsRange range : {LpipsRange::kSymmetric, LpipsRange::kUnit}) {
-        const Lpips lpips(weights().folder.path(), LpipsNet::kVgg, range);
+        const Lpips lpips = make_lpips(engine_, LpipsNet::kVgg, range);
         const double score = lpips(a, b);
         expect_relative(score, expected_lpips(a, b, LpipsNet::kVgg, range));
         EXPECT_EQ(lpips(a, a), 0);
@@ -279,10 +301,10 @@ TEST(Lpips, VggEqualsTheDefinition) {
     }
 }
 
-TEST(Lpips, AlexNetEqualsTheDefinition) {
+TEST_P(Definition, OfLpipsWithAlexNet) {
     const Image a = noise_image(47, 31, 3), b = noise_image(47, 31, 4);
     for (const LpipsRange range : {LpipsRange::kSymmetric, LpipsRange::kUnit}) {
-        const Lpips lpips(weights().folder.path(), LpipsNet::kAlex, range);
+        const Lpips lpips = make_lpips(engine_, LpipsNet::kAlex, range);
         const double score = lpips(a, b);
         expect_relative(score, expected_lpips(a, b, LpipsNet::kAlex, range));
         EXPECT_EQ(lpips(a, a), 0);
@@ -290,8 +312,8 @@ TEST(Lpips, AlexNetEqualsTheDefinition) {
     }
 }
 
-TEST(Dists, EqualsTheDefinition) {
-    const Dists dists(weights().folder.path());
+TEST_P(Definition, OfDists) {
+    const Dists dists = make_dists(engine_);
     for (const auto& [width, height] : {std::pair(19, 14), {1, 1}}) {
         const Image a = noise_image(width, height, 5), b = noise_image(width, height, 6);
         const double score = dists(a, b);
@@ -301,8 +323,8 @@ TEST(Dists, EqualsTheDefinition) {
     }
 }
 
-TEST(Milo, EqualsTheDefinition) {
-    const Milo milo(weights().folder.path());
+TEST_P(Definition, OfMilo) {
+    const Milo milo(engine_, weights().folder.path());
     for (const auto& [width, height] : {std::pair(16, 16), {23, 17}, {33, 40}}) {
         const Image render = noise_image(width, height, 7), truth = noise_image(width, height, 8);
         expect_relative(milo(render, truth), expected_milo(render, truth));
@@ -313,9 +335,12 @@ TEST(Milo, EqualsTheDefinition) {
 
 TEST(LearnedMetrics, TheNumberOfThreadsChangesNoBit) {
     const Image a = noise_image(64, 49, 9), b = noise_image(64, 49, 10);
-    const auto folder = weights().folder.path();
+    MetricOptions options;
+    options.weights = weights().folder.path(), options.device = "cpu";
     const auto scores = [&] {
-        return std::vector{Lpips(folder, LpipsNet::kAlex, LpipsRange::kUnit)(a, b), Dists(folder)(a, b), Milo(folder)(a, b)};
+        std::vector<std::optional<double>> values;
+        for (const Metric& metric : make_metrics({"lpips-alex", "dists", "milo"}, options)) values.push_back(metric.compute(a, b).value);
+        return values;
     };
     const int threads = num_threads();
     set_num_threads(1);
@@ -325,12 +350,21 @@ TEST(LearnedMetrics, TheNumberOfThreadsChangesNoBit) {
     set_num_threads(threads);
 }
 
+TEST(LearnedMetrics, OfOneNetAreThoseOfEachAlone) {
+    const Image a = noise_image(20, 17, 13), b = noise_image(20, 17, 14);
+    MetricOptions options;
+    options.weights = weights().folder.path(), options.device = "cpu";
+    const std::vector<Metric> both = make_metrics({"lpips-vgg", "dists"}, options);
+    EXPECT_EQ(both[0].compute(a, b).value, make_lpips(make_cpu_tensor_engine(), LpipsNet::kVgg, LpipsRange::kSymmetric)(a, b));
+    EXPECT_EQ(both[1].compute(a, b).value, make_dists(make_cpu_tensor_engine())(a, b));
+}
+
 TEST(LearnedMetrics, SmallImagesAreAReason) {
     MetricOptions options;
-    options.weights = weights().folder.path();
+    options.weights = weights().folder.path(), options.device = "cpu";
     const std::pair<const char*, int> nets[] = {{"lpips-vgg", 16}, {"lpips-alex", 31}, {"milo", 16}};
     for (const auto& [name, side] : nets) {
-        const Metric metric = make_metric(name, options);
+        const Metric metric = make_metrics({name}, options)[0];
         const Image small = noise_image(40, side - 1, 11), enough = noise_image(side, side, 12);
         const MetricScore score = metric.compute(small, small);
         EXPECT_FALSE(score.value) << name;
@@ -338,7 +372,7 @@ TEST(LearnedMetrics, SmallImagesAreAReason) {
         EXPECT_EQ(metric.compute(enough, enough).value, 0.0) << name;
         EXPECT_THROW(metric.compute(small, enough), UsageError);
     }
-    EXPECT_THROW(Lpips(options.weights, LpipsNet::kAlex, LpipsRange::kUnit)(noise_image(30, 30, 1), noise_image(30, 30, 2)), UsageError);
+    EXPECT_THROW(make_lpips(make_cpu_tensor_engine(), LpipsNet::kAlex, LpipsRange::kUnit)(noise_image(30, 30, 1), noise_image(30, 30, 2)), UsageError);
 }
 
 /// The message of the DataError that loading the heads in `broken` gives.
@@ -347,9 +381,9 @@ std::string message(const WeightFile& broken) {
     weights().alex.write(folder.path() / "alexnet.safetensors");
     broken.write(folder.path() / "lpips_alex.safetensors");
     MetricOptions options;
-    options.weights = folder.path();
+    options.weights = folder.path(), options.device = "cpu";
     try {
-        make_metric("lpips-alex", options);
+        make_metrics({"lpips-alex"}, options);
     } catch (const DataError& e) {
         return e.what();
     }

@@ -23,7 +23,7 @@ TEST(Metrics, NamesAreCheckedAndOrdered) {
     EXPECT_EQ(parse_metric_names("flip,psnr,flip"), (std::vector<std::string>{"psnr", "flip"}));
     EXPECT_EQ(parse_metric_names("all").size(), known_metrics().size());
     for (const char* bad : {"", "psnr,", "lpips", "PSNR"}) EXPECT_THROW(parse_metric_names(bad), UsageError) << bad;
-    EXPECT_THROW(make_metric("vmaf", {}), UsageError);
+    EXPECT_THROW(make_metrics({"vmaf"}, {}), UsageError);
     EXPECT_THROW(parse_lpips_range("0..1"), UsageError);
     EXPECT_THROW(metric_weights_folder("/nowhere"), UsageError);
 }
@@ -33,13 +33,13 @@ TEST(Metrics, WithoutWeightsThereIsAReasonAndNoNumber) {
     const test::TemporaryFolder empty;
     for (const MetricInfo& info : known_metrics()) {
         const bool learned = info.name != "psnr" && info.name != "ssim" && info.name != "flip";
-        const MetricScore score = make_metric(info.name, {}).compute(image, image);
+        const MetricScore score = make_metrics({info.name}, {})[0].compute(image, image);
         EXPECT_EQ(score.value.has_value(), !learned) << info.name;
         EXPECT_EQ(score.reason, learned ? "not measured: no weights (see scripts/export_metric_weights.py)" : "") << info.name;
         if (!learned) continue;
         MetricOptions options;
         options.weights = empty.path();
-        const MetricScore missing = make_metric(info.name, options).compute(image, image);
+        const MetricScore missing = make_metrics({info.name}, options)[0].compute(image, image);
         EXPECT_FALSE(missing.value) << info.name;
         EXPECT_NE(missing.reason.find(".safetensors is missing"), std::string::npos) << missing.reason;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Seeded numbers, images and files of weights for tests of metrics.
+// Seeded images and files of weights for tests of metrics.
 #pragma once
 
 #include <cmath>
@@ -8,17 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "kernels/core/rng.h"
 #include "lib/io/image.h"
 #include "lib/io/safetensors.h"
+#include "tests/kernels/random_values.h"
 
 namespace gs::test {
-
-inline std::vector<float> random_values(std::size_t count, std::uint64_t seed, float low, float high) {
-    std::vector<float> values(count);
-    for (std::size_t i = 0; i < count; ++i) values[i] = low + (high - low) * uniform_from_bits(philox(seed, RngStream::kScene, i, 0).v[0]);
-    return values;
-}
 
 /// 8-bit rgb noise.
 inline Image noise_image(int width, int height, std::uint64_t seed) {

@@ -54,6 +54,27 @@ TEST_F(Report, TablesEscapeNamesAndMarkTheBest) {
     EXPECT_NE(html.find("<p class=\"protocol\">"), std::string::npos);
 }
 
+TEST_F(Report, FrameTimesStandWhereTheyWereMeasured) {
+    rows_[1].frame_times = FrameTimes{"<gpu>", 8, 100, 0.002, 0.0015, 0.001, 0.004};
+    const std::string html = report_frame_times(compare_runs(rows_));
+    EXPECT_NE(html.find("<td>&lt;gpu&gt;</td>"), std::string::npos) << html;
+    EXPECT_NE(html.find("<td class=\"number\">1.500</td>"), std::string::npos) << html;
+    EXPECT_NE(html.find("<p class=\"protocol\">frame times at 1280x720"), std::string::npos) << html;
+    EXPECT_NE(html.find("Not measured: a. <code>gsapp bench --frames RUN</code>"), std::string::npos) << html;
+    rows_[0].frame_times = rows_[1].frame_times;
+    EXPECT_EQ(report_frame_times(compare_runs(rows_)).find("Not measured"), std::string::npos);
+    rows_[0].frame_times.reset(), rows_[1].frame_times.reset();
+    EXPECT_EQ(report_frame_times(compare_runs(rows_)).find("<table>"), std::string::npos);
+}
+
+TEST_F(Report, StabilityIsOfTheModelsInTheTable) {
+    rows_[0].model = "nasg", rows_[1].model = "sh (degree 3)";
+    const std::string html = report_stability(compare_runs(rows_));
+    for (const char* there : {"<th scope=\"row\">softplus</th>", "<th scope=\"row\">nasg</th>", "<th scope=\"row\">sh</th>"})
+        EXPECT_NE(html.find(there), std::string::npos) << there;
+    EXPECT_EQ(html.find("<th scope=\"row\">sv</th>"), std::string::npos);
+}
+
 TEST_F(Report, PlotsHaveAPointForEachLineWithItsCost) {
     rows_[1].train_seconds.reset();
     const std::string svg = report_plots(compare_runs(rows_));
@@ -90,7 +111,8 @@ TEST_F(Report, ThePageIsWholeAndAsksForNothing) {
     std::ifstream file(path);
     const std::string page{std::istreambuf_iterator<char>(file), {}};
     EXPECT_TRUE(page.ends_with("</html>\n"));
-    for (const char* mark : {"{{plots}}", "{{program}}", "{{pictures}}", "http://", "https://"}) EXPECT_EQ(page.find(mark), std::string::npos) << mark;
+    for (const char* mark : {"{{frames}}", "{{plots}}", "{{stability}}", "{{program}}", "{{pictures}}", "http://", "https://"})
+        EXPECT_EQ(page.find(mark), std::string::npos) << mark;
     EXPECT_NE(page.find("{{tables}}"), std::string::npos) << "a user's text stays as it is";
 }
 

@@ -49,6 +49,21 @@ TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
     }
 }
 
+TEST(Table, FrameTimesAreReadWhereTheyAreWhole) {
+    const TemporaryFolder folder;
+    const auto read = [&](const std::string& times) {
+        folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
+        return read_table_row(folder.path(), std::nullopt).frame_times;
+    };
+    const auto times = read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
+    ASSERT_TRUE(times);
+    EXPECT_EQ(times->device, "d");
+    EXPECT_EQ(times->frames_per_view, 9);
+    EXPECT_EQ(times->median, 1.5);
+    EXPECT_FALSE(read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2})"));
+    EXPECT_FALSE(read("7"));
+}
+
 TEST(ColumnStats, HandComputed) {
     const ColumnStats up = column_stats({1, 2, 3, 6}, Better::kHigher);
     EXPECT_EQ(up.mean, 3);
@@ -153,21 +168,17 @@ TEST(Comparison, MixedProtocolsAreRefusedByName) {
     EXPECT_THROW(compare_runs({a, a}), UsageError) << "named twice";
 }
 
-TEST(Columns, MetricsThatAreMissingSaySo) {
+TEST(Columns, MetricsThatAreMissingSaySoWhereSomebodyWantsThem) {
     TableRow row = row_of("a", "lego", "sh", 20);
-    const std::string own = format_comparison(compare_runs({row}), TableFormat::kMarkdown);
-    EXPECT_NE(own.find("LPIPS-VGG"), std::string::npos) << own;
-    EXPECT_NE(own.find("| not measured |"), std::string::npos) << own;
-    EXPECT_EQ(own.find("no weights"), std::string::npos) << "nobody asked\n" << own;
-    EXPECT_EQ(own.find("LPIPS-Alex"), std::string::npos) << own;
-    EXPECT_EQ(own.find("FLIP"), std::string::npos) << own;
-    row.not_measured["MILO"] = "not measured: no weights (see ...)";
-    EXPECT_NE(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find("| no weights |"), std::string::npos);
-    row.not_measured.clear();
-    row.further_metrics["LPIPS-VGG"] = 0.125;
-    EXPECT_NE(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find(" 0.1250 |"), std::string::npos);
-    row.protocol_name.clear(), row.protocol.clear();
-    EXPECT_EQ(format_comparison(compare_runs({row}), TableFormat::kMarkdown).find("DISTS"), std::string::npos) << "a file of another program";
+    const auto table = [](const std::vector<TableRow>& rows) { return format_comparison(compare_runs(rows), TableFormat::kMarkdown); };
+    for (const char* absent : {"| LPIPS", "| DISTS", "| MILO", "| FLIP", "not measured"}) EXPECT_EQ(table({row}).find(absent), std::string::npos) << table({row});
+    TableRow asked = row_of("b", "lego", "sv", 20), measured = row_of("c", "lego", "nasg", 20);
+    asked.not_measured["MILO"] = "not measured: no weights (see ...)";
+    EXPECT_NE(table({asked}).find("|       MILO |"), std::string::npos) << table({asked});
+    EXPECT_NE(table({asked}).find("| no weights |"), std::string::npos) << table({asked});
+    measured.further_metrics["LPIPS-VGG"] = 0.125;
+    EXPECT_NE(table({row, measured}).find(" 0.1250 |"), std::string::npos);
+    EXPECT_NE(table({row, measured}).find("| not measured |"), std::string::npos) << "the other one";
 }
 
 class Formats : public ::testing::Test {
@@ -175,6 +186,7 @@ class Formats : public ::testing::Test {
     Formats() {
         TableRow odd = row_of("a_b|c", "x,\"y\"", "50%", 27.126), repeated = row_of("r0", "x,\"y\"", "<b>&", 20, 0), again = row_of("r1", "x,\"y\"", "<b>&", 21, 1);
         odd.strategy.clear();
+        odd.not_measured["LPIPS-VGG"] = "not measured: no weights";
         odd.num_gaussians = 10000, odd.ssim = 0.91234, odd.train_seconds = 125, odd.peak_device_bytes = std::int64_t(3) << 29;
         comparison_ = compare_runs({odd, repeated, again});
     }

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drives a headless Chromium over its debugging pipe, without packages beside Python's own."""
 
+import base64
 import itertools
 import json
 import os
+import pathlib
 import select
 import shutil
 import subprocess
@@ -19,11 +21,17 @@ def find_chromium():
     return None
 
 
+def check(condition, what):
+    """Ends the test where the condition is false."""
+    if not condition:
+        raise SystemExit(f"FAILED: {what}")
+
+
 class Browser:
     """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
 
     def __init__(self, program, width=1280, height=1000):
-        self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-")
+        self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-", ignore_cleanup_errors=True)  # its helpers may still write
         to_browser, self.write_end = os.pipe()
         self.read_end, from_browser = os.pipe()
 
@@ -108,6 +116,13 @@ class Browser:
         if "exceptionDetails" in result:
             raise RuntimeError(f"{expression}: {result['exceptionDetails']}")
         return result["result"].get("value")
+
+    def screenshot(self, path, scale):
+        """Saves the whole page as a PNG."""
+        size = self.call("Page.getLayoutMetrics")["cssContentSize"]
+        shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True,
+                         clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": scale})
+        pathlib.Path(path).write_bytes(base64.b64decode(shot["data"]))
 
     def press(self, key, code):
         for kind in ("rawKeyDown", "keyUp"):

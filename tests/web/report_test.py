@@ -5,20 +5,14 @@ Usage: report_test.py GSAPP [SCREENSHOT.png RUN...]
 Without runs it trains two tiny ones; with them it shows these and saves what it saw. Exit status 77: no Chromium here.
 """
 
-import base64
 import pathlib
 import subprocess
 import sys
 import tempfile
 
-from browser import Browser, find_chromium
+from browser import Browser, check, find_chromium
 
 ARROW_RIGHT, ARROW_DOWN, END, TAB = ("ArrowRight", 39), ("ArrowDown", 40), ("End", 35), ("Tab", 9)
-
-
-def check(condition, what):
-    if not condition:
-        raise SystemExit(f"FAILED: {what}")
 
 
 def make_report(gsapp, folder, runs):
@@ -28,15 +22,21 @@ def make_report(gsapp, folder, runs):
             subprocess.run([gsapp, "train", "-s", "builtin:glossy", "--device", "cpu", "--eval", "-r", "8", "--iterations", "5", "--init-points", "500",
                             "--cap-max", "1000", "--appearance", appearance, "--quiet", "-m", folder / appearance], check=True, capture_output=True)
         runs = [folder / "none", folder / "sv"]
+        subprocess.run([gsapp, "bench", "--frames", runs[1], "--frame-repeat", "1", "--device", "cpu"], check=True, capture_output=True)
     subprocess.run([gsapp, "eval", *runs, "--html", page], check=True, capture_output=True)
     return page
 
 
-def check_page(browser, url):
+def check_page(browser, url, shown):
     browser.open(url)
     check(browser.evaluate("document.querySelectorAll('table tbody tr').length") >= 2, "the table has the runs")
     check("PSNR" in browser.evaluate("document.querySelector('table thead').textContent"), "the table has PSNR")
     check(browser.evaluate("document.querySelector('.protocol').textContent").startswith("protocol "), "the protocol stands below it")
+    frames = browser.evaluate("document.getElementById('frames').innerText")
+    check("median ms" in frames and "1280x720" in frames, f"frame times are there, not {frames}")
+    check(shown or "Not measured: none." in frames, f"runs without frame times are named, not {frames}")
+    models = browser.evaluate("[...new Set([...document.querySelectorAll('#stability tbody th')].map(cell => cell.textContent))]")
+    check(shown or ("relu" in models and "sv" in models and "nasg" not in models), f"the stability table is of the runs' models, not {models}")
     check(browser.evaluate("document.querySelectorAll('svg circle').length") >= 4, "two plots have a point for each run")
     check(not browser.evaluate("document.getElementById('views').hidden"), "the pictures are shown")
     check(browser.evaluate("Promise.all([...document.images].map(i => i.decode())).then(() => [...document.images].every(i => i.naturalWidth > 0))"),
@@ -95,12 +95,9 @@ def main():
         url = page.resolve().as_uri()
         browser = Browser(program, width=1600)
         try:
-            check_page(browser, url)
+            check_page(browser, url, runs)
             if screenshot:
-                size = browser.call("Page.getLayoutMetrics")["cssContentSize"]
-                shot = browser.call("Page.captureScreenshot", format="png", captureBeyondViewport=True,
-                                    clip={"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 0.58})
-                pathlib.Path(screenshot[0]).write_bytes(base64.b64decode(shot["data"]))
+                browser.screenshot(screenshot[0], 0.58)
             check_keyboard(browser)
             check_dark(browser)
             others = [r for r in browser.requests if r not in (url, "about:blank")]

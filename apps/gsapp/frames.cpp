@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/gsapp/frames.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cstdio>
+
+#include "eval/frame_times.h"
+#include "eval/generated_set.h"
+#include "eval/results.h"
+#include "eval/saved_run.h"
+#include "lib/core/options.h"
+#include "lib/train/choose_backend.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+namespace {
+
+FrameTimesLine time_run(const std::string& folder, const FramesArguments& arguments, const std::string& device) {
+    const SavedRun run = open_saved_run(folder, arguments.iteration, {.device = device});
+    const RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
+    std::vector<Camera> cameras;
+    for (const View& view : run.scene.test.empty() ? run.scene.train : run.scene.test) cameras.push_back(view.camera);
+    spdlog::info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(), run.scene.test.empty() ? "training" : "test");
+    const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, arguments.frames_per_view);
+    write_frame_times(RunFolder{run.folder}, run.iteration, times);
+    return {folder, facts.scene, facts.model, facts.num_gaussians, times};
+}
+
+FrameTimesLine time_generated(std::int64_t count, const FramesArguments& arguments, const TrainOptions& options) {
+    const AppearanceSpec appearance = appearance_spec(options);
+    const auto backend = choose_backend(options.device, appearance, backend_options(options));
+    backend->upload(generated_gaussians(count, options.seed, appearance));
+    const auto rgb = parse_background(options.background).rgb;
+    return {"-", "generated", options.appearance, count, measure_frame_times(*backend, generated_cameras(), {rgb[0], rgb[1], rgb[2]}, arguments.frames_per_view)};
+}
+
+}  // namespace
+
+void run_frames(const FramesArguments& arguments, const TrainOptions& options) {
+    std::vector<FrameTimesLine> lines;
+    for (const std::string& run : arguments.runs) lines.push_back(time_run(run, arguments, options.device));
+    for (const std::int64_t count : arguments.generate) {
+        for (const std::string& appearance : arguments.appearances) {
+            TrainOptions with = options;
+            with.appearance = appearance;
+            lines.push_back(time_generated(count, arguments, with));
+        }
+    }
+    std::fputs((markdown_table(frame_times_table(lines)) + "\n" + kFrameProtocol + "\n").c_str(), stdout);
+}
+
+}  // namespace gs

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// Adam's moments of the residuals as kernels read and write them: two floats, or both in one word (packed_moments.h).
+#pragma once
+
+#include "kernels/core/cuda.h"
+#include "kernels/optimizer/packed_moments.h"
+
+namespace gs {
+
+/// Some rows of moments. Offsets count values.
+struct MomentRows {
+    float* m;
+    float* v; ///< null: m holds words of both
+
+    __device__ MomentRows at(std::int64_t first) const { return {m + first, v ? v + first : nullptr}; }
+    __device__ void load(int at, float& mm, float& vv) const {
+        mm = m[at];
+        if (v)
+            vv = v[at];
+        else
+            unpack(mm, vv);
+    }
+    /// `seed`: of the rows and the step.
+    __device__ void store(int at, float mm, float vv, std::uint32_t seed) const {
+        if (v)
+            m[at] = mm, v[at] = vv;
+        else
+            m[at] = word(mm, vv, seed + at);
+    }
+    /// Four values at 4 at.
+    __device__ void load4(int at, float4& mm, float4& vv) const {
+        mm = reinterpret_cast<const float4*>(m)[at];
+        if (v)
+            vv = reinterpret_cast<const float4*>(v)[at];
+        else
+            unpack(mm.x, vv.x), unpack(mm.y, vv.y), unpack(mm.z, vv.z), unpack(mm.w, vv.w);
+    }
+    __device__ void store4(int at, float4 mm, float4 vv, std::uint32_t seed) const {
+        if (v) {
+            reinterpret_cast<float4*>(m)[at] = mm, reinterpret_cast<float4*>(v)[at] = vv;
+            return;
+        }
+        const std::uint32_t k = seed + 4 * at;
+        reinterpret_cast<float4*>(m)[at] = make_float4(word(mm.x, vv.x, k), word(mm.y, vv.y, k + 1), word(mm.z, vv.z, k + 2), word(mm.w, vv.w, k + 3));
+    }
+
+  private:
+    __device__ static float word(float mm, float vv, std::uint32_t k) {
+        return __uint_as_float(pack_moments(__float_as_uint(mm), __float_as_uint(vv), mix_bits(k)));
+    }
+    /// mm: a word, then its first moment.
+    __device__ static void unpack(float& mm, float& vv) {
+        const unsigned word = __float_as_uint(mm);
+        mm = __uint_as_float(first_moment_bits(word)), vv = __uint_as_float(second_moment_bits(word));
+    }
+};
+
+}  // namespace gs
