@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "appearance/model_info.h"
 #include "eval/held_out.h"
@@ -23,7 +25,7 @@ constexpr std::size_t kHeldOutEvery = 8, kFewestViews = 8;
 /// Shares of options.iterations: of the training without view dependence that all trials begin from, and of each trial. With six models, the
 /// dearest at 1.5 times the time of the cheapest, that is below 0.45 of a run.
 constexpr double kWarmUpShare = 0.1, kTrialShare = 0.05;
-/// Largest share of the time of the run that is to follow, at the time of an iteration that the trials saw: later ones have more Gaussians.
+/// Largest share of the time of the run that is to follow, at the time of an iteration that the chosen model's trial took: a run's have more Gaussians.
 constexpr double kTimeShare = 0.5;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -81,30 +83,34 @@ const char* name(Remainder r) {
     return "unresolved";
 }
 
-/// Trains and measures until all models had their trial or the time is up. `skipped`: those that had none.
-std::vector<AppearanceTrial> run_trials(const TrainOptions& options, const Scene& scene, double start, std::vector<std::string>& skipped) {
+/// Trains and measures until all models had their trial or the time since `start` is up. `unfinished`: those without a result.
+std::vector<AppearanceTrial> run_trials(const TrainOptions& options, const Split& split, double start, std::vector<std::string>& unfinished) {
     TrainOptions rehearsed = options;
     rehearsed.appearance = "none";
     if (options.ppisp == "auto") rehearsed.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
-    const Split split = split_views(scene);
     Rehearsal rehearsal(rehearsed, split.scene);
     const Gaussians begun = rehearsal.begin(iterations_of(options, kWarmUpShare)).backend->download(false);
     const std::int64_t iterations = iterations_of(options, kTrialShare);
     std::vector<AppearanceTrial> trials;
-    double last = 0;
+    double last = 0, last_measuring = 0; // seconds of the trial before, and of its comparison with photographs
     for (const AppearanceSpec& spec : candidates(options)) {
         const double trial_start = now();
-        if (!trials.empty() && trial_start - start + last > kTimeShare * double(options.iterations) * trials[choose_appearance(trials, options.auto_tolerance).chosen].seconds) {
-            skipped.push_back(spec.model);
+        // The first trial ends in any case: without it there is nothing to choose from.
+        double left = std::numeric_limits<double>::infinity();
+        if (!trials.empty()) left = start + kTimeShare * double(options.iterations) * trials[choose_appearance(trials, options.auto_tolerance).chosen].seconds - trial_start;
+        std::optional<Rehearsed> r;
+        if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left - last_measuring); // later models are not faster
+        if (!r) {
+            unfinished.push_back(spec.model);
             continue;
         }
-        const Rehearsed r = rehearsal.go_on(begun, spec, iterations);
-        const ViewErrors held_out = view_errors(*r.backend, split.held_out, rehearsal.background()), seen = view_errors(*r.backend, split.seen, rehearsal.background());
-        AppearanceTrial trial{spec.model, bytes_of(spec), r.seconds / double(iterations), held_out.psnr, seen.psnr, held_out.error, held_out.aligned_error};
+        const double training = now() - trial_start;
+        const ViewErrors held_out = view_errors(*r->backend, split.held_out, rehearsal.background()), seen = view_errors(*r->backend, split.seen, rehearsal.background());
+        AppearanceTrial trial{spec.model, bytes_of(spec), r->seconds / double(iterations), held_out.psnr, seen.psnr, held_out.error, held_out.aligned_error};
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
         if (rehearsed.ppisp == "on") trial.psnr = held_out.aligned_psnr, trial.train_psnr = seen.aligned_psnr, trial.error = held_out.aligned_error;
         trials.push_back(trial);
-        last = now() - trial_start;
+        last = now() - trial_start, last_measuring = last - training;
     }
     return trials;
 }
@@ -128,12 +134,13 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     if (scene.train.size() < kFewestViews) return too_few_views(scene);
     const double start = now();
     set_num_threads(options.threads);
-    std::vector<std::string> skipped;
-    const std::vector<AppearanceTrial> trials = run_trials(options, scene, start, skipped);
+    const Split split = split_views(scene);
+    std::vector<std::string> unfinished;
+    const std::vector<AppearanceTrial> trials = run_trials(options, split, start, unfinished);
     const AppearanceChoice c = choose_appearance(trials, options.auto_tolerance);
     const AppearanceTrial &chosen = trials[c.chosen], &best = trials[c.best];
     const double seconds = now() - start;
-    const std::size_t held_out = (scene.train.size() + kHeldOutEvery / 2 - 1) / kHeldOutEvery;
+    const std::size_t held_out = split.held_out.size();
     const std::int64_t warm_up = iterations_of(options, kWarmUpShare), trial = iterations_of(options, kTrialShare);
 
     AppearanceReport report;
@@ -142,7 +149,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     for (const AppearanceTrial& t : trials) scores += fmt::format("{}{} {:.2f} dB ({} B)", scores.empty() ? "" : ", ", t.model, t.psnr, t.bytes);
     report.lines = {
         fmt::format("{} of {} training views held out; none trained for {} iterations, then each model for {} from there, in {:.1f} s", held_out, scene.train.size(), warm_up, trial, seconds),
-        fmt::format("held out: {}{}", scores, skipped.empty() ? "" : fmt::format("; no time for {}", fmt::join(skipped, ", "))),
+        fmt::format("held out: {}{}", scores, unfinished.empty() ? "" : fmt::format("; no time to finish {}", fmt::join(unfinished, ", "))),
         fmt::format("of the error without view dependence {:.0f} % is explained by direction ({}), {:.0f} % by photometric change of whole images, {:.0f} % by neither", 100 * c.direction,
                     best.model, 100 * c.photometric, 100 * c.neither),
         fmt::format("what is left is {}", words(c)),
@@ -158,7 +165,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
                    {"train_gain", c.train_gain},
                    {"held_out_gain", c.held_out_gain},
                    {"trials", nlohmann::ordered_json::array()},
-                   {"no_time_for", skipped},
+                   {"no_time_for", unfinished},
                    {"lines", report.lines},
                    {"seconds", seconds}};
     for (const AppearanceTrial& t : trials) report.json["trials"].push_back(json_of(t));

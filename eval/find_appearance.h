@@ -19,10 +19,10 @@ struct AppearanceReport {
 };
 
 /// Holds out every 8th training view, trains `none` on the others for a tenth of options.iterations, goes on from there with each model of the
-/// registry that is no variant, and chooses as choose_appearance does. Test views are not looked at. Takes at most
-/// half as long as the run that would follow, by the measured time of an iteration: models that this leaves no time for, the largest, are passed over,
-/// and named. A scene with fewer than 8 training views has none to spare and gets `none`. The same options and seed give the same choice
-/// unless time ran out. Throws what training throws.
+/// registry that is no variant, and chooses as choose_appearance does. Test views are not looked at. Takes at most half as long as the run that
+/// would follow, by the measured time of an iteration: a trial that would exceed this, or does, has no result, and the report names it. (The
+/// training of `none` always ends.) A scene with fewer than 8 training views has none to spare and gets `none`. The same options and seed give
+/// the same choice unless time ran out. Throws what training throws.
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
 
 }  // namespace gs

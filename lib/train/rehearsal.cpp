@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
@@ -54,7 +55,7 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     Rehearsed result{make_backend(options_, appearance)};
     result.backend->upload(state);
     const bool mcmc = options_.strategy == "mcmc";
-    run(result, appearance.model, iterations, 0, [&](std::int64_t k, StepRequest& request) {
+    run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, StepRequest& request) {
         schedule.before_step(*result.backend, k);
         request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
         request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
@@ -65,7 +66,7 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     return result;
 }
 
-Rehearsed Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations) {
+std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
     resting.strategy = "none"; // no noise on the means
     const LearningRates rates(resting, appearance, scene_);
@@ -73,18 +74,20 @@ Rehearsed Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appeara
     Rehearsed result{make_backend(options_, appearance)};
     photometric_.resume(start, begun_);
     result.backend->upload(start);
-    run(result, appearance.model, iterations, begun_, [&](std::int64_t k, StepRequest& request) {
+    const bool finished = run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, StepRequest& request) {
         request.opacity_reg = request.scale_reg = 0;
         rates.apply(std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)), request);
     });
-    return result;
+    return finished ? std::optional(std::move(result)) : std::nullopt;
 }
 
-void Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, const std::function<void(std::int64_t, StepRequest&)>& prepare) {
+bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
+                    const std::function<void(std::int64_t, StepRequest&)>& prepare) {
     const double start = now();
     Backend& backend = *result.backend;
     views_.prefetch(first, first + iterations);
     for (std::int64_t k = 0; k < iterations; ++k) {
+        if (now() - start > most_seconds) return false;
         auto [view, image, request] = views_.at(first + k, first + iterations);
         prepare(k, request);
         photometric_.apply(view, first + k, request);
@@ -93,6 +96,7 @@ void Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t it
     }
     backend.synchronize();
     result.seconds = now() - start;
+    return true;
 }
 
 Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, std::uint64_t seed) {

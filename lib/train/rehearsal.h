@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "kernels/backend.h"
@@ -31,13 +32,15 @@ class Rehearsal {
 
     /// Goes on from `state` with another appearance, which starts without a residual and has all degrees active. No Gaussian is added
     /// or moved elsewhere; learning rates go through what a run has left, compressed, so that the model comes to rest. Every call
-    /// sees the same views. Throws NumericError when the loss stays non-finite, Interrupted after Ctrl-C.
-    Rehearsed go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations);
+    /// sees the same views. Empty if that would take more than `most_seconds`: before the rates have fallen a model cannot be compared.
+    /// Throws NumericError when the loss stays non-finite, Interrupted after Ctrl-C.
+    std::optional<Rehearsed> go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
 
   private:
-    void run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first,
+    /// False if stopped for the time.
+    bool run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
              const std::function<void(std::int64_t, StepRequest&)>& prepare);
 
     const TrainOptions options_;

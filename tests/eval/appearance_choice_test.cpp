@@ -8,6 +8,7 @@
 
 #include "eval/find_appearance.h"
 #include "lib/core/options.h"
+#include "lib/train/rehearsal.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -73,6 +74,20 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_TRUE(std::isfinite(report.json.at("trials").at(0).at("PSNR").get<double>()));
     scene.train.resize(7);
     EXPECT_EQ(find_appearance(options, scene).model, "none") << "no view can be held out";
+}
+
+TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
+    TrainOptions options;
+    options.source = "builtin:diffuse";
+    options.resolution = 16;
+    options.appearance = "none";
+    options.device = "cpu";
+    validate(options);
+    const Scene scene = load_scene(scene_options(options));
+    Rehearsal rehearsal(options, scene);
+    const Gaussians begun = rehearsal.begin(2).backend->download(false);
+    EXPECT_FALSE(rehearsal.go_on(begun, begun.appearance, 1000000000, 0.05));
+    EXPECT_TRUE(rehearsal.go_on(begun, begun.appearance, 2, 1e9));
 }
 
 }  // namespace

@@ -70,6 +70,9 @@ TEST(TradeoffAxes, ValuesAreCheckedByTheirOptions) {
     EXPECT_NE(error({"appearance=sh,auto"}).find("appearance auto: every run that is compared"), std::string::npos);
     EXPECT_NE(error({"appearance=sh"}).find("one configuration only"), std::string::npos);
     EXPECT_NE(error({"budget=0.5,0.50"}).find("are the same training"), std::string::npos);
+    TrainOptions undecided = base_options();
+    undecided.appearance = "auto";
+    EXPECT_NE(error_of([&] { spread_grid(parse({"budget"}), undecided); }).find("appearance auto: every run that is compared"), std::string::npos);
     std::string values = "1";
     for (int i = 2; i <= 40; ++i) values += "," + std::to_string(i);
     EXPECT_NE(error({"iterations=" + values, "cap-max=" + values}).find("more than 1000"), std::string::npos);
