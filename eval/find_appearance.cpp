@@ -40,8 +40,9 @@ struct Split {
 Split split_views(const Scene& scene) {
     Split split{scene, {}, {}};
     split.scene.train.clear(), split.scene.test.clear();
-    for (std::size_t k = 0; k < scene.train.size(); ++k) (k % kHeldOutEvery == kHeldOutEvery / 2 ? split.held_out : split.scene.train).push_back(scene.train[k]);
-    for (std::size_t k = 0; k < split.held_out.size(); ++k) split.seen.push_back(split.scene.train[k * split.scene.train.size() / split.held_out.size()]);
+    std::vector<View>& rest = split.scene.train;
+    for (std::size_t k = 0; k < scene.train.size(); ++k) (k % kHeldOutEvery == kHeldOutEvery / 2 ? split.held_out : rest).push_back(scene.train[k]);
+    for (std::size_t k = 0; k < split.held_out.size(); ++k) split.seen.push_back(rest[k * rest.size() / split.held_out.size()]);
     return split;
 }
 
@@ -66,8 +67,10 @@ std::string words(const AppearanceChoice& c) {
     const std::string gains = fmt::format("the model gains {:.2f} dB on views it was trained on, and {:.2f} dB on held-out ones", c.train_gain, c.held_out_gain);
     switch (c.remainder) {
         case Remainder::kReflectance: return fmt::format("reflectance: {}", gains);
-        case Remainder::kPhotometric: return fmt::format("photometric: whole images differ in exposure or colour, which --ppisp on corrects and no appearance explains; {}", gains);
-        case Remainder::kInconsistency: return fmt::format("inconsistency between images (things that moved, changing light), not reflectance: {}", gains);
+        case Remainder::kPhotometric:
+            return fmt::format("photometric: whole images differ in exposure or colour, which --ppisp on corrects and no appearance explains; {}", gains);
+        case Remainder::kInconsistency:
+            return fmt::format("inconsistency between images (things that moved, changing light), not reflectance: {}", gains);
         case Remainder::kUnresolved: break;
     }
     return fmt::format("detail that a short training does not reach, with no sign of view dependence: {}", gains);
@@ -97,7 +100,10 @@ std::vector<AppearanceTrial> run_trials(const TrainOptions& options, const Split
         const double trial_start = now();
         // The first trial ends in any case: without it there is nothing to choose from.
         double left = std::numeric_limits<double>::infinity();
-        if (!trials.empty()) left = start + kTimeShare * double(options.iterations) * trials[choose_appearance(trials, options.auto_tolerance).chosen].seconds - trial_start;
+        if (!trials.empty()) {
+            const double iteration = trials[choose_appearance(trials, options.auto_tolerance).chosen].seconds;
+            left = start + kTimeShare * double(options.iterations) * iteration - trial_start;
+        }
         std::optional<Rehearsed> r;
         if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left - last_measuring); // later models are not faster
         if (!r) {
@@ -105,8 +111,10 @@ std::vector<AppearanceTrial> run_trials(const TrainOptions& options, const Split
             continue;
         }
         const double training = now() - trial_start;
-        const ViewErrors held_out = view_errors(*r->backend, split.held_out, rehearsal.background()), seen = view_errors(*r->backend, split.seen, rehearsal.background());
-        AppearanceTrial trial{spec.model, bytes_of(spec), r->seconds / double(iterations), held_out.psnr, seen.psnr, held_out.error, held_out.aligned_error};
+        const ViewErrors held_out = view_errors(*r->backend, split.held_out, rehearsal.background());
+        const ViewErrors seen = view_errors(*r->backend, split.seen, rehearsal.background());
+        AppearanceTrial trial{spec.model, bytes_of(spec), r->seconds / double(iterations), held_out.psnr, seen.psnr, held_out.error,
+                              held_out.aligned_error};
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
         if (rehearsed.ppisp == "on") trial.psnr = held_out.aligned_psnr, trial.train_psnr = seen.aligned_psnr, trial.error = held_out.aligned_error;
         trials.push_back(trial);
@@ -123,7 +131,8 @@ nlohmann::ordered_json json_of(const AppearanceTrial& t) {
 
 AppearanceReport too_few_views(const Scene& scene) {
     AppearanceReport report{"none", {}, {}};
-    report.lines = {fmt::format("none: of {} training views none can be held out ({} are needed), and only these could show that direction matters", scene.train.size(), kFewestViews)};
+    report.lines = {fmt::format("none: of {} training views none can be held out ({} are needed), and only these could show that direction matters",
+                                scene.train.size(), kFewestViews)};
     report.json = {{"model", "none"}, {"reason", report.lines.front()}, {"seconds", 0.0}};
     return report;
 }
@@ -148,12 +157,14 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     std::string scores;
     for (const AppearanceTrial& t : trials) scores += fmt::format("{}{} {:.2f} dB ({} B)", scores.empty() ? "" : ", ", t.model, t.psnr, t.bytes);
     report.lines = {
-        fmt::format("{} of {} training views held out; none trained for {} iterations, then each model for {} from there, in {:.1f} s", held_out, scene.train.size(), warm_up, trial, seconds),
+        fmt::format("{} of {} training views held out; none trained for {} iterations, then each model for {} from there, in {:.1f} s",
+                    held_out, scene.train.size(), warm_up, trial, seconds),
         fmt::format("held out: {}{}", scores, unfinished.empty() ? "" : fmt::format("; no time to finish {}", fmt::join(unfinished, ", "))),
-        fmt::format("of the error without view dependence {:.0f} % is explained by direction ({}), {:.0f} % by photometric change of whole images, {:.0f} % by neither", 100 * c.direction,
-                    best.model, 100 * c.photometric, 100 * c.neither),
+        fmt::format("of the error without view dependence {:.0f} % is explained by direction ({}), {:.0f} % by photometric change of whole images, "
+                    "{:.0f} % by neither", 100 * c.direction, best.model, 100 * c.photometric, 100 * c.neither),
         fmt::format("what is left is {}", words(c)),
-        fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", chosen.model, chosen.bytes, best.psnr - chosen.psnr, best.model, options.auto_tolerance)};
+        fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", chosen.model, chosen.bytes, best.psnr - chosen.psnr,
+                    best.model, options.auto_tolerance)};
     report.json = {{"model", chosen.model},
                    {"best", best.model},
                    {"tolerance", options.auto_tolerance},

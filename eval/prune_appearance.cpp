@@ -40,7 +40,8 @@ template <class Model> std::int64_t prune(Gaussians& g, const Cameras& cameras) 
     const int width = g[Group::kResidual].width;
     if (width == 0) throw UsageError(fmt::format("appearance {}: Gaussians have no view-dependent parameters that could be pruned", info.name));
     if constexpr (kNumSharedOf<Model> > 0) {
-        throw UsageError(fmt::format("appearance {}: what a Gaussian adds to its colour comes from a network that all of them share; no parameters of one make it zero", info.name));
+        throw UsageError(fmt::format("appearance {}: view dependence comes from a network that all of them share, and no parameters of one Gaussian make it zero",
+                                     info.name));
     } else {
         std::vector<float> zero(static_cast<std::size_t>(width));
         info.init_residual(g.appearance.max_degree, zero.data());
@@ -50,7 +51,8 @@ template <class Model> std::int64_t prune(Gaussians& g, const Cameras& cameras) 
         parallel_for_rows(g.count, [&](std::int64_t i) {
             if (shows_residual<Model>(params, i, g.active_degree, cameras, kHalfStep)) return;
             std::copy(zero.begin(), zero.end(), g[Group::kResidual].param.begin() + i * width);
-            if (shows_residual<Model>(params, i, g.active_degree, cameras, 0)) throw UsageError(fmt::format("appearance {}: knows no parameters without a residual", info.name));
+            if (shows_residual<Model>(params, i, g.active_degree, cameras, 0))
+                throw UsageError(fmt::format("appearance {}: the model names no parameters of a Gaussian that make its view dependence zero", info.name));
             ++pruned;
         });
         return pruned;

@@ -53,9 +53,10 @@ void run_prune(const PruneArguments& arguments) {
     const std::int64_t pruned = prune_residuals(model, cameras);
     const double share = double(pruned) / double(std::max<std::int64_t>(1, model.count));
     const std::int64_t saved = pruned * model[Group::kResidual].width * std::int64_t(sizeof(float));
-    std::string report = fmt::format("{} of {} Gaussians ({:.1f} %) show no view dependence in {} training views; {} bytes need not be stored\n", pruned, model.count,
-                                     100 * share, cameras.size(), saved);
-    nlohmann::ordered_json json = {{"run", arguments.run}, {"iteration", run.iteration}, {"num_gaussians", model.count}, {"pruned", pruned}, {"share", share}, {"bytes_saved", saved}};
+    std::string report = fmt::format("{} of {} Gaussians ({:.1f} %) show no view dependence in {} training views; {} bytes need not be stored\n",
+                                     pruned, model.count, 100 * share, cameras.size(), saved);
+    nlohmann::ordered_json json = {{"run", arguments.run},          {"iteration", run.iteration}, {"num_gaussians", model.count},
+                                   {"pruned", pruned},              {"share", share},             {"bytes_saved", saved}};
     if (run.scene.test.empty()) {
         report += fmt::format("there are no test views to compare on ({})\n", run.scene.split_rule);
     } else {
@@ -64,7 +65,8 @@ void run_prune(const PruneArguments& arguments) {
         const EvalResult before = evaluate_views(*run.backend, run.scene.test, run.background, options);
         run.backend->upload(model);
         const EvalResult after = evaluate_views(*run.backend, run.scene.test, run.background, options);
-        report += fmt::format("test views: PSNR {:.3f} before, {:.3f} after; SSIM {:.5f} before, {:.5f} after\n", before.psnr, after.psnr, before.ssim, after.ssim);
+        report += fmt::format("test views: PSNR {:.3f} before, {:.3f} after; SSIM {:.5f} before, {:.5f} after\n",
+                              before.psnr, after.psnr, before.ssim, after.ssim);
         json["before"] = {{"PSNR", before.psnr}, {"SSIM", before.ssim}}, json["after"] = {{"PSNR", after.psnr}, {"SSIM", after.ssim}};
     }
     write_run(run, model, output);
@@ -77,7 +79,8 @@ void run_prune(const PruneArguments& arguments) {
 
 void add_prune_appearance_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<PruneArguments>();
-    CLI::App* command = app.add_subcommand("prune-appearance", "Take the view-dependent parameters from Gaussians of a finished run where they do not show");
+    CLI::App* command = app.add_subcommand("prune-appearance",
+                                           "Take the view-dependent parameters from Gaussians of a finished run where they do not show");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
     command->add_option("-o,--output", arguments->output, "Folder of the pruned run (default: RUN-pruned)")->type_name("FOLDER");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to prune (default: the last)")->check(CLI::NonNegativeNumber);
