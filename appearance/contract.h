@@ -17,10 +17,11 @@
 //     within +-kLargestSharedWeight. On CUDA such a model says itself how a warp evaluates it (`<name>_cuda.cuh`,
 //     kernels/preprocess/appearance_cuda.cuh);
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h), among them the
-//     degenerate cases for the stability measurement (stability_case.h);
+//     degenerate cases for the stability measurement (stability_case.h), and how viewers' files hold it (packing.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
 //  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family: one
-//     such line and one info function each, the structs all in the header named like the folder.
+//     such line and one info function each, the structs all in the header named like the folder;
+//  5. `<name>.glsl`, for the web viewer: the residual from the file's texels (apps/viewer/README.md).
 //
 // CMake finds the folder and generates the registry; command line, checkpoints, PLY columns, docs and the conformance
 // tests follow from it.

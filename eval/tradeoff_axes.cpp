@@ -13,15 +13,18 @@
 #include <sstream>
 
 #include "eval/cell.h"
+#include "eval/precision_levels.h"
 #include "eval/training_options.h"
 #include "kernels/core/error.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
+#include "lib/train/choose_backend.h"
 
 namespace gs {
 namespace {
 
 constexpr const char* kBudget = "budget";
+constexpr const char* kPrecision = "precision";
 constexpr std::size_t kMaxConfigurations = 1000; // more is a mistyped list, not a plan
 
 std::vector<std::string> split(const std::string& text) {
@@ -49,11 +52,11 @@ const Option* find_option(const std::string& name) {
 }
 
 void check_name(const std::string& name) {
-    if (name == kBudget) return;
+    if (name == kBudget || name == kPrecision) return;
     const Option* option = find_option(name);
     if (option && may_vary(*option)) return;
     if (option) throw UsageError(fmt::format("--axes: '{}' cannot be an axis: runs with other values of it would not compare, or not differ", name));
-    std::vector<std::string> known = {kBudget};
+    std::vector<std::string> known = {kBudget, kPrecision};
     for (const Option& o : train_option_table())
         if (may_vary(o)) known.push_back(o.key);
     throw UsageError(fmt::format("--axes: unknown axis '{}'; did you mean '{}'?", name, nearest_key(name, known)));
@@ -61,6 +64,7 @@ void check_name(const std::string& name) {
 
 std::vector<std::string> default_values(const std::string& name, const TrainOptions& base) {
     if (name == kBudget) return {"0.1", "0.3", "1"};
+    if (name == kPrecision) return uses_cuda(base.device) ? std::vector<std::string>{"full", "fast"} : std::vector<std::string>{"full", "cutoffs"};
     if (name == "appearance") return {"none", "nasg", "neural", "sh"};
     if (name == "iterations") return {std::to_string(std::max<std::int64_t>(1, base.iterations / 4)), std::to_string(base.iterations)};
     const Option& option = *find_option(name);
@@ -74,6 +78,12 @@ double parse_share(const std::string& text) {
     if (!is_number(text, share) || !(share > 0 && share <= 1))
         throw UsageError(fmt::format("--axes budget: '{}' is not a share of --cap-max above 0 and up to 1", text));
     return share;
+}
+
+void apply_precision(TrainOptions& options, const std::string& name) {
+    const PrecisionLevel& level = precision_level(name);
+    if (level.gpu_only && !uses_cuda(options.device)) throw UsageError(fmt::format("--axes precision: '{}' is of the GPU; the CPU computes in fp32", name));
+    level.apply(options);
 }
 
 std::string folder_name(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values) {
@@ -144,6 +154,8 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
     for (std::size_t a = 0; a < axes.size(); ++a) {
         if (axes[a].name == kBudget)
             share = parse_share(values[a]);
+        else if (axes[a].name == kPrecision)
+            apply_precision(options, values[a]);
         else
             set_option(options, *find_option(axes[a].name), {values[a]}, "--axes " + axes[a].name);
     }

@@ -10,7 +10,7 @@
 namespace gs {
 
 struct TradeoffAxis {
-    std::string name;                 ///< key of an option, or "budget": share of --cap-max
+    std::string name;                 ///< key of an option, "budget": share of --cap-max, or "precision": a name of precision_levels()
     std::vector<std::string> values;  ///< as text
 };
 
@@ -21,7 +21,8 @@ struct Configuration {
 };
 
 /// Reads "appearance=none,sh", "budget=0.1,1", or names without values ("appearance,budget"), which take their default values: appearance
-/// none, nasg, neural, sh; budget 0.1, 0.3, 1; iterations a quarter and all of `base.iterations`; any other option all its choices. Axes may
+/// none, nasg, neural, sh; budget 0.1, 0.3, 1; precision full, and fast on a GPU or cutoffs on the
+/// CPU; iterations a quarter and all of `base.iterations`; any other option all its choices. Axes may
 /// be any option that changes the model, its time or its size, and leaves scores comparable. Values are not checked yet. Throws UsageError for an
 /// unknown name (naming the nearest), a name twice, or without values where there are no default ones.
 std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, const TrainOptions& base);

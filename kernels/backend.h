@@ -101,7 +101,6 @@ struct BackendOptions {
     std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
     double min_alpha = kMinAlpha;                    ///< fainter fragments are skipped; at least kMinAlpha
     double min_transmittance = kMinTransmittance;    ///< a pixel below this is finished
-    bool exact_math = false;                         ///< CUDA: exponentials of fragments to the last bit, not in one instruction
     bool half_residuals = false;                     ///< CUDA: frames read residual parameters rounded to half precision
     bool packed_moments = false;                     ///< CUDA: Adam's two moments of a residual parameter in 32 bits (bfloat16)
 };

@@ -6,6 +6,7 @@
 #include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda_device.h"
+#include "kernels/reference_image.h"
 #include "kernels/tensors/tensor_engine.h"
 
 #include "backends.inc"
@@ -14,23 +15,26 @@ namespace gs {
 
 namespace {
 
-template <class List> std::unique_ptr<Backend> make(const List& backends, const AppearanceSpec& appearance, const BackendOptions& options) {
+/// The entry of the model in one of the lists.
+template <class List> auto of_model(const List& list, const AppearanceSpec& appearance) {
     const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
-    for (const auto& [name, maker] : backends)
-        if (info.name == name) return maker(options);
+    for (const auto& [name, entry] : list)
+        if (info.name == name) return entry;
     throw UsageError("appearance model '" + appearance.model + "' has no backend of this kind");
 }
 
 }  // namespace
 
-std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) { return make(kCpuBackends, appearance, options); }
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) { return of_model(kCpuBackends, appearance)(options); }
+
+std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request) { return of_model(kReferences, model.appearance)(model, request); }
 
 std::string cuda_architectures() { return GSAPP_CUDA_ARCHITECTURES; }
 
 #ifdef GSAPP_WITH_CUDA
 std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
     if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
-    return make(kCudaBackends, appearance, options);
+    return of_model(kCudaBackends, appearance)(options);
 }
 #else
 bool cuda_available() { return false; }

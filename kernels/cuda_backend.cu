@@ -234,7 +234,7 @@ PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
 }
 
 BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
-    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_, options_.exact_math};
+    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_};
 }
 
 CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {

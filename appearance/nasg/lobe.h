@@ -81,16 +81,24 @@ template <class T> struct LobeDensity {
     T value;
 
     static GS_HD LobeDensity of(const Vec3<T>& v, T raw_sharpness, T raw_anisotropy) {
+        const T t = twice_sharpness(raw_sharpness), a = anisotropy(raw_anisotropy);
+        return of_shape(v, t, a, norm(t, a));
+    }
+    static GS_HD T twice_sharpness(T raw) { return T(2) * gs_exp(at_least(at_most(raw, T(kLargestRawShape)), T(kSmallestRawSharpness))); }
+    static GS_HD T anisotropy(T raw) { return gs_exp(at_most(raw, T(kLargestRawShape))); }
+    /// N, the density at the axis.
+    static GS_HD T norm(T t, T a) { return gs_sqrt(T(1) + a) * T(0.07957747154594767) * t / -gs_expm1(-t); } // 1/(4 pi)
+
+    static GS_HD LobeDensity of_shape(const Vec3<T>& v, T t, T a, T norm) {
         LobeDensity b;
-        b.t = T(2) * gs_exp(at_least(at_most(raw_sharpness, T(kLargestRawShape)), T(kSmallestRawSharpness)));
-        b.a = gs_exp(at_most(raw_anisotropy, T(kLargestRawShape)));
+        b.t = t;
+        b.a = a;
         b.s2 = at_least(v.x * v.x + v.y * v.y, T(kSmallestSine2));
         b.q = v.x * v.x / b.s2;
         // From the sine: 1 - v_z cancels on one side of the sphere, 1 + v_z on the other.
         b.log_k = v.z >= T(0) ? gs_log1p(-b.s2 / (T(2) * (T(1) + v.z))) : gs_log(b.s2 / (T(2) * (T(1) - v.z)));
         b.kappa = T(kExponentFloor) + b.a * b.q;
         b.decay = gs_expm1((T(1) + b.kappa) * b.log_k);
-        const T norm = gs_sqrt(T(1) + b.a) * T(0.07957747154594767) * b.t / -gs_expm1(-b.t); // 1/(4 pi)
         b.value = norm * gs_exp(b.kappa * b.log_k + b.t * b.decay);
         return b;
     }

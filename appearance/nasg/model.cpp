@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "appearance/nasg/nasg.h"
+#include "appearance/nasg/packing.h"
 #include "appearance/nasg/stability.h"
 
 namespace gs::appearance {
@@ -43,6 +44,8 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
         for (int lobe = 0; lobe < lobes; ++lobe) std::fill_n(row + lobe * Model::kPerLobe + Model::kAmplitude, 3, 0.0f);
     };
     m.stability = lobe_stability<Model>;
+    m.residual = &model_residual<Model, double>;
+    m.packing = &lobe_packing<Model>();
     return m;
 }
 

@@ -4,6 +4,7 @@
 
 #include "appearance/model_info.h"
 #include "appearance/neural/neural.h"
+#include "appearance/neural/packing.h"
 #include "appearance/neural/stability.h"
 #include "kernels/core/rng.h"
 
@@ -42,6 +43,8 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     m.num_shared = Model::kNumShared;
     m.init_shared = &init_weights<Model>;
     m.stability = network_stability<Model>;
+    m.residual = &model_residual<Model, double>;
+    m.packing = &network_packing<Model>();
     return m;
 }
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "appearance/model_info.h"
+#include "appearance/none/none.h"
+#include "appearance/sh/packing.h"
 
 namespace gs::appearance {
 
@@ -12,6 +14,8 @@ const ModelInfo& none_info() {
         // 0.0025 * Y0: the 3DGS rate of SH band 0, with the constant folded into the base colour.
         m.rates = [](int, const RateContext&) { return AppearanceRates{Schedule::constant(0.0025 * 0.28209479177387814), {}}; };
         m.init_residual = [](int, float*) {};
+        m.residual = &model_residual<None, double>;
+        m.packing = &sh_packing(); // without any band
         return m;
     }();
     return info;

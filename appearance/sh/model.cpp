@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "appearance/sh/packing.h"
+#include "appearance/sh/sh.h"
+
 namespace gs::appearance {
 
 const ModelInfo& sh_info() {
@@ -19,6 +22,8 @@ const ModelInfo& sh_info() {
         };
         m.init_residual = [](int degree, float* row) { std::fill(row, row + 3 * ((degree + 1) * (degree + 1) - 1), 0.0f); };
         m.stability = [] { return StabilityPlan{std::vector<std::string>(45, "coefficients"), {}}; };
+        m.residual = &model_residual<Sh, double>;
+        m.packing = &sh_packing();
         return m;
     }();
     return info;

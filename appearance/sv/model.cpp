@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "appearance/sv/packing.h"
 #include "appearance/sv/stability.h"
 #include "appearance/sv/sv.h"
 
@@ -43,6 +44,8 @@ const ModelInfo& sv_info() {
         m.rates = sv_rates;
         m.init_residual = sv_init;
         m.stability = sv_stability;
+        m.residual = &model_residual<Sv, double>;
+        m.packing = &sv_packing();
         return m;
     }();
     return info;

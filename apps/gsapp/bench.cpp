@@ -13,6 +13,7 @@
 #include "apps/gsapp/suite.h"
 #include "eval/bench.h"
 #include "eval/generated_set.h"
+#include "eval/precision.h"
 #include "eval/saved_run.h"
 #include "eval/stability.h"
 #include "eval/suite.h"
@@ -32,7 +33,7 @@ struct BenchArguments {
     int repeat = 0, frame_repeat = 0;  ///< 0 = by device
     std::int64_t iteration = -1;       ///< -1 = the last saved one
     std::vector<std::int64_t> generate;
-    bool compare_deterministic = false, stability = false, frames = false;
+    bool compare_deterministic = false, stability = false, frames = false, precision = false;
     std::vector<std::string> runs;         ///< of --frames
     std::string suite;                     ///< empty = none
     std::vector<std::string> appearances;  ///< empty = by command
@@ -86,6 +87,10 @@ void measure_scene(const TrainOptions& options, const BenchArguments& arguments)
     const Scene scene = load_scene(scene_options(options));
     if (scene.train.empty()) throw DataError(scene.source + ": no training views (all were held out or skipped)");
     if (!trained) model = initial_model(options, scene);
+    if (arguments.precision) {
+        std::fputs((subject + "\n\n" + markdown_table(precision_table(measure_precision(options, scene, model, repeats(arguments, options))))).c_str(), stdout);
+        return;
+    }
     const auto backend = choose_backend(options.device, model.appearance, backend_options(options));
     measure(*backend, options, scene, model, subject, arguments);
 }
@@ -156,6 +161,11 @@ void add_bench_command(CLI::App& app, Command& selected) {
                              ->excludes(iteration)
                              ->excludes(generate)
                              ->excludes(stability);
+    command->add_flag("--precision", arguments->precision,
+                      "Instead, of the model in -m RUN or the initial points: time and error of frames, against double precision, at every precision that options choose")
+        ->excludes(stability)
+        ->excludes(suite)
+        ->excludes(generate);
     CLI::Option* frames = command->add_option("--frames", arguments->runs,
                                               "Instead: frame times of the runs in these folders at 1280x720 pixels, by view, in one table and in their results.json; "
                                               "with --generate also of generated sets, the same Gaussians for every model")

@@ -14,6 +14,8 @@ using Command = std::function<void()>;
 void add_train_command(CLI::App& app, Command& selected);
 void add_eval_command(CLI::App& app, Command& selected);
 void add_render_command(CLI::App& app, Command& selected);
+void add_export_command(CLI::App& app, Command& selected);
+void add_view_command(CLI::App& app, Command& selected);
 void add_prepare_command(CLI::App& app, Command& selected);
 void add_bench_command(CLI::App& app, Command& selected);
 void add_tradeoff_command(CLI::App& app, Command& selected);

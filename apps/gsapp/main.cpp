@@ -61,6 +61,8 @@ int run(int argc, char** argv) {
     add_train_command(app, selected);
     add_eval_command(app, selected);
     add_render_command(app, selected);
+    add_export_command(app, selected);
+    add_view_command(app, selected);
     add_prepare_command(app, selected);
     add_bench_command(app, selected);
     add_tradeoff_command(app, selected);

@@ -6,7 +6,7 @@ namespace {
 
 constexpr int kAtOnce = 4;
 
-template <bool kForBackward, bool kExact>
+template <bool kForBackward>
 __global__ void __launch_bounds__(kCudaTilePixels, 6)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, StepControl* __restrict__ control, float4* __restrict__ checkpoints,
                   BlendChunk* __restrict__ chunks, std::uint32_t* __restrict__ all_hits, std::uint32_t* __restrict__ processed) {
@@ -56,7 +56,7 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
 #pragma unroll
             for (int u = 0; u < kAtOnce; ++u) {
                 s[u] = batch.load(k + u < count ? k + u : k);
-                alpha[u] = fragment_alpha<kExact>(s[u].shape, px, py).alpha;
+                alpha[u] = fragment_alpha(s[u].shape, px, py).alpha;
             }
 #pragma unroll
             for (int u = 0; u < kAtOnce; ++u) {
@@ -109,9 +109,10 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles) {
 }
 
 void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream) {
-    const auto kernel = for_backward ? (image.exact ? blend_forward<true, true> : blend_forward<true, false>)
-                                     : (image.exact ? blend_forward<false, true> : blend_forward<false, false>);
-    kernel<<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, checkpoints_, chunks_, hits_, processed_);
+    if (for_backward)
+        blend_forward<true><<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, checkpoints_, chunks_, hits_, processed_);
+    else
+        blend_forward<false><<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, nullptr, nullptr, nullptr, nullptr);
     GS_CUDA_LAUNCHED("blend_forward");
 }
 

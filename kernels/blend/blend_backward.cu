@@ -116,7 +116,7 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
     __syncwarp();
 }
 
-template <bool kFixedOrder, bool kExact>
+template <bool kFixedOrder>
 __global__ void __launch_bounds__(32 * kWarps, 16)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, const float* __restrict__ dL_dimage, const StepControl* __restrict__ control,
                    const float4* __restrict__ checkpoints, const BlendChunk* __restrict__ chunks, const std::uint32_t* __restrict__ all_hits,
@@ -168,7 +168,7 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
         __syncwarp();
         for (int k = 0; k < size; ++k) {
             const auto s = memory.batch.load(k);
-            const FragmentGradient<float> d = fragment_gradient<float, float>(p, fragment_alpha<kExact>(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
+            const FragmentGradient<float> d = fragment_gradient<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
             memory.h[k % kRows][lane] = d.h;
             memory.w[k % kRows][lane] = d.w;
             if (k % kRows == kRows - 1 || k == size - 1) {
@@ -204,12 +204,12 @@ void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const 
     // Surplus blocks see that there are fewer chunks and leave.
     const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
     if (!slots) {
-        (image.exact ? blend_backward<false, true> : blend_backward<false, false>)<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, sums);
+        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    (image.exact ? blend_backward<true, true> : blend_backward<true, false>)<<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, partial_);
+    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;
     add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, control, partial_, sums);

@@ -36,7 +36,6 @@ struct BlendImage {
     Vec3<float> background;
     float *rgb, *transmittance; ///< (3,H,W), (H,W)
     Cutoffs<float> cutoffs;
-    bool exact; ///< exponentials to the last bit, not in one instruction
 };
 
 class CudaBlend {

@@ -28,14 +28,11 @@ template <class P> struct FragmentAlpha {
 };
 
 /// alpha of a splat at pixel centres (px, py). Forward and backward call this one function, so that they agree on
-/// which fragments count. kExact: the exponential to the last bit where P has a faster one.
-template <bool kExact = false, class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
+/// which fragments count.
+template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
     const P exponent = gs_fma(dx, gs_fma(s.qa, dx, s.qb * dy), s.qc * dy * dy);
-    if constexpr (kExact)
-        return {dx, dy, s.opacity * gs_exp2(lane_min(exponent, P(0)))};
-    else
-        return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
+    return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
 }
 
 /// Front-to-back state of a pixel.

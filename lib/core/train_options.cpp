@@ -168,10 +168,6 @@ void add_precision_options(Table& table) {
                      .help = "a pixel that lets less light through is finished; 1e-4 is what 3DGS does, more is faster and less accurate",
                      .min = 1e-4,
                      .max = 0.5});
-    table.push_back({.key = "exact-math",
-                     .field = &O::exact_math,
-                     .group = group,
-                     .help = "on the GPU: exponentials of fragments to the last bit instead of in one instruction; the CPU's always are"});
     table.push_back({.key = "appearance-storage",
                      .field = &O::appearance_storage,
                      .group = group,

@@ -40,7 +40,6 @@ struct TrainOptions {
     // Precision
     double alpha_cutoff = 1;              ///< steps of 1/255
     double transmittance_cutoff = 1e-4;
-    bool exact_math = false;              ///< GPU only
     std::string appearance_storage = "fp32"; ///< of frames: fp32 | fp16, GPU only
     std::string appearance_moments = "fp32"; ///< of Adam: fp32 | bf16, GPU only
     // Appearance

@@ -46,6 +46,7 @@ PlyHeader make_header(const Gaussians& g, const PlyOptions& options) {
                   fmt::format("gsapp appearance {} max_degree {} active_degree {} activation {}", a.model, a.max_degree, g.active_degree,
                               color_activation_name(a.activation))};
     if (!relu || !is_sh_like(a)) h.comments.push_back("colours of other programs are approximate: the exact ones are in the app_ columns");
+    if (!options.note.empty()) h.comments.push_back(options.note);
     const auto add = [&](const std::string& name) { h.properties.push_back({name, PlyType::kFloat}); };
     const auto add_indexed = [&](const char* prefix, int n) {
         for (int k = 0; k < n; ++k) add(fmt::format("{}_{}", prefix, k));

@@ -13,6 +13,7 @@ namespace gs {
 struct PlyOptions {
     std::int64_t iteration = 0;           ///< named in the first comment
     std::string render_mode = "default";  ///< "default", or "mip" for an antialiased model whose dilation is 0.3
+    std::string note = {};                ///< further comment line, if any
 };
 
 /// Writes x y z nx ny nz f_dc_0..2 f_rest_0..{0,9,24,45}-1 opacity scale_0..2 rot_0..3 as packed little-endian floats,

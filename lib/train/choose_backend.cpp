@@ -17,7 +17,6 @@ BackendOptions backend_options(const TrainOptions& options) {
             .image_budget = std::int64_t(parse_bytes(options.image_cache)),
             .min_alpha = kMinAlpha * options.alpha_cutoff,
             .min_transmittance = options.transmittance_cutoff,
-            .exact_math = options.exact_math,
             .half_residuals = options.appearance_storage == "fp16",
             .packed_moments = options.appearance_moments == "bf16"};
 }

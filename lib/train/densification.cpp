@@ -8,8 +8,8 @@
 namespace gs {
 namespace {
 
-/// Iterations between degree steps, and between Morton sorts (locality decays as rows are appended).
-constexpr std::int64_t kDegreeInterval = 1000, kMortonInterval = 5000;
+/// Iterations between Morton sorts (locality decays as rows are appended).
+constexpr std::int64_t kMortonInterval = 5000;
 /// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown what is needed.
 constexpr std::int64_t kPruneLargeFrom = 3000;
 /// ADC resets once more, early, when a bright background could be taken for geometry.
@@ -28,21 +28,21 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
     : options_(options),
       initial_degree_(appearance_model(appearance.model).initial_degree),
       max_degree_(appearance.max_degree),
+      degree_(std::min(initial_degree_, max_degree_)),
       extent_(extent),
       black_background_(black_background),
       views_(std::move(views)) {}
-
-int DensificationSchedule::active_degree(std::int64_t iteration) const {
-    return int(std::min<std::int64_t>(max_degree_, initial_degree_ + iteration / kDegreeInterval));
-}
 
 bool DensificationSchedule::gathers(std::int64_t iteration) const {
     return options_.strategy == "adc" && iteration < options_.densify_until_iter;
 }
 
-ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration) {
+ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence) {
     ScheduledChange change;
-    if (iteration % kDegreeInterval == 0) backend.set_active_degree(active_degree(iteration));
+    if (iteration % kDegreeInterval == 0) {
+        if (iteration > 0) degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
+        backend.set_active_degree(degree_);
+    }
     const bool adc = options_.strategy == "adc";
     const bool due = options_.strategy != "none" && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
                      (iteration - options_.densify_from_iter) % options_.densification_interval == 0;

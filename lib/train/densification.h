@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// Iterations between degree steps.
+inline constexpr std::int64_t kDegreeInterval = 1000;
+
 /// What a densification did, and how many Gaussians Speedy-Splat's pruning removed after it.
 struct ScheduledChange : DensifyStats {
     std::int64_t pruned_by_score = 0;
@@ -23,15 +26,19 @@ class DensificationSchedule {
     DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background,
                           std::vector<RenderRequest> views);
 
-    /// Runs what is due before the step of `iteration` (0-based). Returns what densification and pruning did; all zero where they
+    /// Takes up a run whose checkpoint has this degree.
+    void resume(int active_degree) { degree_ = active_degree; }
+
+    /// Runs what is due before the step of `iteration` (0-based). With `hold_view_dependence`, which is read where the degree would rise,
+    /// colours do not depend on the view for now. Returns what densification and pruning did; all zero where they
     /// were not due.
-    ScheduledChange before_step(Backend& backend, std::int64_t iteration);
+    ScheduledChange before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence = false);
 
     /// Runs what is due after that step.
     ScheduledChange after_step(Backend& backend, std::int64_t iteration);
 
-    /// The degree active in the step of `iteration`: one more at 1000, 2000, ...
-    int active_degree(std::int64_t iteration) const;
+    /// The degree active in the last step: one more at 1000, 2000, ..., where it was not held.
+    int active_degree() const { return degree_; }
 
     /// Whether ADC still needs the gradient statistic of this iteration.
     bool gathers(std::int64_t iteration) const;
@@ -41,7 +48,7 @@ class DensificationSchedule {
     void prune(Backend& backend, double ratio, ScheduledChange& change) const;
 
     const TrainOptions& options_;
-    int initial_degree_, max_degree_;
+    int initial_degree_, max_degree_, degree_;
     double extent_;
     bool black_background_;
     std::vector<RenderRequest> views_;

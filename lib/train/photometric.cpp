@@ -116,6 +116,22 @@ std::optional<PhotometricDecision> Photometric::decide(Backend& backend, std::in
     return decision;
 }
 
+bool Photometric::holds_view_dependence(Backend& backend, std::int64_t iteration) {
+    if (!active_ || frozen_ || iteration >= std::min(kLongestHold, options_.iterations / 3)) return false;
+    const PpispState state = backend.download_ppisp();
+    double mean = 0, square = 0;
+    for (int f = 0; f < state.num_frames; ++f) {
+        const double exposure = state.param[std::size_t(f) * kIspFrameValues];
+        mean += exposure / state.num_frames, square += exposure * exposure / state.num_frames;
+    }
+    const double spread = std::sqrt(std::max(0.0, square - mean * mean));
+    const bool hold = spread > kSpreadThatHolds;
+    if (hold && !held_)
+        spdlog::info("exposures differ by {:.2f} stops: colours will not depend on the view before iteration {}", spread, std::min(kLongestHold, options_.iterations / 3));
+    held_ = hold;
+    return hold;
+}
+
 void Photometric::apply(std::size_t view, std::int64_t iteration, StepRequest& request) const {
     if (!active_) return;
     request.isp = {.mode = IspMode::kFrame, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};

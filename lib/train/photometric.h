@@ -20,6 +20,12 @@ namespace gs {
 /// (degree 1 begins here). Not a share of the run's length, so that a resumed run may be longer.
 inline constexpr std::int64_t kPhotometricDecision = 1000;
 
+/// Standard deviation of the exposures, in stops. Between scenes that need no waiting (bonsai 0.10) and those that lose by not waiting
+/// (builtin:exposure: 0.21 after 1000 iterations, 0.4 in the end).
+inline constexpr double kSpreadThatHolds = 0.15;
+/// Iterations after which view dependence begins in any case; a third of a shorter run.
+inline constexpr std::int64_t kLongestHold = 10000;
+
 /// How auto decided.
 struct PhotometricDecision {
     bool on = false;
@@ -50,6 +56,10 @@ class Photometric {
     std::optional<PhotometricDecision> decide(Backend& backend, std::int64_t iteration, const Vec3<float>& background,
                                               const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
+    /// Whether colours should not yet depend on the view: the exposures found so far differ by more than kSpreadThatHolds, and the first
+    /// third of the run is not over. View dependence would take up some of them, and not give it back.
+    bool holds_view_dependence(Backend& backend, std::int64_t iteration);
+
     /// Training image `view` by its own values.
     void apply(std::size_t view, std::int64_t iteration, StepRequest& request) const;
 
@@ -74,7 +84,7 @@ class Photometric {
     const Scene& scene_;
     PpispFile file_;      ///< what ppisp.json says besides the numbers
     PpispState initial_;
-    bool active_ = false, frozen_ = false;
+    bool active_ = false, frozen_ = false, held_ = false;
     std::int64_t first_ = 0;  ///< iteration of PPISP's first step
 };
 

@@ -153,7 +153,7 @@ class Run {
         if (options_.hostile_start > 0)
             spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
                          make_hostile(state, options_.hostile_start, options_.seed), state.count);
-        state.active_degree = schedule_.active_degree(0);
+        state.active_degree = schedule_.active_degree();
         state.ppisp = photometric_.initial_state();
         if (state.count > options_.cap_max)
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
@@ -170,6 +170,7 @@ class Run {
             spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
         photometric_.resume(checkpoint.state, iteration_);
+        schedule_.resume(checkpoint.state.active_degree);
         backend_ = make_backend();
         backend_->upload(checkpoint.state);
         write_text_atomic(folder_.config(), options_to_yaml(options_));
@@ -180,7 +181,8 @@ class Run {
 
     void iterate() {
         decide_photometric();
-        write_change(schedule_.before_step(*backend_, iteration_));
+        const bool hold = iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
+        write_change(schedule_.before_step(*backend_, iteration_, hold));
         auto [view, image, request] = views_.at(iteration_, options_.iterations);
         const bool mcmc = options_.strategy == "mcmc";
         request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
@@ -274,7 +276,7 @@ class Run {
                      {"ssim", last_.ssim},
                      {"num_gaussians", backend_->count()},
                      {"num_instances", last_.num_instances},
-                     {"active_degree", schedule_.active_degree(iteration_ - 1)},
+                     {"active_degree", schedule_.active_degree()},
                      {"milliseconds", 1e3 * interval_seconds},
                      {"data_wait_milliseconds", 1e3 * (wait - logged_wait_)},
                      {"train_seconds", train_seconds_}});

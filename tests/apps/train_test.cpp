@@ -142,10 +142,10 @@ TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     ASSERT_EQ(controlled.exit_code, 0) << controlled.err;
     EXPECT_NE(controlled.out.find("| controller "), std::string::npos) << controlled.out;
     EXPECT_EQ(program.run("render run --orbit 1 -o pictures").exit_code, 0);
-    const Outcome own = program.run("eval run --source builtin:glossy --ppisp-eval scene-aligned");
+    const Outcome own = program.run("eval run --source builtin:polished --ppisp-eval scene-aligned");
     ASSERT_EQ(own.exit_code, 0) << own.err;
     EXPECT_NE(own.out.find("| scene-aligned "), std::string::npos) << own.out;
-    EXPECT_TRUE(std::filesystem::exists(program.path("run/on-glossy/results.json")));
+    EXPECT_TRUE(std::filesystem::exists(program.path("run/on-polished/results.json")));
 }
 
 }  // namespace

@@ -48,6 +48,18 @@ TEST(TradeoffAxes, AreNamesWithValuesOrWithDefaults) {
     EXPECT_EQ(axes[4].values, (Words{"relu", "softplus", "sigmoid", "hardsigmoid"}));
 }
 
+TEST(TradeoffAxes, PrecisionHasNames) {
+    TrainOptions base = base_options();
+    base.device = "cpu";
+    const auto axes = parse_axes({"precision"}, base);
+    EXPECT_EQ(axes.at(0).values, (Words{"full", "cutoffs"}));
+    const Configuration c = make_configuration(axes, {"cutoffs"}, base);
+    EXPECT_EQ(c.options.alpha_cutoff, 2);
+    EXPECT_EQ(c.options.appearance_storage, "fp32");
+    EXPECT_NE(error_of([&] { make_configuration(axes, {"fast"}, base); }).find("of the GPU"), std::string::npos);
+    EXPECT_NE(error_of([&] { make_configuration(axes, {"fastest"}, base); }).find("'fastest' is not one of full"), std::string::npos);
+}
+
 TEST(TradeoffAxes, MistakesAreNamed) {
     const auto error = [](const Words& words) { return error_of([&] { parse(words); }); };
     EXPECT_NE(error({"apearance=sh"}).find("did you mean 'appearance'"), std::string::npos);

@@ -65,17 +65,6 @@ TEST_F(GpuPrecision, CutoffsAreThoseOfTheCpu) {
     }
 }
 
-TEST_F(GpuPrecision, ExactExponentialsChangeOnlyTheLastBits) {
-    const auto cpu = make_cpu_backend(scene_.model.appearance);
-    cpu->upload(scene_.model);
-    const RenderedImage reference = frame(*cpu);
-    const Difference fast = compare(frame_with({}).rgb, reference.rgb), exact = compare(frame_with({.exact_math = true}).rgb, reference.rgb);
-    std::printf("mean difference to the CPU's: %.2e in one instruction, %.2e exact\n", fast.mean, exact.mean);
-    EXPECT_LT(fast.mean, 1e-6);
-    EXPECT_LT(exact.mean, 1e-6);
-    EXPECT_GT(compare(frame_with({}).rgb, frame_with({.exact_math = true}).rgb).worst, 0);
-}
-
 /// Frames are bitwise those of the rounded parameters, after steps and densification too; steps see single precision.
 TEST_F(GpuPrecision, HalfStorageRoundsWhatFramesRead) {
     const auto rounded = [](Gaussians g) {
@@ -115,7 +104,9 @@ TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
     }
     EXPECT_GT(rounded, std::int64_t(x.m.size() / 4));
     for (int g = 0; g < kNumGroups; ++g)
-        if (Group(g) != Group::kResidual) EXPECT_EQ(a.groups[g].v, b.groups[g].v) << kGroupNames[g];
+        if (Group(g) != Group::kResidual) {
+            EXPECT_EQ(a.groups[g].v, b.groups[g].v) << kGroupNames[g];
+        }
     // What is read back goes up again as it was.
     const auto again = make_cuda_backend(scene_.model.appearance, {.packed_moments = true});
     again->upload(b);
@@ -147,7 +138,7 @@ TEST_F(GpuPrecision, PackedMomentsTrainLikeFullOnes) {
     const auto [packed_loss, packed] = train({.deterministic = true, .packed_moments = true});
     std::printf("loss %.6f, with packed moments %.6f\n", loss, packed_loss);
     EXPECT_NEAR(packed_loss, loss, 0.01 * loss);
-    EXPECT_EQ(packed.count, full.count);
+    EXPECT_NEAR(packed.count, full.count, 0.02 * double(full.count));
     const auto& group = packed[Group::kResidual];
     EXPECT_TRUE(std::all_of(group.v.begin(), group.v.end(), [](float v) { return v >= 0 && std::isfinite(v); }));
     expect_same_bits(train({.deterministic = true, .packed_moments = true}).second, packed);

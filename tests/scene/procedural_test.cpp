@@ -326,7 +326,7 @@ TEST(BuiltinScenes, ExposureIsTheBaseSceneTimesKnownFactors) {
     SceneOptions options;
     options.eval = true;
     options.resolution = 16;
-    const Scene jittered = load_builtin_scene("exposure", options), clean = load_builtin_scene("glossy", options);
+    const Scene jittered = load_builtin_scene("exposure", options), clean = load_builtin_scene("polished", options);
     Description d = load_description("exposure");
     d.cameras.width = 16, d.cameras.height = 12;
     std::vector<double> stops;

@@ -152,9 +152,41 @@ TEST(Photometric, RecoversTheExposuresOfTheScene) {
     EXPECT_GT(correlation(found, truth), 0.99);
 }
 
+/// The model's PPISP, given. Frames 0, 1, ... have the exposures of a list in turn.
+class ExposedBackend : public test::ForwardingBackend {
+  public:
+    explicit ExposedBackend(std::vector<float> exposures) : ForwardingBackend({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}
+    void upload_ppisp(const PpispState&) override {}
+    PpispState download_ppisp() override {
+        PpispState state = identity_ppisp(40, 1);
+        for (std::size_t k = 0; k < 40; ++k) state.param[k * kIspFrameValues] = exposures_[k % exposures_.size()];
+        return state;
+    }
+
+  private:
+    std::vector<float> exposures_;
+};
+
+TEST(Photometric, ViewDependenceWaitsWhereExposuresDiffer) {
+    const test::TemporaryFolder tmp;
+    const Scene scene = builtin("exposure", 16);
+    TrainOptions o = options_for(tmp.path() / "run", 60000);
+    ExposedBackend varied({0.5f, -0.5f, 0.1f}), steady({1.05f, 0.95f}); // a common exposure is not a difference
+    const auto holds = [&](Backend& backend, std::int64_t iteration) { return Photometric(o, scene).holds_view_dependence(backend, iteration); };
+    EXPECT_TRUE(holds(varied, 1000));
+    EXPECT_TRUE(holds(varied, 9999));
+    EXPECT_FALSE(holds(varied, 10000)) << "not for ever";
+    EXPECT_FALSE(holds(steady, 1000));
+    o.iterations = 3000;
+    EXPECT_TRUE(holds(varied, 999));
+    EXPECT_FALSE(holds(varied, 1000)) << "a short run has no time to wait";
+    o.ppisp = "off";
+    EXPECT_FALSE(holds(varied, 500));
+}
+
 class PhotometricAuto : public ::testing::TestWithParam<std::pair<const char*, bool>> {};
 INSTANTIATE_TEST_SUITE_P(Scenes, PhotometricAuto,
-                         ::testing::Values(std::pair("exposure", true), std::pair("glossy", false), std::pair("diffuse", false), std::pair("moved", false), std::pair("shadow", false)),
+                         ::testing::Values(std::pair("exposure", true), std::pair("glossy", false), std::pair("polished", false), std::pair("diffuse", false), std::pair("moved", false), std::pair("shadow", false)),
                          [](const auto& info) { return info.param.first; });
 
 TEST_P(PhotometricAuto, DecidesByTheImages) {

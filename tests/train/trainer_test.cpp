@@ -487,16 +487,43 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     EXPECT_LT(r.rates[3], 0.05);
 }
 
-TEST(DegreeSchedule, RaisesByOneEveryThousandIterations) {
+/// The degrees of the steps at the given iterations, all steps before them taken too; held at those of `held`.
+std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t> iterations, const std::set<std::int64_t>& held = {}) {
     TrainOptions o;
-    o.source = "x";
+    o.source = "x", o.appearance = appearance, o.strategy = "none";
     validate(o);
-    const DensificationSchedule s(o, appearance_spec(o), 1, true, {});
-    EXPECT_EQ(s.active_degree(0), 0);
-    EXPECT_EQ(s.active_degree(999), 0);
-    EXPECT_EQ(s.active_degree(1000), 1);
-    EXPECT_EQ(s.active_degree(2999), 2);
-    EXPECT_EQ(s.active_degree(50000), 3);
+    DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
+    const auto backend = make_cpu_backend(appearance_spec(o));
+    std::vector<int> out;
+    for (std::int64_t k = 0; k <= iterations.back(); ++k) {
+        schedule.before_step(*backend, k, held.contains(k));
+        if (std::find(iterations.begin(), iterations.end(), k) == iterations.end()) continue;
+        out.push_back(schedule.active_degree());
+        EXPECT_EQ(backend->download(false).active_degree, out.back());
+    }
+    return out;
+}
+
+TEST(DegreeSchedule, RaisesByOneEveryThousandIterations) {
+    EXPECT_EQ(degrees("sh", {0, 999, 1000, 2999, 12000}), (std::vector<int>{0, 0, 1, 2, 3}));
+    EXPECT_EQ(degrees("sv", {0, 1000, 2000}), (std::vector<int>{7, 7, 7}));
+}
+
+TEST(DegreeSchedule, WaitsWhileItIsHeld) {
+    EXPECT_EQ(degrees("sh", {0, 1000, 2000, 3000, 4000, 6000}, {1000, 2000}), (std::vector<int>{0, 0, 0, 1, 2, 3}));
+    EXPECT_EQ(degrees("sv", {0, 1000, 2000, 3000}, {1000, 2000}), (std::vector<int>{7, 0, 0, 7}));
+    EXPECT_EQ(degrees("sh", {1000, 1500, 2000}, {1500}), (std::vector<int>{1, 1, 2})) << "only where it would rise";
+}
+
+TEST(DegreeSchedule, GoesOnFromTheDegreeOfACheckpoint) {
+    TrainOptions o;
+    o.source = "x", o.strategy = "none";
+    validate(o);
+    DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
+    const auto backend = make_cpu_backend(appearance_spec(o));
+    schedule.resume(1); // it was held once
+    schedule.before_step(*backend, 3000);
+    EXPECT_EQ(schedule.active_degree(), 2);
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ def check(condition, what):
 class Browser:
     """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
 
-    def __init__(self, program, width=1280, height=1000):
+    def __init__(self, program, width=1280, height=1000, flags=("--disable-gpu",)):
         self.profile = tempfile.TemporaryDirectory(prefix="gsapp-browser-", ignore_cleanup_errors=True)  # its helpers may still write
         to_browser, self.write_end = os.pipe()
         self.read_end, from_browser = os.pipe()
@@ -42,7 +42,7 @@ class Browser:
             os.dup2(target, 4)
 
         self.process = subprocess.Popen(
-            [program, "--headless", "--remote-debugging-pipe", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+            [program, "--headless", "--remote-debugging-pipe", "--no-sandbox", "--hide-scrollbars", *flags,
              f"--window-size={width},{height}", f"--user-data-dir={self.profile.name}", "about:blank"],
             preexec_fn=plumb, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_browser)

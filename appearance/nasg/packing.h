@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lobes in files for viewers: 12 halves per lobe, 13 with a carrier (viewer spec sections 5.3 and 5.4).
+#pragma once
+
+#include "appearance/packing.h"
+
+namespace gs::appearance {
+
+/// A normalization beyond this is stored as this, and the rest of it as a factor of the amplitude: only their product shows.
+inline constexpr double kLargestPackedNorm = 6e4;
+
+/// Of Nasg and Nasgabor.
+template <class Model> const Packing& lobe_packing();
+
+}  // namespace gs::appearance

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// How models are stored for viewers: a few words per Gaussian, in which everything that does not depend on the view is computed
+// (viewer spec section 5). The container is lib/export/ngsplat.h; docs/formats.md has the layout.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/core/gaussian_state.h"
+#include "kernels/core/half.h"
+#include "kernels/core/vec.h"
+
+namespace gs {
+
+/// Models by their number in the file.
+enum class PackedModel : std::uint32_t { kNeural, kSh, kSv, kNasg, kNasgabor };
+
+/// What acts on a residual as stored; the lobes' amplitudes are stored behind it.
+enum class PackedResidualActivation : std::uint32_t { kNone, kTanh, kSoftplus };
+
+/// What the file says about its appearance.
+struct PackedHeader {
+    PackedModel model = PackedModel::kSh;
+    std::uint32_t features = 0;     ///< sites, lobes, or inputs of the network that belong to the Gaussian
+    std::uint32_t frequencies = 0;  ///< of the network's encoding; for information, features are stored encoded
+    std::uint32_t bands = 0;        ///< bit l: band l is stored (sh), or an input of the network
+    PackedResidualActivation activation = PackedResidualActivation::kNone;
+    std::uint32_t neurons = 0, hidden_layers = 0;
+    bool constant_input = true;     ///< the network has the constant Y_0 as an input
+    bool folded = false;            ///< the first layer's sums over what does not depend on the view are stored, not the features
+    std::array<float, 3> band_scales{};  ///< of sh: largest coefficient of bands 1 to 3
+};
+
+/// Sizes that follow from a header.
+struct PackedLayout {
+    std::vector<int> texture_words;  ///< 32-bit words of a Gaussian in each texture: 4 or 2
+    std::int64_t weight_halves = 0;  ///< of the shared weights
+
+    int bytes_per_gaussian() const {
+        int words = 0;
+        for (const int w : texture_words) words += w;
+        return 4 * words;
+    }
+};
+
+struct PackedAppearance {
+    PackedHeader header;
+    std::vector<std::uint16_t> weights;                ///< halves, in the file's order
+    std::vector<std::vector<std::uint32_t>> textures;  ///< (N, texture_words) each
+};
+
+/// What a model's folder gives to put it into a file and to show what is in one.
+struct Packing {
+    PackedModel model;
+    /// Header, weights and zeroed textures; degrees above the active one are left out, or can have no effect. Parameters are finite.
+    PackedAppearance (*prepare)(const Gaussians& gaussians);
+    /// Fills the row of one Gaussian; different rows from different threads.
+    void (*pack_row)(const Gaussians& gaussians, std::int64_t row, PackedAppearance& packed);
+    /// Throws DataError saying which field has a value that the model cannot have.
+    PackedLayout (*layout)(const PackedHeader& header);
+    /// Of one Gaussian as a viewer computes it, in double. `direction` is a unit vector from the camera to the Gaussian.
+    Vec3<double> (*residual)(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction);
+};
+
+/// Halves lie eight to a texel of four words, the first in the low half of a word; the last texel is filled up with zeros.
+inline constexpr int kHalvesPerTexel = 8, kMaxHalves = 64;
+inline std::vector<int> half_textures(int halves) { return std::vector<int>(std::size_t((halves + kHalvesPerTexel - 1) / kHalvesPerTexel), 4); }
+
+/// Half `k` of Gaussian `row`.
+inline void set_half(PackedAppearance& packed, std::int64_t row, int k, double value) {
+    std::uint32_t& word = packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
+    const int shift = k % 2 * 16;
+    word = (word & ~(0xffffu << shift)) | std::uint32_t(half_bits(value)) << shift;
+}
+inline double get_half(const PackedAppearance& packed, std::int64_t row, int k) {
+    const std::uint32_t word = packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
+    return half_value(std::uint16_t(word >> (k % 2 * 16)));
+}
+
+/// Zeroed textures of that header for `count` Gaussians.
+PackedAppearance make_packed(const PackedHeader& header, const PackedLayout& layout, std::int64_t count);
+
+/// Throws DataError "<field> <value>: <expected>" unless `ok`.
+void require_packed(bool ok, const char* field, std::uint32_t value, const char* expected);
+
+/// alpha of a stored residual.
+Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x);
+
+/// The packing of the models with that number in the file.
+const Packing& packing_of(PackedModel model);
+
+}  // namespace gs

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frame times by the paper's protocol: 1280x720, intrinsics of the test views in pixels, colours of all Gaussians and blending into 8
+// bits, each frame waited for by reading a pixel; without sorting and photometric correction.
+
+import { defaultView } from './camera/navigator';
+import { cropView, type View } from './camera/view';
+import type { Scene } from './format/ngsplat';
+import type { Renderer } from './render/renderer';
+
+const WIDTH = 1280, HEIGHT = 720;
+
+export interface Summary {
+  mean: number;
+  median: number;
+  min: number;
+  max: number;
+}
+
+export interface BenchmarkResult {
+  protocol: string;
+  file: string;
+  appearance: string;
+  gaussians: number;
+  width: number;
+  height: number;
+  framesPerView: number;
+  /** Milliseconds, over the means of the views. `prepass` is the part that colours the Gaussians, measured alone. */
+  frame: Summary;
+  prepass: Summary;
+  perView: { frame: number[]; prepass: number[] };
+  renderer: string;
+  userAgent: string;
+}
+
+export function summarize(values: number[]): Summary {
+  const sorted = [...values].sort((a, b) => a - b), n = sorted.length;
+  const median = n % 2 ? sorted[(n - 1) / 2] : (sorted[n / 2 - 1] + sorted[n / 2]) / 2;
+  return { mean: values.reduce((a, b) => a + b, 0) / n, median, min: sorted[0], max: sorted[n - 1] };
+}
+
+/** `sort` brings the order up to date for a view. `progress` goes from 0 to 1. Throws where `signal` is aborted. */
+export async function runBenchmark(renderer: Renderer, scene: Scene, file: string, sort: (view: View) => Promise<void>, framesPerView: number,
+                                   progress: (part: number) => void, signal: AbortSignal): Promise<BenchmarkResult> {
+  const views = (scene.testCameras.length ? scene.testCameras : [defaultView(scene)]).map((view) => cropView(view, WIDTH, HEIGHT));
+  const colors = (view: View) => {
+    renderer.drawColors(view, 'full', 'byte');
+    renderer.finishColors();
+  };
+  const frame = (view: View) => {
+    renderer.drawColors(view, 'full', 'byte');
+    renderer.finish(renderer.drawSplats(view, 'byte'));
+  };
+  /** Mean of so many in a row; one before is not timed. */
+  const time = (draw: (view: View) => void, view: View) => {
+    draw(view);
+    const begin = performance.now();
+    for (let i = 0; i < framesPerView; ++i) draw(view);
+    return (performance.now() - begin) / framesPerView;
+  };
+
+  for (const view of views) {
+    await sort(view);
+    frame(view);
+  }
+  const perView = { frame: [] as number[], prepass: [] as number[] };
+  for (const [i, view] of views.entries()) {
+    await sort(view);
+    perView.frame.push(time(frame, view));
+    perView.prepass.push(time(colors, view));
+    progress((i + 1) / views.length);
+    await new Promise((resolve) => setTimeout(resolve)); // lets the page answer
+    signal.throwIfAborted();
+  }
+  return {
+    protocol: 'frame = colours of all Gaussians + blending into RGBA8 at 1280x720, native intrinsics, near plane 0.2, one pixel read after each; one untimed frame a view, sorting and photometric correction excluded',
+    file, appearance: scene.model.name, gaussians: scene.count, width: WIDTH, height: HEIGHT, framesPerView,
+    frame: summarize(perView.frame), prepass: summarize(perView.prepass), perView, renderer: renderer.deviceName, userAgent: navigator.userAgent,
+  };
+}

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// A position in a file's bytes that refuses to pass its end.
+
+/** The file is not what it should be; the message is for the user. */
+export class FormatError extends Error {}
+
+export class Cursor {
+  offset = 0;
+
+  /** `buffer` holds little-endian numbers, of which arrays lie at multiples of their size, as .ngsplat has them. */
+  constructor(readonly buffer: ArrayBuffer) {}
+
+  get rest(): number {
+    return this.buffer.byteLength - this.offset;
+  }
+
+  require(bytes: number, what: string): void {
+    if (bytes > this.rest)
+      throw new FormatError(`the file is truncated: ${what} would take ${bytes} bytes at byte ${this.offset}, but it ends after ${this.rest}`);
+  }
+
+  private take(bytes: number, what: string): number {
+    this.require(bytes, what);
+    const at = this.offset;
+    this.offset += bytes;
+    return at;
+  }
+
+  bytes(length: number, what: string): Uint8Array {
+    return new Uint8Array(this.buffer, this.take(length, what), length);
+  }
+  text(length: number, what: string): string {
+    return String.fromCharCode(...this.bytes(length, what));
+  }
+  words(count: number, what: string): Uint32Array {
+    return new Uint32Array(this.buffer, this.take(4 * count, what), count);
+  }
+  word(what: string): number {
+    return new DataView(this.buffer).getUint32(this.take(4, what), true);
+  }
+  halves(count: number, what: string): Uint16Array {
+    return new Uint16Array(this.buffer, this.take(2 * count, what), count);
+  }
+  /** Throws where one is not finite: nothing in a header may be. */
+  floats(count: number, what: string): Float32Array {
+    const values = new Float32Array(this.buffer, this.take(4 * count, what), count);
+    if (!values.every(Number.isFinite)) throw new FormatError(`${what}: a value is not a finite number`);
+    return values;
+  }
+}

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// What gsapp adds behind the last texture: JSON, and a checksum of all that comes before it. Files of others end there.
+
+import { crc32 } from './crc32';
+import { FormatError, type Cursor } from './cursor';
+import type { Vector } from './ngsplat';
+
+const MAGIC = 'GSAPPEXT', VERSION = 1;
+
+export interface Trailer {
+  appearance: string;
+  background: Vector;
+  /** Name of the scene. */
+  name?: string;
+  /** Of the test views, in decibels: of the model, and of what the file keeps of it. */
+  psnr?: { model: number; packed: number };
+}
+
+interface Json {
+  appearance: string;
+  background: Vector;
+  scene: string;
+  test_views: { psnr: number; packed_psnr: number };
+}
+
+/** Undefined where the file ends without one. Throws FormatError where something else follows, or the checksum is another one. */
+export function readTrailer(c: Cursor): Trailer | undefined {
+  if (c.rest === 0) return undefined;
+  const behind = c.rest;
+  if (behind < MAGIC.length || c.text(MAGIC.length, 'trailer') !== MAGIC) throw new FormatError(`${behind} unknown bytes follow the last texture`);
+  const version = c.word('trailer');
+  if (version !== VERSION) throw new FormatError(`its trailer is of version ${version}, this viewer reads ${VERSION}: a newer gsapp wrote the file`);
+  const json = c.bytes(c.word('trailer'), 'trailer');
+  const computed = crc32(new Uint8Array(c.buffer, 0, c.offset)), stored = c.word('checksum');
+  if (computed !== stored) throw new FormatError(`its checksum is ${hex(computed)}, not ${hex(stored)}: the file is damaged`);
+  if (c.rest > 0) throw new FormatError(`${c.rest} bytes follow the checksum`);
+  return fromJson(JSON.parse(new TextDecoder().decode(json)) as Partial<Json>);
+}
+
+const hex = (n: number): string => n.toString(16).padStart(8, '0');
+
+function fromJson({ appearance, background, scene, test_views: views }: Partial<Json>): Trailer {
+  if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every(Number.isFinite))
+    throw new FormatError('its trailer lacks appearance or background');
+  return {
+    appearance, background, name: typeof scene === 'string' ? scene : undefined,
+    psnr: views && Number.isFinite(views.psnr) && Number.isFinite(views.packed_psnr) ? { model: views.psnr, packed: views.packed_psnr } : undefined,
+  };
+}

@@ -1,0 +1,7 @@
+// Where a Gaussian's data lie, and how its geometry is packed: 16 bytes, an RGBA32UI texel (docs/formats.md).
+
+uniform highp usampler2D geometry;
+
+ivec2 texel_of(int index) { return ivec2(index & 2047, index >> 11); }
+
+vec3 decode_mean(uvec4 g) { return vec3(unpackHalf2x16(g.y), unpackHalf2x16(g.z).x); }

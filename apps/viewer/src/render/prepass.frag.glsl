@@ -1,0 +1,108 @@
+// The colour that every Gaussian shows to one camera: a pixel for each. In front of this stand gaussian.glsl, the GS_
+// constants of the file, and behind it the model's own residual().
+
+uniform highp usampler2DArray payload_quads;
+uniform highp usampler2D payload_pairs;
+#if GS_WEIGHTS > 0
+layout(std140) uniform Weights { vec4 weights[GS_WEIGHTS]; };
+#endif
+uniform vec3 sh_factors;
+uniform float base_scale, base_offset;
+uniform vec3 camera_position, camera_forward;
+uniform float center_depth;
+uniform int count, mode;
+
+const int kFull = 0, kBase = 1, kResidual = 2, kDepth = 3;
+
+out vec4 result;
+
+ivec2 texel;
+
+// What models read: texel k of four words, the texel of two words, half-precision numbers, and weights[t].
+uvec4 payload(int k) { return texelFetch(payload_quads, ivec3(texel, k), 0); }
+uvec2 payload_pair() { return texelFetch(payload_pairs, texel, 0).xy; }
+#if GS_HALVES > 0
+float[GS_HALVES] payload_halves() {
+    float p[GS_HALVES];
+    for (int k = 0; k < GS_HALVES / 8; ++k) {
+        uvec4 t = payload(k);
+        for (int i = 0; i < 4; ++i) {
+            vec2 two = unpackHalf2x16(t[i]);
+            p[8 * k + 2 * i] = two.x;
+            p[8 * k + 2 * i + 1] = two.y;
+        }
+    }
+    return p;
+}
+#endif
+
+// ln(1 + e^10x)/10 without overflow.
+vec3 softplus(vec3 x) { return max(x, 0.0) + log(1.0 + exp(-10.0 * abs(x))) / 10.0; }
+
+vec3 residual_activation(vec3 x) {
+#if GS_RESIDUAL_ACTIVATION == 1
+    vec3 e = exp(-2.0 * abs(x)); // tanh whose exponential does not overflow
+    return sign(x) * (1.0 - e) / (1.0 + e);
+#elif GS_RESIDUAL_ACTIVATION == 2
+    return softplus(x);
+#else
+    return x;
+#endif
+}
+
+// As in appearance/contract.h; half floats end at 65504, and what is infinite would stay so behind an alpha of 0.
+const float kLargestColor = 255.0;
+
+// The shift by 1/2 of those activations that have one is part of the stored base colour.
+vec3 color_activation(vec3 x) {
+#if GS_COLOR_ACTIVATION == 0
+    return clamp(x, 0.0, kLargestColor);
+#elif GS_COLOR_ACTIVATION == 1
+    return min(softplus(x), kLargestColor);
+#elif GS_COLOR_ACTIVATION == 2
+    return 1.0 / (1.0 + exp(-4.0 * x));
+#elif GS_COLOR_ACTIVATION == 3
+    return 1.0 - exp(-x);
+#elif GS_COLOR_ACTIVATION == 4
+    return clamp(x, 0.0, 1.0);
+#else
+    return x;
+#endif
+}
+
+vec3 base_color(uvec4 g) {
+    vec3 code = vec3(g.x & 255u, (g.x >> 8) & 255u, (g.x >> 16) & 255u);
+    vec3 d = code * base_scale + base_offset;
+#if GS_EXPONENTIAL_BASE
+    d = exp(3.0 * d);
+#if GS_COLOR_ACTIVATION != 2 && GS_COLOR_ACTIVATION != 3
+    d += 0.5;
+#endif
+#endif
+    return d;
+}
+
+vec3 residual(vec3 direction);
+
+vec3 shown_color(uvec4 g) {
+    vec3 offset = decode_mean(g) - camera_position;
+    float depth = dot(offset, camera_forward);
+    // White near by, grey at the centre, black far away; the power gives objects around the centre some contrast.
+    if (mode == kDepth) return vec3(1.0 / (1.0 + pow(max(depth, 0.0) / center_depth, 3.0)));
+    vec3 base = base_color(g), base_shown = color_activation(base);
+    if (mode == kBase) return base_shown;
+    vec3 shown = base_shown;
+#if GS_HAS_RESIDUAL
+    // Behind the camera nothing is drawn, and on it there is no direction.
+    if (depth > 0.0) shown = color_activation(base + residual(normalize(offset)));
+#endif
+    return mode == kResidual ? abs(shown - base_shown) : shown;
+}
+
+void main() {
+    texel = ivec2(gl_FragCoord.xy);
+    result = vec4(0);
+    if (texel.y * 2048 + texel.x >= count) return;
+    uvec4 g = texelFetch(geometry, texel, 0);
+    result = vec4(shown_color(g), 1.0);
+}

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// The colour of every Gaussian for one camera, into a texture of a pixel each.
+
+import type { WebGLRenderer, WebGLRenderTarget } from 'three';
+import { ColorActivation, storedInputs, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import { dot, type View } from '../camera/view';
+import type { GpuScene } from './gpu_scene';
+import { fullscreenPass, uniforms, type Defines, type Pass } from './pass';
+import { renderTarget, type Precision } from './target';
+import gaussianCode from './gaussian.glsl?raw';
+import prepassCode from './prepass.frag.glsl?raw';
+
+export type Mode = 'full' | 'base' | 'residual' | 'depth';
+export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth'];
+
+function defines(scene: Scene): Defines {
+  const quads = scene.payload.find((block) => block.words === 4)?.layers ?? 0;
+  return {
+    GS_MODEL: scene.model.id, GS_UNITS: scene.featureDim, GS_HALVES: 8 * quads, GS_DEGREE: scene.degree, GS_BANDS: scene.bandMask,
+    GS_INPUTS: storedInputs(scene), GS_NEURONS: scene.neurons, GS_HIDDEN_LAYERS: scene.hiddenLayers, GS_FOLDED: scene.foldedFirstLayer,
+    GS_CONSTANT_INPUT: scene.constantInput, GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation,
+    GS_WEIGHTS: scene.weights.length / 4, GS_EXPONENTIAL_BASE: scene.exponentialBase, GS_HAS_RESIDUAL: scene.payload.length > 0,
+  };
+}
+
+/** Depth of the scene's centre, or where that is beside or behind the camera, of something as far. */
+function centerDepth(scene: Scene, view: View): number {
+  return Math.max(dot(view.forward, scene.center) - dot(view.forward, view.position), 0.1 * scene.distance, 1e-3);
+}
+
+/** Whether colours above 1 occur, which eight bits would cut off. */
+function isUnbounded(activation: ColorActivation): boolean {
+  return [ColorActivation.Relu, ColorActivation.Softplus, ColorActivation.None].includes(activation);
+}
+
+export class Prepass {
+  private readonly targets: Partial<Record<Precision, WebGLRenderTarget>> = {};
+  private readonly pass: Pass;
+
+  constructor(private readonly gpu: GpuScene) {
+    const { scene } = gpu;
+    // Without stored residual the model's code is not even compiled.
+    const model = scene.payload.length > 0 ? scene.model.glsl : '';
+    this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
+      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, sh_factors: gpu.shFactors,
+      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count,
+      camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
+    }), defines(scene));
+    if (scene.weights.length > 0) this.pass.material.uniformsGroups = [gpu.weights];
+  }
+
+  /** Where the colours are, in no more than `precision`. */
+  target(precision: Precision): WebGLRenderTarget {
+    const { scene } = this.gpu, type = precision === 'half' && isUnbounded(scene.colorActivation) ? 'half' : 'byte';
+    return (this.targets[type] ??= renderTarget(type, TEXTURE_WIDTH, scene.textureHeight));
+  }
+
+  draw(renderer: WebGLRenderer, view: View, mode: Mode, precision: Precision): void {
+    this.pass.set({ camera_position: view.position, camera_forward: view.forward, center_depth: centerDepth(this.gpu.scene, view), mode: MODES.indexOf(mode) });
+    this.pass.draw(renderer, this.target(precision));
+  }
+
+  dispose(): void {
+    this.pass.dispose();
+    for (const target of Object.values(this.targets)) target.dispose();
+  }
+}

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a file and a view to a picture: colours of all Gaussians (prepass), blending back to front (splats), background and
+// photometric correction (resolve).
+
+import { WebGLRenderer, type WebGLRenderTarget } from 'three';
+import type { View } from '../camera/view';
+import type { Scene, Vector } from '../format/ngsplat';
+import { GpuScene } from './gpu_scene';
+import { fullscreenPass, uniforms } from './pass';
+import { colorMix, gain } from './photometric';
+import { Prepass, type Mode } from './prepass';
+import resolveCode from './resolve.frag.glsl?raw';
+import { Splats } from './splats';
+import { renderTarget, targetBytes, type Precision } from './target';
+
+export class RenderError extends Error {}
+
+/** Equal where the colours of all Gaussians are. */
+function colorsKey(view: View, mode: Mode, precision: Precision): string {
+  return JSON.stringify([view.position, view.forward, mode, precision]);
+}
+
+export interface Picture {
+  mode: Mode;
+  background: Vector;
+  /** Exposure and latents, where the picture is to be corrected. */
+  exposure?: Float32Array;
+}
+
+export class Renderer {
+  readonly webgl: WebGLRenderer;
+  private readonly gl: WebGL2RenderingContext;
+  private readonly blended: Record<Precision, WebGLRenderTarget>;
+  private readonly resolve = fullscreenPass(resolveCode, uniforms({
+    blended: null, background: [0, 0, 0], corrected: false, gain: 1, mix_colors: [1, 0, 0, 0, 1, 0, 0, 0, 1], response: new Float32Array(18),
+  }));
+  private gpu: GpuScene | undefined;
+  private prepass: Prepass | undefined;
+  private splats: Splats | undefined;
+  private colorsOf = '';
+
+  /** Throws RenderError where there is no WebGL2. */
+  constructor(canvas: HTMLCanvasElement) {
+    const context = canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false, powerPreference: 'high-performance' });
+    if (!context) throw new RenderError('This page needs WebGL2, which this browser does not offer or has switched off.');
+    this.gl = context;
+    this.webgl = new WebGLRenderer({ canvas, context });
+    this.webgl.autoClear = false;
+    this.webgl.debug.onShaderError = (gl, _program, vertex, fragment) => {
+      const log = [vertex, fragment].map((shader) => gl.getShaderInfoLog(shader)).filter(Boolean).join('\n');
+      throw new RenderError(`The graphics driver rejects a shader.\n${log}`);
+    };
+    this.blended = { half: renderTarget('half'), byte: renderTarget('byte') };
+  }
+
+  /** The best that this device can draw into. */
+  get precision(): Precision {
+    return this.gl.getExtension('EXT_color_buffer_float') || this.gl.getExtension('EXT_color_buffer_half_float') ? 'half' : 'byte';
+  }
+
+  /** Replaces what is shown, and takes the texels out of `scene`. Throws RenderError where the device cannot hold it. */
+  setScene(scene: Scene): void {
+    this.clearScene();
+    const largest = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
+    if (scene.textureHeight > largest)
+      throw new RenderError(`This device holds textures of ${largest} rows, enough for ${2048 * largest} Gaussians; the file has ${scene.count}.`);
+    if (scene.count === 0) return;
+    while (this.gl.getError() !== this.gl.NO_ERROR); // of what came before
+    this.gpu = new GpuScene(scene);
+    this.prepass = new Prepass(this.gpu);
+    this.splats = new Splats(this.gpu);
+    try {
+      this.gpu.upload(this.webgl);
+      this.webgl.initRenderTarget(this.prepass.target(this.precision));
+      if (this.gl.getError() === this.gl.OUT_OF_MEMORY) throw new RenderError('The graphics memory does not suffice for this file.');
+    } catch (error) {
+      this.clearScene();
+      throw error;
+    }
+  }
+
+  clearScene(): void {
+    for (const part of [this.gpu, this.prepass, this.splats]) part?.dispose();
+    this.gpu = this.prepass = this.splats = undefined;
+    this.colorsOf = '';
+  }
+
+  /** The next pictures draw the first `count` of `order`. Returns the array that is no longer needed. */
+  setOrder(order: Uint32Array, count: number): Uint32Array {
+    return this.splats!.setOrder(order, count);
+  }
+
+  get drawn(): number {
+    return this.splats?.count ?? 0;
+  }
+
+  /** Bytes on the GPU beside the picture itself. */
+  get bytes(): number {
+    return this.gpu ? this.gpu.bytes + targetBytes(this.prepass!.target(this.precision)) + 4 * this.gpu.scene.count : 0;
+  }
+
+  /** Colours of all Gaussians for this view. */
+  drawColors(view: View, mode: Mode, precision: Precision): void {
+    this.colorsOf = colorsKey(view, mode, precision);
+    this.prepass?.draw(this.webgl, view, mode, precision);
+  }
+
+  /** Blends the Gaussians with the colours of the last drawColors. */
+  drawSplats(view: View, precision: Precision): WebGLRenderTarget {
+    const target = this.blended[precision];
+    if (target.width !== view.width || target.height !== view.height) target.setSize(view.width, view.height);
+    this.webgl.setRenderTarget(target);
+    this.webgl.setClearColor(0, 0);
+    this.webgl.clear(true, false, false);
+    if (this.gpu) this.splats!.draw(this.webgl, view, this.prepass!.target(precision).texture, target);
+    return target;
+  }
+
+  /** The whole way, to the screen or to `target`. */
+  render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.precision): void {
+    if (this.colorsOf !== colorsKey(view, picture.mode, precision)) this.drawColors(view, picture.mode, precision);
+    const blended = this.drawSplats(view, precision);
+    const { exposure } = picture, response = this.gpu?.scene.photometric?.response;
+    const corrected = exposure !== undefined && response !== undefined;
+    this.resolve.set({ blended: blended.texture, background: picture.background, corrected });
+    if (corrected) {
+      const [a, b, c, d, e, f, g, h, i] = colorMix(exposure.subarray(1));
+      this.resolve.set({ gain: gain(exposure[0]), mix_colors: [a, d, g, b, e, h, c, f, i], response });
+    }
+    this.resolve.draw(this.webgl, target);
+  }
+
+  /** The picture's bytes, rgba from the upper left. */
+  renderPixels(view: View, picture: Picture, precision = this.precision): Uint8Array {
+    const { width, height } = view, target = renderTarget('byte', width, height), rows = new Uint8Array(4 * width * height), out = new Uint8Array(rows.length);
+    this.render(view, picture, target, precision);
+    this.webgl.readRenderTargetPixels(target, 0, 0, width, height, rows);
+    target.dispose();
+    for (let y = 0; y < height; ++y) out.set(rows.subarray(4 * width * (height - 1 - y), 4 * width * (height - y)), 4 * width * y);
+    return out;
+  }
+
+  /** Waits until what was drawn into `target` is there, by reading a pixel. */
+  finish(target: WebGLRenderTarget): void {
+    this.webgl.readRenderTargetPixels(target, 0, 0, 1, 1, new Uint8Array(4));
+  }
+  /** The same of colours drawn with eight bits. */
+  finishColors(): void {
+    if (this.prepass) this.finish(this.prepass.target('byte'));
+  }
+
+  get deviceName(): string {
+    const info = this.gl.getExtension('WEBGL_debug_renderer_info');
+    return this.gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : this.gl.RENDERER) as string;
+  }
+}

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files from the user: dropped on the page, or chosen.
+
+import type { Source } from '../format/load';
+import { element } from './elements';
+
+function fileSource(file: File): Source {
+  return { name: file.name, size: file.size, stream: file.stream() };
+}
+
+export function onFile(opened: (source: Source) => void): void {
+  const input = element<HTMLInputElement>('file'), overlay = element('drop');
+  for (const id of ['open', 'open-notice']) element(id).addEventListener('click', () => input.click());
+  input.addEventListener('change', () => {
+    if (input.files?.[0]) opened(fileSource(input.files[0]));
+    input.value = ''; // the same file may be opened again
+  });
+  const carriesFile = (event: DragEvent) => event.dataTransfer?.types.includes('Files') ?? false;
+  addEventListener('dragover', (event) => {
+    if (!carriesFile(event)) return;
+    event.preventDefault();
+    overlay.hidden = false;
+  });
+  addEventListener('dragleave', (event) => {
+    if (!event.relatedTarget) overlay.hidden = true; // left the window
+  });
+  addEventListener('drop', (event) => {
+    event.preventDefault();
+    overlay.hidden = true;
+    const file = event.dataTransfer?.files[0];
+    if (file) opened(fileSource(file));
+  });
+}

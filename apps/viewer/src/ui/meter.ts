@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames per second while the picture moves, and how long the last sort took.
+
+import { element } from './elements';
+
+/** Pauses longer than this are not a slow frame: nothing moved. */
+const PAUSE = 500;
+/** Fewer frames in a row say nothing about a rate. */
+const FEWEST_FRAMES = 5;
+
+export class Meter {
+  private last = -Infinity;
+  private interval = 0;
+  private frames = 0;
+
+  constructor(private readonly output = element('meter')) {}
+
+  /** A frame was drawn. */
+  frame(now: number, sortMilliseconds: number, drawn: number): void {
+    const dt = now - this.last;
+    this.last = now;
+    this.frames = dt > PAUSE ? 0 : this.frames + 1;
+    this.interval = this.frames > 1 ? 0.9 * this.interval + 0.1 * dt : dt;
+    const rate = this.frames >= FEWEST_FRAMES ? `${(1000 / this.interval).toFixed(0)} frames/s · ` : '';
+    this.output.textContent = `${rate}${drawn.toLocaleString('en')} drawn · sorted in ${sortMilliseconds.toFixed(0)} ms`;
+  }
+}

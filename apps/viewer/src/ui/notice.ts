@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// The box in front of the picture: what is loading, what went wrong, where to begin.
+
+import { element } from './elements';
+
+const box = element('notice'), title = element('notice-title'), text = element('notice-text');
+const progress = element<HTMLProgressElement>('progress'), actions = element('notice-actions'), dismiss = element('dismiss');
+
+function show(heading: string, body: string, parts: { progress?: boolean; actions?: boolean; dismiss?: boolean }): void {
+  title.textContent = heading;
+  text.textContent = body;
+  progress.hidden = !parts.progress;
+  actions.hidden = !parts.actions;
+  dismiss.hidden = !parts.dismiss;
+  box.ariaBusy = String(parts.progress ?? false); // not every part of a file is read aloud
+  box.hidden = false;
+}
+
+export const megabytes = (bytes: number): string => `${(bytes / 1e6).toFixed(bytes < 1e8 ? 1 : 0)} MB`;
+
+export function showLoading(name: string, bytes: number, size?: number): void {
+  show(`Loading ${name}`, size ? `${megabytes(bytes)} of ${megabytes(size)}` : megabytes(bytes), { progress: true });
+  if (size) progress.value = bytes / size;
+  else progress.removeAttribute('value');
+}
+
+/** With `dismissable`, what was shown before is still there. */
+export function showError(heading: string, message: string, dismissable: boolean): void {
+  show(heading, message, { actions: true, dismiss: dismissable });
+}
+
+export function showWelcome(): void {
+  show('No model yet', 'Drop an .ngsplat file here, or open one. gsapp export --format web writes it.', { actions: true });
+}
+
+export function hideNotice(): void {
+  box.hidden = true;
+}
+
+dismiss.addEventListener('click', hideNotice);

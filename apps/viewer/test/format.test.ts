@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+import { describe, expect, it } from 'vitest';
+import { crc32 } from '../src/format/crc32';
+import { halfToFloat } from '../src/format/half';
+import { parseScene } from '../src/format/ngsplat';
+import { sceneCenters } from '../src/sort/sort_client';
+import { CAMERA, crc, encode, TRAILER } from './encode';
+
+const texels = (words: number, layers: number) => new Uint32Array(2048 * words * layers).map((_, i) => i);
+
+describe('half', () => {
+  it('decodes', () => {
+    for (const [bits, value] of [[0x3c00, 1], [0xc100, -2.5], [0x0000, 0], [0x7bff, 65504], [0x0001, 2 ** -24], [0x0400, 2 ** -14], [0x7c00, Infinity]])
+      expect(halfToFloat(bits)).toBe(value);
+    expect(halfToFloat(0x7e00)).toBeNaN();
+  });
+});
+
+describe('crc32', () => {
+  it('equals its definition at every length, whole and in parts', () => {
+    const bytes = Uint8Array.from({ length: 40 }, (_, i) => (i * 97 + 13) & 0xff);
+    expect(crc32(new TextEncoder().encode('123456789'))).toBe(0xcbf43926); // the polynomial's published check value
+    for (let n = 0; n <= 40; ++n) expect(crc32(bytes.subarray(n), crc32(bytes.subarray(0, n)))).toBe(crc(bytes));
+  });
+});
+
+describe('parseScene', () => {
+  it('reads a file without view dependence', () => {
+    const scene = parseScene(encode());
+    expect(scene.count).toBe(3);
+    expect(scene.payload).toEqual([]);
+    expect(scene.background).toEqual([1, 0.5, 0]);
+    expect(scene.testCameras[0]).toMatchObject({ right: [1, 0, 0], forward: [0, 0, 1], position: [0, 0, -3], fx: 100, cx: 32, width: 64 });
+    expect([...sceneCenters(scene).subarray(0, 3)]).toEqual([1, -2.5, 0]);
+  });
+
+  it('reads what gsapp says about the model', () => {
+    const trailer = { ...TRAILER, appearance: 'nasg', scene: 'lego', test_views: { psnr: 30.5, packed_psnr: 30.25, protocol: '' } };
+    expect(parseScene(encode({ trailer }))).toMatchObject({ appearance: 'nasg', name: 'lego', psnr: { model: 30.5, packed: 30.25 } });
+  });
+
+  it('reads a file of another program, without a trailer', () => {
+    expect(parseScene(encode({ trailer: undefined }))).toMatchObject({ appearance: 'sh', background: [0, 0, 0] });
+  });
+
+  it.each([
+    ['sh, degree 1', { model: 1, bandMask: 0b10, payload: texels(2, 1) }, [[2, 1]]],
+    ['sh, degree 3', { model: 1, bandMask: 0b1110, payload: texels(10, 1) }, [[2, 1], [4, 2]]],
+    ['sv, 7 sites', { model: 2, featureDim: 7, payload: texels(4, 7) }, [[4, 7]]],
+    ['nasg, 1 lobe', { model: 3, featureDim: 1, payload: texels(4, 2) }, [[4, 2]]],
+    ['nasgabor, 2 lobes', { model: 4, featureDim: 2, payload: texels(4, 4) }, [[4, 4]]],
+    ['neural, folded', { model: 0, featureDim: 16, bandMask: 0b1110, neurons: 16, hiddenLayers: 2, flags: 4, weights: new Uint16Array(4 * 140), payload: texels(4, 2) }, [[4, 2]]],
+    // 16 features, the constant and 15 of the direction, all to 32 neurons, 32, 3.
+    ['neural, whole', { model: 0, featureDim: 16, bandMask: 0b1110, neurons: 32, hiddenLayers: 2, weights: new Uint16Array(2144), payload: texels(4, 2) }, [[4, 2]]],
+  ])('knows where the textures of %s lie', (_, fields, shape) => {
+    const scene = parseScene(encode(fields));
+    expect(scene.payload.map((b) => [b.words, b.layers])).toEqual(shape);
+    expect(scene.payload.map((b) => b.data[0])).toEqual(scene.payload.map((_, k) => 2048 * scene.payload.slice(0, k).reduce((sum, b) => sum + b.words * b.layers, 0)));
+  });
+
+  it('reads photometric values of every test view', () => {
+    const numbers = Array.from({ length: 18 + 9 + 2 * 9 }, (_, i) => i + 1);
+    const { photometric } = parseScene(encode({ testCameras: [CAMERA, CAMERA], photometric: numbers }));
+    expect(photometric!.response[17]).toBe(18);
+    expect(photometric!.neutral[0]).toBe(19);
+    expect(photometric!.testViews[1][8]).toBe(45);
+  });
+
+  it('reads a file without Gaussians', () => {
+    expect(parseScene(encode({ count: 0 }))).toMatchObject({ count: 0, textureHeight: 0 });
+  });
+
+  it('says where any truncated file ends', () => {
+    const whole = encode({ model: 3, featureDim: 1, payload: texels(4, 2) });
+    const cuts = [0, 7, 8, 30, 60, 100, 200, 20000, whole.byteLength - 100, whole.byteLength - 30, whole.byteLength - 4, whole.byteLength - 1];
+    for (const length of cuts) expect(() => parseScene(whole.slice(0, length)), `${length} bytes`).toThrow(/truncated|no \.ngsplat|unknown bytes/);
+  });
+
+  const changed = (at: number, word: number) => {
+    const bytes = encode();
+    new DataView(bytes).setUint32(at, word, true);
+    return bytes;
+  };
+  const withBytesBehind = (trailer: unknown) => {
+    const file = new Uint8Array(encode({ trailer })), longer = new Uint8Array(file.length + 12);
+    longer.set(file);
+    return longer.buffer;
+  };
+  const endOfTextures = encode({ trailer: undefined }).byteLength;
+
+  it.each([
+    ['another magic', changed(0, 0), /does not begin with NGSPLAT/],
+    ['a count that is not true', changed(8, 5_000_000), /do not fill/],
+    ['another width', changed(12, 1024), /width is 1024/],
+    ['an unknown activation', changed(32, 9), /colour activation 9/],
+    ['bands with a gap', encode({ bandMask: 0b1010 }), /not 1 up to/],
+    ['bands beyond the third', encode({ bandMask: 0b11110 }), /outside degrees 1 to 3/],
+    ['a model of a newer version', encode({ model: 7 }), /number 7 is unknown/],
+    ['flags of a newer version', changed(48, 8 | 1 << 9), /newer/],
+    ['more cameras than bytes', changed(100, 0xffffffff), /truncated: 4294967295 test cameras/],
+    ['another number of weights', encode({ model: 0, featureDim: 16, bandMask: 2, neurons: 16, hiddenLayers: 1, flags: 4, payload: texels(4, 2) }), /0 texels of weights, its network 28/],
+    ['a network of no known size', encode({ model: 0, neurons: 0xfffffffc, hiddenLayers: 0x7fffffff }), /none that this format knows/],
+    ['more numbers per Gaussian than the format has', encode({ model: 2, featureDim: 1000 }), /more than 64/],
+    ['a camera that is not finite', encode({ testCameras: [[NaN, ...CAMERA.slice(1)]] }), /not a finite number/],
+    ['a camera without pixels', encode({ testCameras: [[...CAMERA.slice(0, 16), 0, 0]] }), /0 x 0 pixels/],
+    ['a changed byte', changed(400, 1), /checksum is .* damaged/],
+    ['a trailer of a newer version', changed(endOfTextures + 8, 2), /version 2, this viewer reads 1/],
+    ['bytes behind the checksum', withBytesBehind({ appearance: 'sh', background: [0, 0, 0] }), /12 bytes follow the checksum/],
+    ['bytes behind the textures', withBytesBehind(undefined), /12 unknown bytes follow/],
+    ['a trailer without what it must have', encode({ trailer: { appearance: 1 } }), /lacks/],
+  ])('refuses %s', (_, bytes, message) => {
+    expect(() => parseScene(bytes)).toThrow(message);
+  });
+});

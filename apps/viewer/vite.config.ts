@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+import { readFileSync } from 'node:fs';
+import { defineConfig } from 'vitest/config';
+import type { Plugin } from 'vite';
+
+/** The notice of what is bundled, beside the bundle. */
+const licenses: Plugin = {
+  name: 'licenses',
+  apply: 'build',
+  generateBundle() {
+    const three = readFileSync(new URL('node_modules/three/LICENSE', import.meta.url), 'utf8');
+    this.emitFile({ type: 'asset', fileName: 'LICENSES.txt', source: `This page contains three.js (https://threejs.org):\n\n${three}` });
+  },
+};
+
+export default defineConfig({
+  base: './', // works below any path
+  plugins: [licenses],
+  build: { target: 'es2022', chunkSizeWarningLimit: 1000, assetsInlineLimit: 0, modulePreload: { polyfill: false } },
+  worker: { format: 'es' },
+  server: { fs: { allow: ['../..'] } }, // the models' GLSL lies in appearance/
+  test: { include: ['test/**/*.test.ts'] },
+});

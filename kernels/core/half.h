@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Half precision on the host, as files and viewers store it.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+namespace gs {
+
+inline constexpr double kLargestHalf = 65504;
+
+/// Bits of the nearest half, ties to even. Values beyond +-kLargestHalf count as that, so that a file never holds an infinity;
+/// NaN stays NaN.
+inline std::uint16_t half_bits(double x) {
+    const double limited = x > kLargestHalf ? kLargestHalf : (x < -kLargestHalf ? -kLargestHalf : x);
+    return std::bit_cast<std::uint16_t>(static_cast<_Float16>(limited));
+}
+
+inline double half_value(std::uint16_t bits) { return double(std::bit_cast<_Float16>(bits)); }
+
+}  // namespace gs

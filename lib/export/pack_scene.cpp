@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/export/pack_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "appearance/model_info.h"
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "kernels/raster_config.h"
+
+namespace gs {
+namespace {
+
+PackedColorActivation packed_activation_of(ColorActivation activation) {
+    switch (activation) {
+        case ColorActivation::kRelu: return PackedColorActivation::kRelu;
+        case ColorActivation::kSoftplus: return PackedColorActivation::kSoftplus;
+        case ColorActivation::kSigmoid: return PackedColorActivation::kSigmoid;
+        case ColorActivation::kHardSigmoid: return PackedColorActivation::kHardSigmoid;
+    }
+    return PackedColorActivation::kNone;
+}
+
+/// All but the sigmoid count from a half, which is stored with the base colour.
+double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
+
+BaseRange find_base_range(const std::vector<float>& base, double shift) {
+    if (base.empty()) return {};
+    const auto [low, high] = std::minmax_element(base.begin(), base.end());
+    return {float(std::max(double(*high) - *low, 1e-6) / 255), float(*low + shift)};
+}
+
+/// Mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
+double mean_area(const std::array<double, 3>& s) {
+    const auto pair = [&](int i, int j) { return std::pow(s[std::size_t(i)] * s[std::size_t(j)], 1.6); };
+    return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
+}
+
+/// Rounding scales, in steps of 8.6 %, is most of what packing loses. The opacity takes back what it does to the area, with the
+/// exponent that measured best: where a Gaussian is opaque, less would be right, where it is faint all of it.
+double compensated_opacity(double opacity, const std::array<double, 3>& scales) {
+    std::array<double, 3> rounded;
+    std::transform(scales.begin(), scales.end(), rounded.begin(), [](double s) { return decode_scale(scale_code(s)); });
+    const double ratio = mean_area(scales) / mean_area(rounded);
+    return std::isfinite(ratio) ? std::min(1.0, opacity * std::sqrt(ratio)) : opacity;
+}
+
+PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
+    const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
+    const float *base = row(Group::kBase), *mean = row(Group::kMean), *scale = row(Group::kScale), *q = row(Group::kRotation);
+    const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
+    const std::array<double, 3> scales = {size(scale[0]), size(scale[1]), size(scale[2])};
+    return {{base[0] + shift, base[1] + shift, base[2] + shift},
+            compensated_opacity(sigmoid(double(*row(Group::kOpacity))), scales),
+            {mean[0], mean[1], mean[2]},
+            scales,
+            {q[1], q[2], q[3], q[0]}};
+}
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+PackedCamera packed_camera(const Camera& camera) {
+    PackedCamera out{};
+    const Eigen::Matrix3d axes = camera.rotation.transpose();
+    const Eigen::Vector3d position = camera.center();
+    for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) out.world_from_camera[4 * r + c] = float(axes(r, c));
+        out.world_from_camera[4 * r + 3] = float(position[r]);
+    }
+    out.fx = float(camera.fx), out.fy = float(camera.fy), out.cx = float(camera.cx), out.cy = float(camera.cy);
+    out.width = float(camera.width), out.height = float(camera.height);
+    return out;
+}
+
+}  // namespace
+
+void require_finite(const Gaussians& g) {
+    for (int k = 0; k < kNumGroups; ++k) {
+        const auto& group = g.groups[k];
+        const auto bad = std::find_if(group.param.begin(), group.param.end(), [](float x) { return !gs_isfinite(x); });
+        if (bad != group.param.end())
+            throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}", (bad - group.param.begin()) / group.width, kGroupNames[std::size_t(k)], *bad));
+    }
+    const auto bad = std::find_if(g.shared.param.begin(), g.shared.param.end(), [](float x) { return !gs_isfinite(x); });
+    if (bad != g.shared.param.end()) throw NumericError(fmt::format("cannot export: shared weight {} is {}", bad - g.shared.param.begin(), *bad));
+}
+
+Gaussians visible_gaussians(const Gaussians& g) {
+    Gaussians out;
+    out.appearance = g.appearance, out.active_degree = g.active_degree, out.step = g.step, out.shared = g.shared, out.ppisp = g.ppisp;
+    for (int k = 0; k < kNumGroups; ++k) out.groups[k].width = g.groups[k].width;
+    for (std::int64_t i = 0; i < g.count; ++i) {
+        const float* q = g[Group::kRotation].param.data() + 4 * i;
+        const double norm2 = double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3];
+        if (!(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha) || !(norm2 >= kMinQuaternionNorm2)) continue;
+        ++out.count;
+        for (int k = 0; k < kNumGroups; ++k) {
+            const auto& group = g.groups[k];
+            const auto first = group.param.begin() + i * group.width;
+            out.groups[k].param.insert(out.groups[k].param.end(), first, first + group.width);
+        }
+    }
+    return out;
+}
+
+PackedScene pack_gaussians(const Gaussians& g) {
+    const Packing* packing = appearance_model(g.appearance.model).packing;
+    if (!packing) throw UsageError(fmt::format("the appearance '{}' has no form for viewers; --format ply writes it", g.appearance.model));
+    const double shift = base_shift(g.appearance.activation);
+    PackedScene scene;
+    scene.activation = packed_activation_of(g.appearance.activation);
+    scene.base_range = find_base_range(g[Group::kBase].param, shift);
+    scene.appearance = packing->prepare(g);
+    scene.geometry.resize(std::size_t(g.count));
+    parallel_for_rows(g.count, [&](std::int64_t i) {
+        scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range);
+        packing->pack_row(g, i, scene.appearance);
+    });
+    return scene;
+}
+
+void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>& test) {
+    if (g.count == 0 && test.empty()) return;
+    const std::vector<float>& means = g[Group::kMean].param;
+    Eigen::Vector3d center = Eigen::Vector3d::Zero(), up = Eigen::Vector3d::Zero();
+    for (int axis = 0; axis < 3 && g.count > 0; ++axis) {
+        std::vector<double> values;
+        for (std::int64_t i = 0; i < g.count; ++i) values.push_back(means[std::size_t(3 * i + axis)]);
+        center[axis] = median(std::move(values));
+    }
+    std::vector<double> distances;
+    for (const View& view : test) {
+        scene.cameras.push_back(packed_camera(view.camera));
+        up -= view.camera.rotation.row(1).transpose(); // the camera's y points down
+        distances.push_back((view.camera.center() - center).norm());
+    }
+    if (test.empty()) {
+        for (std::int64_t i = 0; i < g.count; ++i)
+            distances.push_back(1.5 * (Eigen::Vector3d(means[std::size_t(3 * i)], means[std::size_t(3 * i + 1)], means[std::size_t(3 * i + 2)]) - center).norm());
+    }
+    if (up.norm() < 1e-6) up = {0, -1, 0};
+    up.normalize();
+    scene.distance = float(median(std::move(distances)));
+    scene.center = {float(center.x()), float(center.y()), float(center.z())};
+    scene.up = {float(up.x()), float(up.y()), float(up.z())};
+}
+
+}  // namespace gs

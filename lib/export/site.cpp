@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/export/site.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+
+namespace fs = std::filesystem;
+namespace {
+
+std::vector<fs::path> files_of(const fs::path& folder) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+        if (entry.is_regular_file() && !entry.is_symlink()) files.push_back(entry.path().lexically_relative(folder));
+    }
+    return files;
+}
+
+template <class Action> void on_disk(Action&& action) {
+    try {
+        action();
+    } catch (const fs::filesystem_error& e) {
+        throw DataError(fmt::format("cannot write '{}': {}", e.path1().string(), e.code().message()));
+    }
+}
+
+}  // namespace
+
+Staging::Staging(const fs::path& target) : target_(target.has_filename() ? target : target.parent_path()) {
+    path_ = target_.parent_path() / fmt::format(".{}.{}.tmp", target_.filename().string(), ::getpid());
+    on_disk([&] { fs::create_directories(path_); });
+}
+
+Staging::~Staging() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+}
+
+void Staging::publish() {
+    on_disk([&] {
+        fs::create_directories(target_);
+        for (const fs::path& file : files_of(path_)) {
+            fs::create_directories((target_ / file).parent_path());
+            fs::rename(path_ / file, target_ / file);
+        }
+    });
+}
+
+void require_free(const fs::path& folder, const std::vector<std::string>& names, bool overwrite) {
+    std::error_code ignored;
+    if (fs::exists(folder, ignored) && !fs::is_directory(folder, ignored)) throw UsageError(fmt::format("'{}' is a file; give a folder with -o", folder.string()));
+    if (overwrite) return;
+    for (const std::string& name : names) {
+        if (fs::exists(folder / name, ignored)) throw UsageError(fmt::format("'{}' exists; --overwrite replaces it", (folder / name).string()));
+    }
+}
+
+fs::path viewer_folder() {
+    const fs::path folder = GSAPP_VIEWER_DIR;
+    std::error_code ignored;
+    return fs::exists(folder / "index.html", ignored) ? folder : fs::path();
+}
+
+void copy_folder(const fs::path& from, const fs::path& to) {
+    on_disk([&] {
+        for (const fs::path& file : files_of(from)) {
+            fs::create_directories((to / file).parent_path());
+            fs::copy_file(from / file, to / file);
+        }
+    });
+}
+
+}  // namespace gs

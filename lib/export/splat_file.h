@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// The .splat file of antimatter15's viewer: 32 bytes per Gaussian, one colour from everywhere (docs/formats.md).
+#pragma once
+
+#include <filesystem>
+
+#include "kernels/core/gaussian_state.h"
+
+namespace gs {
+
+/// Writes position and standard deviations (float), colour and opacity, rotation w x y z (bytes), largest and most opaque first,
+/// atomically. `gaussians` are of the model none with relu (project_to_sh with degree 0). Throws DataError when the disk refuses.
+void write_splat(const std::filesystem::path& path, const Gaussians& gaussians);
+
+}  // namespace gs

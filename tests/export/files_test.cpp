@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// .splat files, projections to spherical harmonics, and the output folder.
+#include <cmath>
+#include <cstring>
+
+#include "kernels/core/error.h"
+#include "lib/export/sh_projection.h"
+#include "lib/export/site.h"
+#include "lib/export/splat_file.h"
+#include "tests/io/file_helpers.h"
+#include "tests/model/model_helpers.h"
+
+namespace gs::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(SplatFile, Has32BytesAGaussianLargestFirst) {
+    const TempFolder folder;
+    Gaussians g = random_gaussians(100, {"none", 0, ColorActivation::kRelu});
+    std::fill_n(g[Group::kScale].param.begin() + 3 * 42, 3, 5.0f);
+    write_splat(folder / "p.splat", g);
+    const std::string bytes = slurp(folder / "p.splat");
+    ASSERT_EQ(bytes.size(), 3200u);
+    float numbers[6];
+    std::memcpy(numbers, bytes.data(), sizeof numbers);
+    for (int k = 0; k < 3; ++k) {
+        EXPECT_EQ(numbers[k], g[Group::kMean].param[std::size_t(3 * 42 + k)]);
+        EXPECT_FLOAT_EQ(numbers[3 + k], std::exp(5.0f));
+        const double color = std::clamp(255 * (g[Group::kBase].param[std::size_t(3 * 42 + k)] + 0.5), 0.0, 255.0);
+        EXPECT_NEAR(std::uint8_t(bytes[std::size_t(24 + k)]), color, 0.51);
+    }
+    EXPECT_NEAR(std::uint8_t(bytes[27]), 255 * sigmoid(double(g[Group::kOpacity].param[42])), 0.51);
+    const float* q = g[Group::kRotation].param.data() + 4 * 42;
+    const double norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
+    for (int k = 0; k < 4; ++k) EXPECT_NEAR((std::uint8_t(bytes[std::size_t(28 + k)]) - 128) / 128.0, q[k] / norm, 1.0 / 64);
+    g.count = 0;
+    write_splat(folder / "none.splat", random_gaussians(0, {"none", 0, ColorActivation::kRelu}));
+    EXPECT_EQ(fs::file_size(folder / "none.splat"), 0u);
+}
+
+TEST(ShProjection, FindsWhatIsThere) {
+    // Where no colour is cut off at 0, spherical harmonics are their own projection.
+    Gaussians g = random_gaussians(20, {"sh", 3, ColorActivation::kRelu});
+    for (float& x : g[Group::kResidual].param) x *= 0.02f;
+    for (float& x : g[Group::kBase].param) x = std::abs(x);
+    const ShProjection same = project_to_sh(g, 3);
+    EXPECT_GT(same.psnr, 120);
+    for (std::size_t k = 0; k < g[Group::kResidual].param.size(); ++k) EXPECT_NEAR(same.gaussians[Group::kResidual].param[k], g[Group::kResidual].param[k], 1e-6);
+    for (std::size_t k = 0; k < g[Group::kBase].param.size(); ++k) EXPECT_NEAR(same.gaussians[Group::kBase].param[k], g[Group::kBase].param[k], 1e-6);
+    EXPECT_EQ(same.gaussians[Group::kMean].param, g[Group::kMean].param);
+    const ShProjection mean = project_to_sh(g, 0);
+    EXPECT_LT(mean.psnr, 60);
+    EXPECT_EQ(mean.gaussians.appearance.model, "none");
+    for (std::size_t k = 0; k < g[Group::kBase].param.size(); ++k) EXPECT_NEAR(mean.gaussians[Group::kBase].param[k], g[Group::kBase].param[k], 1e-3);
+}
+
+TEST(ShProjection, FitsEveryModelBetterWithMoreBands) {
+    for (const ModelInfo* model : appearance_models()) {
+        if (model->name == "none") continue;
+        SCOPED_TRACE(model->name);
+        Gaussians g = random_gaussians(20, {model->name, model->default_max_degree, ColorActivation::kSoftplus});
+        const double psnr[3] = {project_to_sh(g, 0).psnr, project_to_sh(g, 1).psnr, project_to_sh(g, 3).psnr};
+        EXPECT_LT(psnr[0], psnr[1]);
+        EXPECT_LT(psnr[1], psnr[2]);
+        EXPECT_TRUE(std::isfinite(psnr[2]));
+    }
+}
+
+TEST(Staging, AppearsAtOnceOrNotAtAll) {
+    const TempFolder folder;
+    {
+        const Staging abandoned(folder / "site");
+        spit(abandoned.path() / "a", "new");
+    }
+    EXPECT_EQ(folder.num_entries(), 0u);
+    spit(folder / "site/kept", "old");
+    spit(folder / "site/a", "old");
+    {
+        Staging staging(folder / "site/");
+        spit(staging.path() / "a", "new");
+        spit(staging.path() / "sub/b c", "new");
+        EXPECT_EQ(slurp(folder / "site/a"), "old");
+        staging.publish();
+    }
+    EXPECT_EQ(folder.num_entries(), 1u);
+    EXPECT_EQ(slurp(folder / "site/a"), "new");
+    EXPECT_EQ(slurp(folder / "site/sub/b c"), "new");
+    EXPECT_EQ(slurp(folder / "site/kept"), "old");
+}
+
+TEST(Staging, EarlierFilesAreProtected) {
+    const TempFolder folder;
+    spit(folder / "site/a", "old");
+    require_free(folder / "site", {"b"}, false);
+    require_free(folder / "site", {"a"}, true);
+    require_free(folder / "other", {"a"}, false);
+    EXPECT_CONTAINS(message_of<UsageError>([&] { require_free(folder / "site", {"b", "a"}, false); }), "--overwrite");
+    EXPECT_CONTAINS(message_of<UsageError>([&] { require_free(folder / "site/a", {}, true); }), "is a file");
+}
+
+TEST(Staging, CopiesFilesButNoLinks) {
+    const TempFolder folder;
+    spit(folder / "from/index.html", "page");
+    spit(folder / "from/assets/a.js", "script");
+    fs::create_symlink("/etc/passwd", folder / "from/link");
+    copy_folder(folder / "from", folder / "to");
+    EXPECT_EQ(slurp(folder / "to/assets/a.js"), "script");
+    EXPECT_FALSE(fs::exists(folder / "to/link"));
+    EXPECT_CONTAINS(message_of<DataError>([&] { copy_folder(folder / "nowhere", folder / "to"); }), "nowhere");
+}
+
+}  // namespace
+}  // namespace gs::test

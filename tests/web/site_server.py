@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A folder as a web site, and a Chromium that draws WebGL in software."""
+
+import functools
+import http.server
+import threading
+import time
+
+SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+# Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
+PSNR = """(async () => {
+  const seen = %s;
+  const picture = await createImageBitmap(await (await fetch('%s')).blob(), { colorSpaceConversion: 'none' });
+  const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+  context.drawImage(picture, 0, 0);
+  const wanted = context.getImageData(0, 0, picture.width, picture.height).data;
+  if (wanted.length !== seen.length) throw new Error('pictures of different size');
+  let sum = 0;
+  for (let i = 0; i < wanted.length; ++i) if (i %% 4 < 3) sum += ((wanted[i] - seen[i]) / 255) ** 2;
+  return -10 * Math.log10(Math.max(sum / (0.75 * wanted.length), 1e-12));
+})()"""
+
+
+def check(condition, what):
+    if not condition:
+        raise SystemExit(f"FAILED: {what}")
+
+
+class Handler(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+    def do_GET(self):
+        if self.path != "/slow.ngsplat":
+            return super().do_GET()
+        # The first half at once, the rest when the test says so.
+        data = self.server.slow_file.read_bytes()
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data[:len(data) // 2])
+        self.server.go_on.wait(30)
+        self.wfile.write(data[len(data) // 2:])
+
+
+class Site:
+    """Serves `folder` from this machine until the end of the program."""
+
+    def __init__(self, folder):
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Handler, directory=folder))
+        self.server.slow_file, self.server.go_on = folder / "scene.ngsplat", threading.Event()
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+        self.url = f"http://127.0.0.1:{self.server.server_port}/"
+
+
+def wait_for(browser, expression, what, seconds=30):
+    """Until a JavaScript expression is true."""
+    deadline = time.monotonic() + seconds
+    while not browser.evaluate(f"!!({expression})"):
+        check(time.monotonic() < deadline, f"within {seconds} s: {what}")
+        time.sleep(0.05)
+
+
+def open_viewer(browser, url):
+    """Until the first model is shown, or could not be."""
+    browser.open(url)
+    wait_for(browser, "window.gsapp", f"{url} is loaded")

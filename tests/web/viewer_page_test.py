@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uses the web viewer as people do: good and bad files, keyboard, mouse, touch, benchmark.
+
+Usage: viewer_page_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, or no viewer there.
+"""
+
+import base64
+import json
+import math
+import pathlib
+import random
+import shutil
+import struct
+import sys
+import tempfile
+import zlib
+
+from browser import Browser, find_chromium
+from site_server import SOFTWARE_WEBGL, Site, check, open_viewer, wait_for
+
+TAB, END, ARROW_LEFT = ("Tab", 9), ("End", 35), ("ArrowLeft", 37)
+BACKGROUND = (0.2, 0.4, 0.6)
+
+
+def trailer(data, version=1):
+    text = json.dumps({"appearance": "none", "background": BACKGROUND}).encode()
+    data += b"GSAPPEXT" + struct.pack("<2I", version, len(text)) + text
+    return data + struct.pack("<I", zlib.crc32(data))
+
+
+def unit(v):
+    length = math.hypot(*v)
+    return [x / length for x in v]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def camera(position):
+    """Looks at the origin from there: world from camera, then intrinsics."""
+    forward = unit([-x for x in position])
+    right = unit(cross([0, 1, 0], forward))
+    rows = zip(right, cross(forward, right), forward, position)
+    return struct.pack("<18f", *[x for row in rows for x in row], 120, 120, 50, 50, 100, 100)
+
+
+def header(count, cameras, model=1, features=0):
+    data = b"NGSPLAT\n" + struct.pack("<11I", count, 2048, (count + 2047) // 2048, features, 0, 0, 0, 0, 0, 0, (model & 3) << 3 | (model & 4) << 4)
+    data += struct.pack("<2f", 1 / 255, 0) + (bytes(12) if model == 1 else b"") + struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4)
+    return data + struct.pack("<I", len(cameras)) + b"".join(camera(c) for c in cameras) + struct.pack("<I", 0)
+
+
+def padded(texels, count):
+    """Filled up to whole rows of 2048 texels."""
+    return texels + bytes(16 * (-count % 2048))
+
+
+def scene_file(count):
+    """A ball of Gaussians with one colour each, and two test views."""
+    rng = random.Random(1)
+    texels = b""
+    for _ in range(count):
+        p = unit([rng.gauss(0, 1) for _ in range(3)])
+        texels += struct.pack("<4B3e2B4B", *[int(127 * (x + 1)) for x in p], 200, *p, 128, 128, 105, 105, 105, 0)
+    return trailer(header(count, [(0, 0, -4), (3.4, 0, -2.2)]) + padded(texels, count))
+
+
+# Of the lobe in lobe_file: unlike 1, as it has to be visible if the axis were special.
+PEAK = 0.25
+
+
+def lobe_file(angles):
+    """One black Gaussian with one white NASG lobe, seen at these angles from its axis."""
+    axis = unit([1, 3, 3])  # rounded to half precision it is longer than 1 by 0.0003
+    side = unit(cross(axis, [0, 1, 0]))
+    cameras = [[-4 * (math.cos(a) * z + math.sin(a) * x) for z, x in zip(axis, side)] for a in angles]
+    geometry = struct.pack("<4B3e2B4B", 0, 0, 0, 255, 0, 0, 0, 128, 128, 146, 146, 146, 0)
+    values = [*side, *axis, 1, 0.5, PEAK, 1, 1, 1]
+    payload = struct.pack("<16e", *values, 0, 0, 0, 0)
+    return trailer(header(1, cameras, model=3, features=1) + b"".join(padded(texel, 1) for texel in (geometry, payload[:16], payload[16:])))
+
+
+def drop(browser, name, data):
+    """Drops a file on the page."""
+    browser.evaluate(f"""(() => {{
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([Uint8Array.from(atob('{base64.b64encode(data).decode()}'), c => c.charCodeAt(0))], {json.dumps(name)}));
+        dispatchEvent(new DragEvent('drop', {{ dataTransfer: transfer, cancelable: true }}));
+    }})()""")
+
+
+def message(browser):
+    return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
+
+
+def pixel(browser, mode="full", view=0):
+    """The one in the middle of a test view."""
+    return browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
+
+
+def check_bad_files(browser, good):
+    newer = trailer(good[:good.rindex(b"GSAPPEXT")], version=2)
+    bad = {
+        "empty": (b"", "truncated"),
+        "truncated": (good[:5000], "truncated"),
+        "without its end": (good[:-3], "truncated"),
+        "too long": (good + b"12345", "5 bytes follow"),
+        "no such file": (b"PK\3\4" + good[4:], "does not begin with NGSPLAT"),
+        "damaged": (good[:2000] + b"x" + good[2001:], "damaged"),
+        "newer": (newer, "newer gsapp"),
+        "with a count of billions": (good[:8] + struct.pack("<3I", 0xfffffff0, 2048, 2097152) + good[20:], "truncated"),
+    }
+    for name, (data, words) in bad.items():
+        drop(browser, f"{name}.ngsplat", data)
+        wait_for(browser, "document.getElementById('notice-actions').checkVisibility()", f"a message about a file that is {name}")
+        check(words in message(browser) and name in message(browser), f"it says so of a file that is {name}: {message(browser)}")
+        browser.evaluate("document.getElementById('dismiss').click()")
+        check(message(browser) == "", "the message can be closed")
+        check(browser.evaluate("document.getElementById('name').textContent") == "scene.ngsplat", "the model before is still there")
+        check(max(pixel(browser)) > 60, "and is drawn")
+
+
+def check_special_files(browser):
+    drop(browser, "nothing.ngsplat", scene_file(0))
+    wait_for(browser, "document.getElementById('name').textContent === 'nothing.ngsplat'", "a scene without Gaussians is shown")
+    check(pixel(browser) == [round(255 * x) for x in BACKGROUND], f"it shows its background, not {pixel(browser)}")
+    check(pixel(browser, "residual") == [0, 0, 0], "and black as residual")
+    name = "<img src=x onerror=alert(1)>.ngsplat"
+    drop(browser, name, scene_file(10))
+    wait_for(browser, f"document.getElementById('name').textContent === {json.dumps(name)}", "a name with markup is shown as text")
+    check(browser.evaluate("document.querySelectorAll('h2 img').length") == 0, "and nothing else")
+
+
+def check_lobe_axis(browser):
+    """In half precision an axis is not quite a unit vector: nothing may happen where its product with the direction passes 1."""
+    degrees = (0, 0.1, 0.5, 1, 1.5, 1.8, 2, 2.5)
+    drop(browser, "lobe.ngsplat", lobe_file([math.radians(d) for d in degrees]))
+    wait_for(browser, "document.getElementById('name').textContent === 'lobe.ngsplat'", "a lobe is shown")
+    seen = [pixel(browser, "residual", view)[0] for view in range(len(degrees))]
+    check(all(abs(v - 255 * PEAK) <= 2 for v in seen), f"near the axis of a lobe its density is near its limit {255 * PEAK:.0f}: {seen}")
+
+
+def check_loading(browser, site):
+    site.server.go_on.clear()
+    browser.open(site.url + "?model=slow.ngsplat")
+    wait_for(browser, "document.getElementById('progress').value > 0.3", "progress is shown")
+    check("slow.ngsplat" in message(browser), "with the file's name")
+    site.server.go_on.set()
+    wait_for(browser, "window.gsapp && document.getElementById('notice').hidden", "and goes away")
+    open_viewer(browser, site.url + "?model=missing.ngsplat")
+    check("404" in message(browser), f"a missing model is said to be missing: {message(browser)}")
+
+
+def check_controls(browser, url):
+    open_viewer(browser, url)
+    controls = "[...document.querySelectorAll('button, select, input, summary, a, canvas')].filter(c => c.checkVisibility() && !c.disabled)"
+    nameless = browser.evaluate(f"{controls}.filter(c => !c.labels?.length && !c.ariaLabel && !c.textContent.trim()).map(c => c.outerHTML)")
+    check(nameless == [], f"without a label: {nameless}")
+    browser.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    browser.evaluate(f"window.reached = new Set(); window.controls = {controls}.filter(c => c.type !== 'radio' || c.checked)")
+    for _ in range(40):
+        browser.press(*TAB)
+        browser.evaluate("void reached.add(document.activeElement)")
+    missed = browser.evaluate("controls.filter(c => !reached.has(c)).map(c => c.outerHTML)")
+    check(missed == [], f"not reached by keyboard: {missed}")
+
+    browser.evaluate("document.getElementById('next').click()")
+    view = "document.getElementById('camera').selectedOptions[0].textContent"
+    check(browser.evaluate(view) == "Test view 2", "the next test view")
+    frame = "new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(resolve)))"
+    browser.evaluate("document.getElementById('canvas').focus()")
+    browser.press(*ARROW_LEFT)
+    browser.evaluate(frame)
+    check(browser.evaluate(view) == "Free", "an arrow key leaves the test view")
+    browser.evaluate("document.getElementById('previous').click()")
+    for kind, x in (("mousePressed", 300), ("mouseMoved", 400), ("mouseReleased", 400)):
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=300, button="left", buttons=1, clickCount=1)
+    browser.evaluate(frame)
+    check(browser.evaluate(view) == "Free", "so does dragging")
+    browser.evaluate("document.getElementById('previous').click(); document.querySelector('[value=fly]').click()")
+    for kind, x in (("touchStart", 300), ("touchMove", 350), ("touchMove", 400)):
+        browser.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": 300}])
+    browser.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    browser.evaluate(frame)
+    check(browser.evaluate(view) == "Free", "and a finger, flying")
+
+    near, base, residual = pixel(browser, "depth"), pixel(browser, "base"), pixel(browser, "residual")
+    check(near[0] == near[1] == near[2] > 100, f"depth is grey, and bright near by: {near}")
+    check(base == pixel(browser) and residual == [0, 0, 0], f"without view dependence, base is all: {base}, {residual}")
+
+
+def check_benchmark(browser):
+    browser.evaluate("document.getElementById('repeats').value = 1; document.getElementById('benchmark').click()")
+    wait_for(browser, "document.getElementById('benchmark-json').checkVisibility()", "the benchmark ends")
+    check("Frame" in browser.evaluate("document.getElementById('benchmark-result').value"), "and shows a time")
+    result = browser.evaluate("gsapp.benchmark(2)")
+    check((result["width"], result["height"], result["framesPerView"], result["gaussians"]) == (1280, 720, 2, 3000), f"it did what it says: {result}")
+    check(len(result["perView"]["frame"]) == 2 and result["frame"]["min"] > 0, "with a time for every view")
+    check(result["frame"]["max"] >= result["frame"]["median"] >= result["frame"]["min"], "in order")
+
+
+def check_appearance(browser):
+    colours = []
+    for scheme in ("light", "dark"):
+        browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        colours.append(browser.evaluate("getComputedStyle(document.getElementById('panel')).backgroundColor"))
+    check(colours[0] != colours[1], f"dark and light differ, not {colours}")
+    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=3, mobile=True)
+    check(browser.evaluate("document.documentElement.scrollWidth") <= 360, "a phone's width suffices")
+    wait_for(browser, "document.getElementById('canvas').width === 720", "the picture has at most two device pixels per CSS pixel")
+    browser.call("Emulation.clearDeviceMetricsOverride")
+
+
+def check_device_limits(browser, url):
+    """What happens to devices that have too little."""
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source="""{
+        const original = WebGL2RenderingContext.prototype.getParameter;
+        WebGL2RenderingContext.prototype.getParameter = function (name) { return name === this.MAX_TEXTURE_SIZE ? 1 : original.call(this, name); };
+    }""")["identifier"]
+    open_viewer(browser, url)
+    check("This device holds textures of 1 rows" in message(browser), f"a device too small is said to be: {message(browser)}")
+    drop(browser, "small.ngsplat", scene_file(100))
+    wait_for(browser, "document.getElementById('name').textContent === 'small.ngsplat'", "a smaller file is shown after that")
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source="""{
+        const original = WebGL2RenderingContext.prototype.shaderSource;
+        WebGL2RenderingContext.prototype.shaderSource = function (shader, text) { original.call(this, shader, text.replace('shown_color(g)', 'no_such_thing')); };
+    }""")["identifier"]
+    open_viewer(browser, url)
+    wait_for(browser, "!document.getElementById('notice').hidden", "a driver that does not take a shader is noticed")
+    check("rejects a shader" in message(browser) and "no_such_thing" in message(browser), message(browser))
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+    open_viewer(browser, url)
+    browser.evaluate("document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()")
+    wait_for(browser, "!document.getElementById('notice').hidden", "a lost device is noticed")
+    check("device was lost" in message(browser), message(browser))
+
+
+def check_without_webgl(program, url):
+    browser = Browser(program, flags=("--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis"))
+    try:
+        browser.open(url)
+        wait_for(browser, "!document.getElementById('notice').hidden", "a message without WebGL2")
+        check("needs WebGL2" in message(browser), message(browser))
+    finally:
+        browser.close()
+
+
+def main():
+    program = find_chromium()
+    viewer = pathlib.Path(sys.argv[1])
+    if program is None or not (viewer / "index.html").exists():
+        print("skipped: no chromium on PATH, or the viewer is not built (scripts/build-viewer)")
+        return 77
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name) / "below" / "any path"
+        check("three.js authors" in (viewer / "LICENSES.txt").read_text(), "the notice of what is bundled is there")
+        shutil.copytree(viewer, folder)
+        good = scene_file(3000)
+        (folder / "scene.ngsplat").write_bytes(good)
+        site = Site(folder)
+        browser = Browser(program, flags=SOFTWARE_WEBGL)
+        try:
+            open_viewer(browser, site.url)
+            check_bad_files(browser, good)
+            check_special_files(browser)
+            check_lobe_axis(browser)
+            check_controls(browser, site.url)
+            check_benchmark(browser)
+            check_appearance(browser)
+            elsewhere = [r for r in browser.requests if not r.startswith((site.url, "blob:", "about:"))]
+            check(elsewhere == [], f"the page asks only its own site: {elsewhere}")
+            check(browser.errors == [], f"the console is silent: {browser.errors}")
+            check_loading(browser, site)
+            check_device_limits(browser, site.url)
+        finally:
+            browser.close()
+        check_without_webgl(program, site.url)
+    print("passed")
+    return 0
+
+
+sys.exit(main())
