@@ -32,6 +32,7 @@ struct AppearanceRates {
 struct ModelInfo {
     std::string name;          ///< as on the command line and in files
     std::string summary;       ///< one line for help and docs
+    bool variant = false;      ///< of another model, for comparison: `--appearance auto` does not try it
     int default_max_degree = 0;
     int max_degree_limit = 0;
     /// Degree active at iteration 0; raised by one at 1000, 2000, ... up to max_degree.
@@ -40,6 +41,9 @@ struct ModelInfo {
     std::function<AppearanceRates(int max_degree, const RateContext&)> rates;
     /// Writes the initial residual parameters of one Gaussian.
     std::function<void(int max_degree, float* row)> init_residual;
+    /// Changes a row so that its residual is exactly 0 in every direction, and can still be learnt from there. Unset where init_residual
+    /// is such a row.
+    std::function<void(int max_degree, float* row)> clear_residual;
     /// Single-precision instructions of the residual and of its way back, all degrees active, for the floors that `gsapp bench`
     /// prints: counted in the source, an FMA as one, a transcendental function as the ten to twenty it takes.
     double operations = 0, operations_backward = 0;

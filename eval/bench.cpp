@@ -132,11 +132,7 @@ std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, con
 
 Gaussians initial_model(const TrainOptions& options, const Scene& scene) {
     const AppearanceSpec appearance = appearance_spec(options);
-    InitOptions init;
-    init.mcmc = options.strategy == "mcmc";
-    init.random_points = options.init_points;
-    init.seed = options.seed;
-    Gaussians model = initialize_gaussians(scene, appearance, init);
+    Gaussians model = initialize_gaussians(scene, appearance, init_options(options));
     model.active_degree = appearance.max_degree;
     return model;
 }

@@ -9,6 +9,7 @@
 
 #include "eval/table.h"
 #include "eval/training_options.h"
+#include "kernels/core/error.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {
@@ -33,6 +34,12 @@ std::string difference_to_run(const TrainOptions& options) {
     for (const auto& [key, value] : now)
         if (text.empty() && run.training[key] != value) text = fmt::format("{} {}, now {}", key, run.training[key], value);
     return text;
+}
+
+void require_named_appearance(const TrainOptions& options) {
+    if (options.appearance == kAutoAppearance)
+        throw UsageError("appearance auto: every run that is compared would choose a model of its own; let one run of gsapp train --appearance auto choose it, "
+                         "then name it here");
 }
 
 void limit_budget(TrainOptions& options, double share) {

@@ -29,6 +29,9 @@ std::optional<CellResult> finished_cell(const TrainOptions& options);
 /// holds none.
 std::string difference_to_run(const TrainOptions& options);
 
+/// Throws UsageError for `--appearance auto`: runs that are compared must not each choose a model of their own.
+void require_named_appearance(const TrainOptions& options);
+
 /// Limits the number of Gaussians to that share of --cap-max, and random initial points with it: MCMC keeps what is there to begin with.
 void limit_budget(TrainOptions& options, double share);
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
@@ -26,6 +27,7 @@ struct RunFacts {
     std::optional<double> train_seconds;  ///< absent: an earlier value in the file is kept
     std::optional<double> controller_seconds;  ///< of training the PPISP controllers, not part of train_seconds; absent: as above
     std::string photometric;  ///< what --ppisp auto decided; empty: as above
+    nlohmann::ordered_json appearance_choice;  ///< auto.json of the run, how --appearance auto decided; null: a model that was named
     std::optional<double> frame_seconds;  ///< mean of a frame of the test views, images staying on the device; absent: as above
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training; absent: as above
 };
@@ -33,7 +35,7 @@ struct RunFacts {
 /// Adds iteration `options.iteration` to results.json and per_view.json and keeps what they hold of other iterations:
 ///   {"ours_N": {"SSIM": .., "PSNR": ..}, "protocol": {"ours_N": {..}}, "timing": {"ours_N": {..}},
 ///    "memory": {"ours_N": {..}}, "decomposition": {"ours_N": {"residual_mean": ..}}, "num_gaussians": {"ours_N": ..},
-///    "photometric": {"ours_N": {"decision": ..}}, "run": {"ours_N": {..}}}
+///    "photometric": {"ours_N": {"decision": ..}}, "appearance_choice": {"ours_N": {..}}, "run": {"ours_N": {..}}}
 ///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}}, "decomposition": {"ours_N": {"residual_mean": {"00000.png": ..}}},
 ///    "image_names": {"ours_N": {"00000.png": ..}}}
 /// Further metrics stand beside PSNR and SSIM by MetricInfo::key; of those that gave no number "not_measured":

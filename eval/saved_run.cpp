@@ -5,6 +5,8 @@
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
+#include <fstream>
+
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
@@ -63,6 +65,7 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     SavedRun run;
     run.folder = run_folder;
     run.options = load_run_options(run_folder);
+    run.options.model = run_folder.string(); // which may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
     if (!instead.device.empty()) run.options.device = instead.device;
     const SavedModel model = read_saved_model(run_folder, iteration);
@@ -76,12 +79,24 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     return run;
 }
 
+nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
+    const fs::path path = RunFolder{run_folder}.appearance_choice();
+    std::error_code ignored;
+    if (!fs::exists(path, ignored)) return nullptr;
+    std::ifstream file(path, std::ios::binary);
+    auto json = nlohmann::ordered_json::parse(file, nullptr, false);
+    if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", path.string()));
+    return json;
+}
+
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians) {
     RunFacts facts;
     facts.dataset = dataset_name(options.source);
     facts.scene = scene_name(options.source);
     facts.model = options.appearance;
     if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
+    facts.appearance_choice = read_appearance_choice(options.model);
+    if (!facts.appearance_choice.is_null()) facts.model += " by auto";
     facts.strategy = options.strategy + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.background = background;

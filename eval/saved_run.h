@@ -47,6 +47,9 @@ struct RunChanges {
 /// load_scene throws, too.
 SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead = {});
 
+/// How `--appearance auto` chose the run's model; null where it was named. Throws DataError for a file that is no JSON object.
+nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_folder);
+
 /// What results.json says about a run with these options.
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians);
 

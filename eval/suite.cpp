@@ -78,6 +78,7 @@ std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<s
             cell.options.eval = true;
             cell.options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
             row.vary(cell.options);
+            require_named_appearance(cell.options);
             validate(cell.options);
             cells.push_back(std::move(cell));
         }

@@ -159,6 +159,7 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
         else
             set_option(options, *find_option(axes[a].name), {values[a]}, "--axes " + axes[a].name);
     }
+    require_named_appearance(options);
     validate(options);
     limit_budget(options, share); // of the cap that another axis may have set
     return configuration;

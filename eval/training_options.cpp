@@ -13,7 +13,7 @@ namespace {
 /// What a run may differ in and still have made the same figures, but for the seed.
 bool is_immaterial(const Option& option) {
     static const std::vector<std::string> keys = {"source", "model",           "image-cache",     "overwrite",             "resume",
-                                                  "seed",   "test-iterations", "save-iterations", "checkpoint-iterations", "preview-every"};
+                                                  "seed",   "auto-tolerance", "test-iterations", "save-iterations", "checkpoint-iterations", "preview-every"};
     return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
 }
 

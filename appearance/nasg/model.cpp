@@ -40,6 +40,9 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
             std::fill_n(row + Model::kAmplitude, 3, 0.5f);
         }
     };
+    m.clear_residual = [](int lobes, float* row) {
+        for (int lobe = 0; lobe < lobes; ++lobe) std::fill_n(row + lobe * Model::kPerLobe + Model::kAmplitude, 3, 0.0f);
+    };
     m.stability = lobe_stability<Model>;
     m.residual = &model_residual<Model, double>;
     m.packing = &lobe_packing<Model>();

@@ -29,6 +29,7 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     ModelInfo m;
     m.name = name;
     m.summary = summary;
+    m.variant = m.name != "neural"; // of the paper's ablation
     // Without the products, for which GPUs have other units: encoding, activations, tanh; on the way back both and their chain rule.
     m.operations = 20 * Model::kEncoded / 2 + 40 + Model::kLayers * Model::kNeurons + 60, m.operations_backward = 2 * m.operations;
     m.default_max_degree = m.max_degree_limit = 3;

@@ -67,6 +67,7 @@ int run(int argc, char** argv) {
     add_bench_command(app, selected);
     add_tradeoff_command(app, selected);
     add_metrics_command(app, selected);
+    add_prune_appearance_command(app, selected);
     add_options_command(app, selected);
     try {
         app.parse(argc, argv);

@@ -9,7 +9,9 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/bench.h"
+#include "eval/cell.h"
 #include "eval/comparison_format.h"
+#include "eval/find_appearance.h"
 #include "eval/results.h"
 #include "eval/saved_run.h"
 #include "kernels/core/error.h"
@@ -20,6 +22,7 @@
 #include "lib/core/options_cli.h"
 #include "lib/core/progress.h"
 #include "lib/core/version.h"
+#include "lib/io/atomic_file.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/trainer.h"
 
@@ -84,6 +87,7 @@ class Evaluation {
         facts_.train_seconds = summary.train_seconds;
         if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
         facts_.photometric = summary.photometric;
+        facts_.appearance_choice = read_appearance_choice(options_.model);
         if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
         spdlog::info("photographs and renders side by side: {}", comparison().string());
@@ -105,6 +109,10 @@ class Evaluation {
     RunFacts facts_;
 };
 
+void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choice) {
+    write_text_atomic(RunFolder{run_folder}.appearance_choice(), choice.dump(1) + "\n");
+}
+
 /// Trains one run. Returns its row where views were held out.
 std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
     setup_log(log_level(options));
@@ -112,11 +120,21 @@ std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
     if (options.model.empty()) options.model = default_run_folder(options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     const Scene scene = load_scene(scene_options(options));
+    if (options.appearance == kAutoAppearance && !options.resume.empty()) options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
     add_log_file(fs::path(options.model) / "gsapp.log");
     spdlog::info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
 
+    catch_interrupts();
+    if (options.appearance == kAutoAppearance) {
+        const AppearanceReport report = find_appearance(options, scene);
+        for (const std::string& line : report.lines) spdlog::info("--appearance auto: {}", line);
+        write_choice(options.model, report.json);
+        start.first_event = report.json;
+        start.first_event["event"] = "appearance_choice";
+        options.appearance = report.model;
+    }
     Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
     Evaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
@@ -125,12 +143,16 @@ std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
         spdlog::warn("--eval: there are no test views ({})", scene.split_rule);
-    catch_interrupts();
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
     spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
     if (summary.controller_seconds > 0) spdlog::info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
+    if (nlohmann::ordered_json choice = read_appearance_choice(options.model); !choice.is_null() && options.resume.empty()) {
+        choice["share_of_training"] = choice.value("seconds", 0.0) / summary.train_seconds;
+        write_choice(options.model, choice);
+        spdlog::info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
+    }
     std::optional<TableRow> row;
     if (measure) row = evaluation.finish(summary);
     nlohmann::ordered_json finished = {{"event", "finished"},
@@ -154,6 +176,7 @@ void print_table(const std::vector<TableRow>& rows, bool quiet) {
 /// Trains the same with `num_runs` seeds in a row, into <model>-0, <model>-1, ..., and prints their mean and deviation.
 void run_seeds(TrainOptions base, int frame_rounds, int num_runs) {
     if (!base.resume.empty()) throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
+    require_named_appearance(base);
     if (!base.eval) throw UsageError("--runs: there is nothing to average without --eval");
     if (base.model.empty()) base.model = default_run_folder(base, "-0");
     std::vector<TableRow> rows;

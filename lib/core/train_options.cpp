@@ -182,8 +182,21 @@ void add_precision_options(Table& table) {
 
 void add_model_options(Table& table) {
     const std::string group = "Model";
-    table.push_back(
-        {.key = "appearance", .field = &O::appearance, .group = group, .help = "view-dependent colour of one Gaussian", .choices = appearance_names()});
+    std::vector<std::string> models = appearance_names();
+    models.push_back(kAutoAppearance);
+    table.push_back({.key = "appearance",
+                     .field = &O::appearance,
+                     .group = group,
+                     .help = "view-dependent colour of one Gaussian; auto: the smallest model that held-out training views show to be enough, "
+                             "found in at most half the time of the training",
+                     .choices = models});
+    table.push_back({.key = "auto-tolerance",
+                     .field = &O::auto_tolerance,
+                     .group = group,
+                     .help = "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the best one's",
+                     .unit = "dB",
+                     .min = 0,
+                     .max = 100});
     table.push_back(
         {.key = "sh-degree", .field = &O::sh_degree, .group = group, .help = "with appearance sh: highest band", .min = 0, .max = 3});
     table.push_back({.key = "color-activation",

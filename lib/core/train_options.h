@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// TrainOptions::appearance while the scene is to decide.
+inline constexpr const char* kAutoAppearance = "auto";
+
 struct TrainOptions {
     // Input and output
     std::string source;                   ///< scene folder, file, or builtin:NAME
@@ -40,7 +43,8 @@ struct TrainOptions {
     std::string appearance_storage = "fp32"; ///< of frames: fp32 | fp16, GPU only
     std::string appearance_moments = "fp32"; ///< of Adam: fp32 | bf16, GPU only
     // Appearance
-    std::string appearance = "sh";
+    std::string appearance = "sh";        ///< a model's name, or "auto" until it is chosen
+    double auto_tolerance = 0.1;          ///< dB
     int sh_degree = 3;
     std::string color_activation = "relu"; ///< relu | softplus | sigmoid | hardsigmoid
     // Photometric correction (PPISP)

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "kernels/core/gaussian_state.h"
+#include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
@@ -14,6 +15,9 @@ struct InitOptions {
     std::int64_t random_points = 100000;  ///< points drawn where the scene has none; fewer remain after carving
     std::uint64_t seed = 0;
 };
+
+/// What the options of a run say about its beginning.
+InitOptions init_options(const TrainOptions& options);
 
 /// The points of the scene that are finite; where it has none, grey points drawn uniformly in a cube and kept where at
 /// least one training view sees them. The cube is the scene's own (random_init_half_extent, about the origin) or reaches

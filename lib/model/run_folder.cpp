@@ -158,7 +158,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     remove_file(folder.ppisp()); // of the run's end
     if (resume_iteration) return;
     for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
-                             folder.per_view(), folder.train_log()}) {
+                             folder.per_view(), folder.appearance_choice(), folder.train_log()}) {
         remove_file(path);
     }
     remove_if_empty(folder.train_log().parent_path());

@@ -12,18 +12,6 @@ namespace {
 /// The spacing, in world units, at which rates that depend on it have their plain values.
 constexpr double kNeutral = 0.3536;
 
-/// The camera spacing decides some models' rates, in the scene's unit: worth seeing where a scene trains oddly.
-AppearanceRates appearance_rates(const TrainOptions& options, const AppearanceSpec& appearance, double spacing) {
-    AppearanceRates rates = appearance_model(appearance.model).rates(appearance.max_degree, {spacing, options.lobe_lr});
-    double residual = 0;
-    for (const Schedule& column : rates.residual) residual = std::max(residual, column.initial);
-    if (residual > 0) {
-        spdlog::info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", appearance.model, rates.base.initial, residual,
-                     rates.residual.size() > 1 ? ", fastest column" : "", spacing);
-    }
-    return rates;
-}
-
 }  // namespace
 
 LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene)
@@ -32,11 +20,19 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
       noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {
-    const double spacing = camera_spacing(scene.train);
-    const double opacity = opacity_rate(options.opacity_lr, spacing);
-    if (std::isnan(options.opacity_lr)) spdlog::info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacity, spacing);
-    opacities_ = Schedule::constant(opacity);
-    appearance_ = appearance_rates(options, appearance, spacing);
+    spacing_ = camera_spacing(scene.train);
+    opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
+    appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.lobe_lr});
+}
+
+void LearningRates::log(const TrainOptions& options) const {
+    if (std::isnan(options.opacity_lr)) spdlog::info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
+    double residual = 0;
+    for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
+    if (residual > 0) {
+        spdlog::info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", options.appearance, appearance_.base.initial,
+                     residual, appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
+    }
 }
 
 void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {

@@ -17,10 +17,13 @@ class LearningRates {
     /// Fills the rates (and the noise factor, with MCMC) of the step after `iteration` finished ones.
     void apply(std::int64_t iteration, StepRequest& request) const;
 
+    /// The camera spacing decides some rates, in the scene's unit: worth seeing where a scene trains oddly. `options`: the same.
+    void log(const TrainOptions& options) const;
+
   private:
     Schedule means_, scales_, rotations_, opacities_;
     AppearanceRates appearance_;
-    double noise_ = 0;
+    double noise_ = 0, spacing_ = 0;
 };
 
 /// Rate of the opacity logits: `opacity_lr`, or where that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras `camera_spacing` = d

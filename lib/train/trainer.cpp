@@ -7,30 +7,26 @@
 #include <chrono>
 #include <new>
 #include <optional>
-#include <thread>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
-#include "kernels/core/rng.h"
-#include "lib/core/bytes.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
+#include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/cameras_json.h"
 #include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
-#include "lib/scene/image_cache.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/memory_plan.h"
 #include "lib/train/photometric.h"
-#include "lib/train/target_image.h"
 #include "lib/train/train_log.h"
-#include "lib/train/view_order.h"
+#include "lib/train/training_views.h"
 
 namespace gs {
 namespace {
@@ -41,12 +37,6 @@ constexpr std::int64_t kLogInterval = 100;
 /// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the statistics:
 /// a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
-/// Views decoded ahead of the one in use, and threads that decode them. A GPU is done with a view in a fraction of the time that
-/// decoding takes, and leaves the processor free; the CPU backend needs all of it.
-int views_ahead(const std::string& device) { return uses_cuda(device) ? 24 : 3; }
-int decode_threads(const std::string& device) {
-    return uses_cuda(device) ? std::clamp(int(std::thread::hardware_concurrency()) / 2, 1, views_ahead(device)) : 1;
-}
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -61,26 +51,28 @@ class Run {
           progress_(progress),
           hooks_(hooks),
           appearance_(appearance_spec(options)),
-          background_(parse_background(options.background)),
+          views_(options_, scene),
           rates_(options, appearance_, scene),
           schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
-          photometric_(options_, scene),
-          order_(scene.train.size(), options.seed),
-          prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
-          images_(scene.train, parse_bytes(options.image_cache), decode_threads(options.device)) {
+          photometric_(options_, scene) {
         set_num_threads(options.threads);
+        rates_.log(options_);
         if (start.checkpoint)
             resume(std::move(*start.checkpoint));
         else
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         log_.emplace(folder_.train_log(), iteration_);
+        if (!start.first_event.is_null()) {
+            start.first_event["iteration"] = 0;
+            log_->write(start.first_event);
+        }
         prune_nonfinite(); // before such a Gaussian leaves its mark in the moments of all that it covers
     }
 
     TrainSummary run() {
         progress_.start(options_.iterations, iteration_);
-        for (std::int64_t k = iteration_; k < std::min(options_.iterations, iteration_ + prefetch_); ++k) images_.prefetch(order_.at(k));
+        views_.prefetch(iteration_, options_.iterations);
         const std::int64_t first = iteration_;
         try {
             loop();
@@ -120,7 +112,7 @@ class Run {
         std::vector<RenderRequest> views(scene_.train.size());
         for (std::size_t k = 0; k < views.size(); ++k) {
             views[k].camera = camera_params(scene_.train[k].camera);
-            views[k].background = fixed_background();
+            views[k].background = views_.fixed_background();
         }
         return views;
     }
@@ -156,10 +148,7 @@ class Run {
     }
 
     void begin() {
-        InitOptions init;
-        init.mcmc = options_.strategy == "mcmc";
-        init.random_points = options_.init_points;
-        init.seed = options_.seed;
+        const InitOptions init = init_options(options_);
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
         if (options_.hostile_start > 0)
             spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
@@ -194,16 +183,13 @@ class Run {
         decide_photometric();
         const bool hold = iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
         write_change(schedule_.before_step(*backend_, iteration_, hold));
-        const std::size_t index = order_.at(iteration_);
-        const auto image = images_.get(index);
-        if (iteration_ + prefetch_ < options_.iterations) images_.prefetch(ahead_.at(iteration_ + prefetch_));
-        StepRequest request = request_for(index, *image, iteration_);
+        auto [view, image, request] = views_.at(iteration_, options_.iterations);
         const bool mcmc = options_.strategy == "mcmc";
         request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
         request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
         request.gather_gradient_stats = schedule_.gathers(iteration_);
         rates_.apply(iteration_, request);
-        photometric_.apply(index, iteration_, request);
+        photometric_.apply(view, iteration_, request);
         backend_->step(request);
         write_change(schedule_.after_step(*backend_, iteration_));
         ++iteration_;
@@ -211,20 +197,8 @@ class Run {
         if (iteration_ % kLogInterval == 0) prune_nonfinite();
     }
 
-    /// What steps on Gaussians and on controllers have in common. Points to the image.
-    StepRequest request_for(std::size_t view, const ViewImage& image, std::int64_t iteration) const {
-        StepRequest request;
-        request.camera = camera_params(scene_.train[view].camera);
-        request.background = background_at(iteration);
-        request.target = target_image(image, std::int64_t(view));
-        request.iteration = iteration;
-        request.lambda_dssim = float(options_.lambda_dssim);
-        request.seed = options_.seed;
-        return request;
-    }
-
     void decide_photometric() {
-        const auto decision = photometric_.decide(*backend_, iteration_, fixed_background(), [&](std::size_t view) { return images_.get(view); });
+        const auto decision = photometric_.decide(*backend_, iteration_, views_.fixed_background(), [&](std::size_t view) { return views_.image(view); });
         if (!decision) return;
         log_->write({{"event", "photometric"}, {"iteration", iteration_ + 1}, {"on", decision->on}, {"stops", decision->variation.stops},
                      {"threshold", kPhotometricThreshold}, {"images", decision->variation.num_images}, {"reason", describe(*decision)}});
@@ -242,11 +216,8 @@ class Run {
                 throw Interrupted("interrupted after " + std::to_string(k) + " iterations of the controllers, which are lost; the model and its checkpoint are written; " +
                                   how_to_continue());
             }
-            const std::size_t index = order_.at(iteration_ + k);
-            const auto image = images_.get(index);
-            if (k + prefetch_ < options_.controller_iterations) images_.prefetch(ahead_.at(iteration_ + k + prefetch_));
-            StepRequest request = request_for(index, *image, iteration_ + k);
-            photometric_.apply_controller(index, request);
+            auto [view, image, request] = views_.at(iteration_ + k, iteration_ + options_.controller_iterations);
+            photometric_.apply_controller(view, request);
             backend_->distill(request);
             if ((k + 1) % kMaxSkips == 0) read_stats();
             if (progress_.due(k + 1)) {
@@ -278,16 +249,8 @@ class Run {
         if (stats.steps > 0) last_ = stats;
         if (stats.consecutive_skips >= kMaxSkips)
             throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " + std::to_string(stats.consecutive_skips) +
-                               " views was not finite (last view: " + scene_.train[order_.at(iteration_ - 1)].name +
+                               " views was not finite (last view: " + views_.view_at(iteration_ - 1).name +
                                "). Lower the learning rates, or check the images");
-    }
-
-    /// Black where that of the steps is random.
-    Vec3<float> fixed_background() const { return {background_.rgb[0], background_.rgb[1], background_.rgb[2]}; }
-    Vec3<float> background_at(std::int64_t iteration) const {
-        if (!background_.random) return fixed_background();
-        const Philox4 r = philox(options_.seed, RngStream::kBackground, std::uint64_t(iteration), 0);
-        return {uniform_from_bits(r.v[0]), uniform_from_bits(r.v[1]), uniform_from_bits(r.v[2])};
     }
 
     void prune_nonfinite() {
@@ -305,7 +268,7 @@ class Run {
     }
 
     void write_log(double interval_seconds) {
-        const double wait = images_.wait_seconds();
+        const double wait = views_.wait_seconds();
         log_->write({{"event", "step"},
                      {"iteration", iteration_},
                      {"loss", last_.loss},
@@ -356,7 +319,7 @@ class Run {
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
         if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
-        return {iteration_, backend_->count(), train_seconds_, images_.wait_seconds(), memory, controller_seconds, photometric_decision_};
+        return {iteration_, backend_->count(), train_seconds_, views_.wait_seconds(), memory, controller_seconds, photometric_decision_};
     }
 
     void save_checkpoint() {
@@ -372,7 +335,7 @@ class Run {
         const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
         RenderRequest request;
         request.camera = camera_params(view.camera);
-        request.background = fixed_background();
+        request.background = views_.fixed_background();
         request.isp = photometric_.active() ? IspView{.mode = IspMode::kFrame, .camera = std::max(0, view.camera_id)} : IspView{};
         RenderedImage rendered;
         backend_->render(request, rendered);
@@ -390,14 +353,10 @@ class Run {
     Progress& progress_;
     const TrainHooks& hooks_;
     AppearanceSpec appearance_;
-    Background background_;
+    TrainingViews views_;
     LearningRates rates_;
     DensificationSchedule schedule_;
     Photometric photometric_;
-    ViewOrder order_;
-    const std::int64_t prefetch_; ///< views asked for ahead; not the same view twice
-    ViewOrder ahead_{order_}; ///< asked prefetch_ iterations ahead, where the next epoch may have begun
-    ImageCache images_;
     std::unique_ptr<Backend> backend_;
     std::optional<TrainLog> log_;
     std::int64_t iteration_ = 0; ///< finished iterations
@@ -418,10 +377,20 @@ AppearanceSpec appearance_spec(const TrainOptions& options) {
     return spec;
 }
 
+namespace {
+
+std::filesystem::path resumed_file(const TrainOptions& options) {
+    return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+}
+
+}  // namespace
+
+std::string checkpoint_appearance(const TrainOptions& options) { return SafetensorsFile(resumed_file(options)).metadata("appearance"); }
+
 RunStart open_run(const TrainOptions& options) {
-    RunStart start{RunFolder{options.model}, std::nullopt};
+    RunStart start{RunFolder{options.model}, std::nullopt, {}};
     if (!options.resume.empty()) {
-        const auto file = options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+        const auto file = resumed_file(options);
         start.checkpoint = read_checkpoint(file);
         require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
         prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);

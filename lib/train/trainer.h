@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "kernels/backend.h"
@@ -19,12 +20,16 @@ namespace gs {
 struct RunStart {
     RunFolder folder;
     std::optional<Checkpoint> checkpoint;
+    nlohmann::json first_event = {}; ///< first line of the training log of a new run, without its iteration; null = none
 };
 
 /// Everything that can be refused before time is spent on loading a scene: reads the checkpoint that `resume` names,
 /// prepares the folder `options.model`. Throws DataError, or UsageError, also for a checkpoint of another appearance than the
 /// options name; the folder is then as it was.
 RunStart open_run(const TrainOptions& options);
+
+/// The model of the checkpoint that `resume` names. Throws DataError.
+std::string checkpoint_appearance(const TrainOptions& options);
 
 struct TrainHooks {
     /// Called after `iteration` iterations where options.test_iterations lists it, and at the end with the pruned model.

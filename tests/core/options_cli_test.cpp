@@ -55,7 +55,7 @@ TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {
         std::string flag = "--" + option.key;
         std::replace(flag.begin() + 2, flag.end(), '-', '_');
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
-        const std::string value = !option.choices.empty() ? option.choices.front() : option.min ? "1" : "7";
+        const std::string value = !option.choices.empty() ? option.choices.front() : option.max && *option.max < 1 ? "0.5" : option.min ? "1" : "7";
         std::vector<std::string> words = {flag};
         if (!is_switch) words.push_back(value);
         if (option.key != "source") words.insert(words.begin(), "here");

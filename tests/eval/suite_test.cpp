@@ -62,6 +62,7 @@ TEST(Suite, ActivationsVaryTheFunctionAndTheOpacityRate) {
 TEST(Suite, MistakesAreUsageErrors) {
     EXPECT_THROW(suite_cells("everything", {"sh"}, base_options()), UsageError);
     EXPECT_THROW(suite_cells("activations", {"sj"}, base_options()), UsageError);
+    EXPECT_THROW(suite_cells("activations", {"sh", "auto"}, base_options()), UsageError);
     TrainOptions nowhere = base_options();
     nowhere.source.clear();
     EXPECT_THROW(suite_cells("activations", {"sh"}, nowhere), UsageError);

@@ -79,8 +79,12 @@ TEST(TradeoffAxes, ValuesAreCheckedByTheirOptions) {
     for (const char* share : {"0", "2", "-0.1", "nan", "half"})
         EXPECT_NE(error({std::string("budget=1,") + share}).find("'" + std::string(share) + "' is not a share"), std::string::npos) << share;
     EXPECT_NE(error({"speedy-splat"}).find("goes with strategy adc"), std::string::npos);
+    EXPECT_NE(error({"appearance=sh,auto"}).find("appearance auto: every run that is compared"), std::string::npos);
     EXPECT_NE(error({"appearance=sh"}).find("one configuration only"), std::string::npos);
     EXPECT_NE(error({"budget=0.5,0.50"}).find("are the same training"), std::string::npos);
+    TrainOptions undecided = base_options();
+    undecided.appearance = "auto";
+    EXPECT_NE(error_of([&] { spread_grid(parse({"budget"}), undecided); }).find("appearance auto: every run that is compared"), std::string::npos);
     std::string values = "1";
     for (int i = 2; i <= 40; ++i) values += "," + std::to_string(i);
     EXPECT_NE(error({"iterations=" + values, "cap-max=" + values}).find("more than 1000"), std::string::npos);

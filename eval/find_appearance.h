@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// `--appearance auto`: short trainings on part of the training views, compared on the rest.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "eval/appearance_choice.h"
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+struct AppearanceReport {
+    std::string model;               ///< what to train
+    std::vector<std::string> lines;  ///< five, for people: what was done, what came out of it, and why
+    nlohmann::ordered_json json;     ///< the same for programs
+};
+
+/// Holds out every 8th training view, trains `none` on the others for a tenth of options.iterations, goes on from there with each model of the
+/// registry that is no variant, and chooses as choose_appearance does. Test views are not looked at. Takes at most half as long as the run that
+/// would follow, by the measured time of an iteration: a trial that would exceed this, or does, has no result, and the report names it. (The
+/// training of `none` always ends.) A scene with fewer than 8 training views has none to spare and gets `none`. The same options and seed give
+/// the same choice unless time ran out. Throws what training throws.
+AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
+
+}  // namespace gs

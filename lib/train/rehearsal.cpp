@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/train/rehearsal.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include "appearance/model_info.h"
+#include "kernels/core/error.h"
+#include "lib/core/interrupt.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/model/initialize.h"
+#include "lib/scene/camera_params.h"
+#include "lib/train/choose_backend.h"
+#include "lib/train/densification.h"
+#include "lib/train/learning_rates.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+namespace {
+
+/// The part of a run's learning rates that go_on compresses: from where all models learn at full rate (spherical Voronoi waits until 1000,
+/// the network until 3000) to where they end.
+constexpr double kFirstRate = 3000, kLastRate = 30000;
+/// Iterations between two looks at the backend, as in a run.
+constexpr std::int64_t kCheckInterval = 100;
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+std::unique_ptr<Backend> make_backend(const TrainOptions& options, const AppearanceSpec& appearance) {
+    return uses_cuda(options.device) ? make_cuda_backend(appearance, backend_options(options)) : make_cpu_backend(appearance, backend_options(options));
+}
+
+void check(Backend& backend, const std::string& model) {
+    if (interrupted()) throw Interrupted("interrupted while --appearance auto looked for a model; nothing was trained");
+    std::int64_t by_group[kNumGroups];
+    backend.prune_nonfinite(by_group);
+    if (backend.count() == 0 || backend.take_stats().consecutive_skips >= kCheckInterval / 2)
+        throw NumericError("appearance " + model + ": the parameters or the loss of a short training do not stay finite");
+}
+
+}  // namespace
+
+Rehearsal::Rehearsal(const TrainOptions& options, const Scene& scene)
+    : options_(options), scene_(scene), views_(options_, scene_), photometric_(options_, scene_) {}
+
+Rehearsed Rehearsal::begin(std::int64_t iterations) {
+    const AppearanceSpec appearance = appearance_spec(options_);
+    const LearningRates rates(options_, appearance, scene_);
+    std::vector<RenderRequest> training_views;
+    for (const View& view : scene_.train) training_views.push_back({.camera = camera_params(view.camera), .background = background()});
+    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background == "black", training_views);
+    Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
+    state.ppisp = photometric_.initial_state();
+    Rehearsed result{make_backend(options_, appearance)};
+    result.backend->upload(state);
+    const bool mcmc = options_.strategy == "mcmc";
+    run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, StepRequest& request) {
+        schedule.before_step(*result.backend, k);
+        request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
+        request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
+        request.gather_gradient_stats = schedule.gathers(k);
+        rates.apply(k, request);
+    });
+    begun_ = iterations;
+    return result;
+}
+
+std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
+    TrainOptions resting = options_;
+    resting.strategy = "none"; // no noise on the means
+    const LearningRates rates(resting, appearance, scene_);
+    Gaussians start = with_appearance(state, appearance, options_.seed);
+    Rehearsed result{make_backend(options_, appearance)};
+    photometric_.resume(start, begun_);
+    result.backend->upload(start);
+    const bool finished = run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, StepRequest& request) {
+        request.opacity_reg = request.scale_reg = 0;
+        rates.apply(std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)), request);
+    });
+    return finished ? std::optional(std::move(result)) : std::nullopt;
+}
+
+bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
+                    const std::function<void(std::int64_t, StepRequest&)>& prepare) {
+    const double start = now();
+    Backend& backend = *result.backend;
+    views_.prefetch(first, first + iterations);
+    for (std::int64_t k = 0; k < iterations; ++k) {
+        if (now() - start > most_seconds) return false;
+        auto [view, image, request] = views_.at(first + k, first + iterations);
+        prepare(k, request);
+        photometric_.apply(view, first + k, request);
+        backend.step(request);
+        if ((k + 1) % kCheckInterval == 0 || k + 1 == iterations) check(backend, model);
+    }
+    backend.synchronize();
+    result.seconds = now() - start;
+    return true;
+}
+
+Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, std::uint64_t seed) {
+    const ModelInfo& model = appearance_model(appearance.model);
+    Gaussians out;
+    out.count = state.count, out.appearance = appearance, out.active_degree = appearance.max_degree, out.ppisp = state.ppisp;
+    for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state.groups[g].width, out.groups[g].param = state.groups[g].param;
+    GroupArrays<float>& residual = out[Group::kResidual];
+    residual.width = group_width(Group::kResidual, appearance);
+    residual.param.assign(std::size_t(out.count) * residual.width, 0.0f);
+    for (std::int64_t i = 0; i < out.count; ++i) {
+        float* row = residual.param.data() + i * residual.width;
+        model.init_residual(appearance.max_degree, row);
+        if (model.clear_residual) model.clear_residual(appearance.max_degree, row);
+    }
+    out.shared.width = model.num_shared;
+    out.shared.param.assign(std::size_t(model.num_shared), 0.0f);
+    if (model.num_shared > 0) model.init_shared(seed, out.shared.param.data());
+    return out;
+}
+
+}  // namespace gs
