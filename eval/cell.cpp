@@ -14,6 +14,18 @@
 
 namespace gs {
 
+nlohmann::ordered_json result_json(const CellResult& r) {
+    nlohmann::ordered_json json;
+    json["PSNR"] = std::isfinite(r.psnr) ? nlohmann::ordered_json(r.psnr) : nlohmann::ordered_json(nullptr);
+    json["SSIM"] = r.ssim;
+    json["num_gaussians"] = r.num_gaussians;
+    json["train_seconds"] = r.train_seconds;
+    json["frame_seconds"] = r.frame_seconds;
+    json["bytes"] = r.bytes;
+    if (r.peak_device_bytes) json["peak_device_bytes"] = *r.peak_device_bytes;
+    return json;
+}
+
 std::optional<CellResult> finished_cell(const TrainOptions& options) {
     const std::optional<TableRow> row = finished_run(options);
     if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
@@ -20,6 +21,9 @@ struct CellResult {
     std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
     std::string protocol;      ///< protocol_line of the scores
 };
+
+/// The scores and costs by the keys of results of suites and trade-offs. JSON knows no infinity: such a PSNR is null.
+nlohmann::ordered_json result_json(const CellResult& result);
 
 /// The result of these validated options if the folder `options.model` holds a finished run of them; empty otherwise. Options that
 /// change neither model nor figures (messages, image cache, saving along the way) may differ.

@@ -8,7 +8,7 @@
 namespace gs {
 
 const std::vector<PrecisionLevel>& precision_levels() {
-    // Cutoffs of two 8-bit steps and of a tenth of a percent are the first that a table of PSNRs shows.
+    // Cutoffs: twice and ten times those of 3DGS.
     static const std::vector<PrecisionLevel> levels = {
         {"full", false, [](TrainOptions&) {}},
         {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = "fp16"; }},

@@ -3,7 +3,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "eval/suite.h"
@@ -27,13 +26,7 @@ Json json_of(const SuiteLine& line) {
     json["status"] = line.result ? "finished" : line.error.empty() ? "not trained" : "failed";
     if (!line.error.empty()) json["error"] = line.error;
     if (!line.result) return json;
-    const CellResult& r = *line.result;
-    json["PSNR"] = std::isfinite(r.psnr) ? Json(r.psnr) : Json(nullptr);
-    json["SSIM"] = r.ssim;
-    json["num_gaussians"] = r.num_gaussians;
-    json["train_seconds"] = r.train_seconds;
-    json["frame_seconds"] = r.frame_seconds;
-    json["bytes"] = r.bytes;
+    json.update(result_json(*line.result));
     return json;
 }
 

@@ -5,7 +5,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "eval/escape.h"
@@ -48,15 +47,8 @@ Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier)
     for (std::size_t a = 0; a < tradeoff.axes.size(); ++a) json["values"][tradeoff.axes[a].name] = run.configuration.values[a];
     if (!run.error.empty()) json["error"] = run.error;
     if (!run.result) return json;
-    const CellResult& r = *run.result;
     json["pareto_optimal"] = in_frontier;
-    json["PSNR"] = std::isfinite(r.psnr) ? Json(r.psnr) : Json(nullptr);
-    json["SSIM"] = r.ssim;
-    json["num_gaussians"] = r.num_gaussians;
-    json["train_seconds"] = r.train_seconds;
-    json["frame_seconds"] = r.frame_seconds;
-    json["bytes"] = r.bytes;
-    if (r.peak_device_bytes) json["peak_device_bytes"] = *r.peak_device_bytes;
+    json.update(result_json(*run.result));
     return json;
 }
 

@@ -7,6 +7,8 @@
 
 #include <cmath>
 #include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
@@ -150,6 +152,14 @@ TEST(Photometric, RecoversTheExposuresOfTheScene) {
         truth.push_back(*scene.train[k].exif_exposure);
     }
     EXPECT_GT(correlation(found, truth), 0.99);
+    // View dependence waited: it could have begun at 1000, and did at the first thousand after a third of the run.
+    std::ifstream log(RunFolder{o.model}.train_log());
+    std::map<std::int64_t, int> degrees;
+    for (std::string line; std::getline(log, line);)
+        if (const auto event = nlohmann::json::parse(line); event.at("event") == "step") degrees[event.at("iteration")] = event.at("active_degree");
+    EXPECT_EQ(degrees.at(1100), 0);
+    EXPECT_EQ(degrees.at(1900), 0);
+    EXPECT_EQ(degrees.at(2100), 1);
 }
 
 /// The model's PPISP, given. Frames 0, 1, ... have the exposures of a list in turn.

@@ -6,6 +6,8 @@ import http.server
 import threading
 import time
 
+from browser import check
+
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 # Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
@@ -20,11 +22,6 @@ PSNR = """(async () => {
   for (let i = 0; i < wanted.length; ++i) if (i %% 4 < 3) sum += ((wanted[i] - seen[i]) / 255) ** 2;
   return -10 * Math.log10(Math.max(sum / (0.75 * wanted.length), 1e-12));
 })()"""
-
-
-def check(condition, what):
-    if not condition:
-        raise SystemExit(f"FAILED: {what}")
 
 
 class Handler(http.server.SimpleHTTPRequestHandler):

@@ -12,8 +12,8 @@ import subprocess
 import sys
 import tempfile
 
-from browser import Browser, find_chromium
-from site_server import PSNR, SOFTWARE_WEBGL, Site, check, wait_for
+from browser import Browser, find_chromium, check
+from site_server import PSNR, SOFTWARE_WEBGL, Site, wait_for
 
 # Spark was seen to agree to 46 dB. Another convention anywhere, such as a mirrored axis or another basis, leaves less than 20.
 LEAST_PSNR = 35

@@ -12,8 +12,8 @@ import sys
 import tempfile
 import urllib.parse
 
-from browser import Browser, find_chromium
-from site_server import PSNR, SOFTWARE_WEBGL, Site, check, open_viewer
+from browser import Browser, find_chromium, check
+from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer
 
 # Arguments of gsapp train. View dependence begins at iteration 1000; further degrees of sh and neural join at 2000 and 3000.
 LEGO = ["-s", os.environ.get("GSAPP_TEST_DATA", "") + "/tiny/lego", "--init-points", "2000", "--cap-max", "2000", "--iterations"]

@@ -15,8 +15,8 @@ import sys
 import tempfile
 import zlib
 
-from browser import Browser, find_chromium
-from site_server import SOFTWARE_WEBGL, Site, check, open_viewer, wait_for
+from browser import Browser, find_chromium, check
+from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 TAB, END, ARROW_LEFT = ("Tab", 9), ("End", 35), ("ArrowLeft", 37)
 BACKGROUND = (0.2, 0.4, 0.6)
