@@ -59,11 +59,15 @@ export class App {
       },
     });
     this.canvas.addEventListener('webglcontextlost', () => this.fail('The graphics device was lost', 'Often its memory ran out. Reload the page; a smaller model may help.'));
-    new ResizeObserver(() => {
+    const resize = () => {
       const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
       this.renderer.webgl.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)), false);
       this.draw(); // at once: setting the size has cleared the picture
-    }).observe(this.canvas);
+    };
+    new ResizeObserver(resize).observe(this.canvas);
+    // A screen of another density leaves the size in CSS pixels as it is, and may become known after it.
+    const watchDensity = () => matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener('change', () => (watchDensity(), resize()), { once: true });
+    watchDensity();
   }
 
   private fail(title: string, message: string): void {
