@@ -209,8 +209,6 @@ def check_appearance(browser):
     browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=3, mobile=True)
     check(browser.evaluate("document.documentElement.scrollWidth") <= 360, "a phone's width suffices")
     wait_for(browser, "document.getElementById('canvas').width === 720", "the picture has at most two device pixels per CSS pixel")
-    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=1, mobile=True)
-    wait_for(browser, "document.getElementById('canvas').width === 360", "and follows the density of the screen alone")
     browser.call("Emulation.clearDeviceMetricsOverride")
 
 

@@ -65,9 +65,7 @@ export class App {
       this.draw(); // at once: setting the size has cleared the picture
     };
     new ResizeObserver(resize).observe(this.canvas);
-    // A screen of another density leaves the size in CSS pixels as it is, and may become known after it.
-    const watchDensity = () => matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener('change', () => (watchDensity(), resize()), { once: true });
-    watchDensity();
+    addEventListener('resize', resize); // another density of the screen may become known after the size
   }
 
   private fail(title: string, message: string): void {
