@@ -11,9 +11,13 @@
 #include <optional>
 
 #include "appearance/model_info.h"
-#include "eval/held_out.h"
+#include "eval/appearance_choice.h"
+#include "eval/photograph.h"
+#include "eval/residual_parts.h"
 #include "kernels/core/parallel.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/scene/smaller_scene.h"
+#include "lib/train/choose_backend.h"
 #include "lib/train/rehearsal.h"
 #include "lib/train/trainer.h"
 
@@ -22,28 +26,39 @@ namespace {
 
 /// Every n-th training view is held out, beginning in the middle of the first n; and the fewest views of which some can be spared.
 constexpr std::size_t kHeldOutEvery = 8, kFewestViews = 8;
-/// Shares of options.iterations: of the training without view dependence that all trials begin from, and of each trial. With six models, the
-/// dearest at 1.5 times the time of the cheapest, that is below 0.45 of a run.
-constexpr double kWarmUpShare = 0.1, kTrialShare = 0.05;
-/// Largest share of the time of the run that is to follow, at the time of an iteration that the chosen model's trial took: a run's have more Gaussians.
+/// Wider images are made smaller, and Gaussians fewer as pixels are: models rank as in long trainings sooner, in a fraction of the time. (lego at 400 pixels
+/// ranked them as its full training did after 2000 and 3000 iterations; at 800 pixels and with three times the Gaussians the gains were two thirds.)
+constexpr int kStageWidth = 400;
+/// Shares of options.iterations: of the training without view dependence that all trials begin from, and of each trial.
+constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
+/// Largest share of the time of the run that is to follow, at the time of an iteration that the chosen model's trial took: a run's have more Gaussians and pixels.
 constexpr double kTimeShare = 0.5;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 std::int64_t iterations_of(const TrainOptions& options, double share) { return std::max<std::int64_t>(1, std::llround(share * double(options.iterations))); }
 
-struct Split {
-    Scene scene;  ///< without the views held out
-    std::vector<View> held_out, seen;  ///< as many of each
+/// A smaller scene without the views held out.
+struct Stage {
+    Scene scene;
+    std::vector<View> held_out;
+    TrainOptions options;
 };
 
-Split split_views(const Scene& scene) {
-    Split split{scene, {}, {}};
-    split.scene.train.clear(), split.scene.test.clear();
-    std::vector<View>& rest = split.scene.train;
-    for (std::size_t k = 0; k < scene.train.size(); ++k) (k % kHeldOutEvery == kHeldOutEvery / 2 ? split.held_out : rest).push_back(scene.train[k]);
-    for (std::size_t k = 0; k < split.held_out.size(); ++k) split.seen.push_back(rest[k * rest.size() / split.held_out.size()]);
-    return split;
+Stage make_stage(const TrainOptions& options, const Scene& scene) {
+    Stage stage{smaller_scene(scene, kStageWidth), {}, options};
+    const std::vector<View> views = std::move(stage.scene.train);
+    stage.scene.train.clear(), stage.scene.test.clear();
+    double pixels = 0, full_pixels = 0;
+    for (std::size_t k = 0; k < views.size(); ++k) {
+        (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(views[k]);
+        pixels += double(views[k].camera.width) * views[k].camera.height;
+        full_pixels += double(scene.train[k].camera.width) * scene.train[k].camera.height;
+    }
+    stage.options.appearance = "none";
+    stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * pixels / full_pixels));
+    if (options.ppisp == "auto") stage.options.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
+    return stage;
 }
 
 std::int64_t bytes_of(const AppearanceSpec& spec) {
@@ -62,18 +77,14 @@ std::vector<AppearanceSpec> candidates(TrainOptions options) {
     return specs;
 }
 
-/// What is left after the best model, in words with figures.
-std::string words(const AppearanceChoice& c) {
-    const std::string gains = fmt::format("the model gains {:.2f} dB on views it was trained on, and {:.2f} dB on held-out ones", c.train_gain, c.held_out_gain);
-    switch (c.remainder) {
-        case Remainder::kReflectance: return fmt::format("reflectance: {}", gains);
-        case Remainder::kPhotometric:
-            return fmt::format("photometric: whole images differ in exposure or colour, which --ppisp on corrects and no appearance explains; {}", gains);
-        case Remainder::kInconsistency:
-            return fmt::format("inconsistency between images (things that moved, changing light), not reflectance: {}", gains);
+std::string words(Remainder r) {
+    switch (r) {
+        case Remainder::kReflectance: return "reflectance";
+        case Remainder::kPhotometric: return "photometric: whole images differ in exposure or colour, which --ppisp on corrects and no appearance explains";
+        case Remainder::kInconsistency: return "inconsistency between images (things that moved, changing light), not reflectance";
         case Remainder::kUnresolved: break;
     }
-    return fmt::format("detail that a short training does not reach, with no sign of view dependence: {}", gains);
+    return "detail that a short training does not reach, with no sign of view dependence";
 }
 
 const char* name(Remainder r) {
@@ -86,48 +97,40 @@ const char* name(Remainder r) {
     return "unresolved";
 }
 
-/// Trains and measures until all models had their trial or the time since `start` is up. `unfinished`: those without a result.
-std::vector<AppearanceTrial> run_trials(const TrainOptions& options, const Split& split, double start, std::vector<std::string>& unfinished) {
-    TrainOptions rehearsed = options;
-    rehearsed.appearance = "none";
-    if (options.ppisp == "auto") rehearsed.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
-    Rehearsal rehearsal(rehearsed, split.scene);
-    const Gaussians begun = rehearsal.begin(iterations_of(options, kWarmUpShare)).backend->download(false);
+struct Trials {
+    std::vector<AppearanceTrial> finished;
+    std::vector<std::string> unfinished;
+};
+
+/// Trains and measures until all models had their trial or the time since `start` is up.
+Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage, const std::vector<Photograph>& held_out, double start) {
+    const TrainOptions& options = stage.options;
     const std::int64_t iterations = iterations_of(options, kTrialShare);
-    std::vector<AppearanceTrial> trials;
-    double last = 0, last_measuring = 0; // seconds of the trial before, and of its comparison with photographs
+    Trials trials;
+    double last = 0; // seconds of the trial before
     for (const AppearanceSpec& spec : candidates(options)) {
         const double trial_start = now();
         // The first trial ends in any case: without it there is nothing to choose from.
         double left = std::numeric_limits<double>::infinity();
-        if (!trials.empty()) {
-            const double iteration = trials[choose_appearance(trials, options.auto_tolerance).chosen].seconds;
+        if (!trials.finished.empty()) {
+            const double iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
             left = start + kTimeShare * double(options.iterations) * iteration - trial_start;
         }
         std::optional<Rehearsed> r;
-        if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left - last_measuring); // later models are not faster
+        if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left); // later models are not faster
         if (!r) {
-            unfinished.push_back(spec.model);
+            trials.unfinished.push_back(spec.model);
             continue;
         }
-        const double training = now() - trial_start;
-        const ViewErrors held_out = view_errors(*r->backend, split.held_out, rehearsal.background());
-        const ViewErrors seen = view_errors(*r->backend, split.seen, rehearsal.background());
-        AppearanceTrial trial{spec.model, bytes_of(spec), r->seconds / double(iterations), held_out.psnr, seen.psnr, held_out.error,
-                              held_out.aligned_error};
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
-        if (rehearsed.ppisp == "on") trial.psnr = held_out.aligned_psnr, trial.train_psnr = seen.aligned_psnr, trial.error = held_out.aligned_error;
-        trials.push_back(trial);
-        last = now() - trial_start, last_measuring = last - training;
+        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == "on");
+        trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
+        last = now() - trial_start;
     }
     return trials;
 }
 
-nlohmann::ordered_json json_of(const AppearanceTrial& t) {
-    const auto number = [](double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr); };
-    return {{"model", t.model},           {"bytes_per_gaussian", t.bytes}, {"iteration_seconds", t.seconds},        {"PSNR", number(t.psnr)},
-            {"train_PSNR", number(t.train_psnr)}, {"error", number(t.error)},      {"aligned_error", number(t.aligned_error)}};
-}
+nlohmann::ordered_json number(double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr); }
 
 AppearanceReport too_few_views(const Scene& scene) {
     AppearanceReport report{"none", {}, {}};
@@ -143,43 +146,57 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     if (scene.train.size() < kFewestViews) return too_few_views(scene);
     const double start = now();
     set_num_threads(options.threads);
-    const Split split = split_views(scene);
-    std::vector<std::string> unfinished;
-    const std::vector<AppearanceTrial> trials = run_trials(options, split, start, unfinished);
-    const AppearanceChoice c = choose_appearance(trials, options.auto_tolerance);
-    const AppearanceTrial &chosen = trials[c.chosen], &best = trials[c.best];
-    const double seconds = now() - start;
-    const std::size_t held_out = split.held_out.size();
+    const Stage stage = make_stage(options, scene);
+    Rehearsal rehearsal(stage.options, stage.scene);
     const std::int64_t warm_up = iterations_of(options, kWarmUpShare), trial = iterations_of(options, kTrialShare);
+    const Rehearsed none = rehearsal.begin(warm_up);
+    const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background());
+    const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
+    const auto places = make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options));
+    const ResidualParts parts = residual_parts(*none.backend, *places, seen, held_out, rehearsal.background());
+    const Remainder remainder = what_remains(parts, options.auto_tolerance);
 
     AppearanceReport report;
-    report.model = chosen.model;
-    std::string scores;
-    for (const AppearanceTrial& t : trials) scores += fmt::format("{}{} {:.2f} dB ({} B)", scores.empty() ? "" : ", ", t.model, t.psnr, t.bytes);
+    report.model = "none";
+    Trials trials;
+    std::string found = fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed", worth(parts.direction), options.auto_tolerance);
+    std::string chosen = "none: 12 bytes per Gaussian";
+    if (worth(parts.direction) > options.auto_tolerance) {
+        trials = run_trials(rehearsal, none.backend->download(false), stage, held_out, start);
+        const AppearanceChoice c = choose_appearance(trials.finished, options.auto_tolerance);
+        const AppearanceTrial &kept = trials.finished[c.chosen], &best = trials.finished[c.best];
+        report.model = kept.model;
+        found = "held out:";
+        for (const AppearanceTrial& t : trials.finished) found += fmt::format("{} {} {:.2f} dB ({} B)", &t == &trials.finished.front() ? "" : ",", t.model, t.psnr, t.bytes);
+        if (!trials.unfinished.empty()) found += fmt::format("; no time to finish {}", fmt::join(trials.unfinished, ", "));
+        chosen = fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", kept.model, kept.bytes, best.psnr - kept.psnr,
+                             best.model, options.auto_tolerance);
+    }
+    const double seconds = now() - start, direction = (1 - parts.photometric) * std::max(parts.direction, 0.0);
+    const Camera& camera = stage.scene.train.front().camera;
     report.lines = {
-        fmt::format("{} of {} training views held out; none trained for {} iterations, then each model for {} from there, in {:.1f} s",
-                    held_out, scene.train.size(), warm_up, trial, seconds),
-        fmt::format("held out: {}{}", scores, unfinished.empty() ? "" : fmt::format("; no time to finish {}", fmt::join(unfinished, ", "))),
-        fmt::format("of the error without view dependence {:.0f} % is explained by direction ({}), {:.0f} % by photometric change of whole images, "
-                    "{:.0f} % by neither", 100 * c.direction, best.model, 100 * c.photometric, 100 * c.neither),
-        fmt::format("what is left is {}", words(c)),
-        fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", chosen.model, chosen.bytes, best.psnr - chosen.psnr,
-                    best.model, options.auto_tolerance)};
-    report.json = {{"model", chosen.model},
-                   {"best", best.model},
+        fmt::format("{} of {} training views held out; none trained for {} iterations at {}x{}, then each model for {} from there, in {:.1f} s", held_out.size(),
+                    scene.train.size(), warm_up, camera.width, camera.height, trial, seconds),
+        fmt::format("of the error without view dependence {:.1f} % is explained by direction ({:.1f} % on held-out views), {:.1f} % by photometric change of "
+                    "whole images, {:.1f} % by neither", 100 * direction, 100 * (1 - parts.photometric) * parts.held_out_direction, 100 * parts.photometric,
+                    100 * (1 - parts.photometric - direction)),
+        fmt::format("what is left is {}", words(remainder)), found, chosen};
+    report.json = {{"model", report.model},
                    {"tolerance", options.auto_tolerance},
-                   {"held_out_views", held_out},
+                   {"held_out_views", held_out.size()},
+                   {"image_size", {camera.width, camera.height}},
                    {"warm_up_iterations", warm_up},
                    {"trial_iterations", trial},
-                   {"explained", {{"direction", c.direction}, {"photometric", c.photometric}, {"neither", c.neither}}},
-                   {"remainder", name(c.remainder)},
-                   {"train_gain", c.train_gain},
-                   {"held_out_gain", c.held_out_gain},
+                   {"explained", {{"direction", direction}, {"photometric", parts.photometric}, {"neither", 1 - parts.photometric - direction},
+                                  {"direction_held_out", (1 - parts.photometric) * parts.held_out_direction}}},
+                   {"direction_worth_dB", number(worth(parts.direction))},
+                   {"remainder", name(remainder)},
                    {"trials", nlohmann::ordered_json::array()},
-                   {"no_time_for", unfinished},
+                   {"no_time_for", trials.unfinished},
                    {"lines", report.lines},
                    {"seconds", seconds}};
-    for (const AppearanceTrial& t : trials) report.json["trials"].push_back(json_of(t));
+    for (const AppearanceTrial& t : trials.finished)
+        report.json["trials"].push_back({{"model", t.model}, {"bytes_per_gaussian", t.bytes}, {"iteration_seconds", t.seconds}, {"PSNR", number(t.psnr)}});
     return report;
 }
 

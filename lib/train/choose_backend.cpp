@@ -21,12 +21,16 @@ BackendOptions backend_options(const TrainOptions& options) {
             .packed_moments = options.appearance_moments == "bf16"};
 }
 
-std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Backend> make_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
     if (!cuda && (options.half_residuals || options.packed_moments))
         throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " is of the GPU; the CPU computes in fp32");
-    auto backend = cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
-    const bool fallback = device == "auto" && !cuda;
+    return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
+}
+
+std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
+    auto backend = make_backend(device, appearance, options);
+    const bool fallback = device == "auto" && !uses_cuda(device);
     spdlog::info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }

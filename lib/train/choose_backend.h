@@ -16,7 +16,10 @@ bool uses_cuda(const std::string& device);
 /// What the options of a run say about its backend.
 BackendOptions backend_options(const TrainOptions& options);
 
-/// Of an "auto" that found no GPU, one line of the log says why. Throws DeviceError for "cuda" without a device.
+/// Throws DeviceError for "cuda" without a device, UsageError for options of the GPU on the CPU.
+std::unique_ptr<Backend> make_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
+
+/// The same, and one line of the log says which; of an "auto" that found no GPU, also why.
 std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
 
 /// What learned metrics compute on. Throws as above.

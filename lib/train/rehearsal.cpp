@@ -27,10 +27,6 @@ constexpr std::int64_t kCheckInterval = 100;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-std::unique_ptr<Backend> make_backend(const TrainOptions& options, const AppearanceSpec& appearance) {
-    return uses_cuda(options.device) ? make_cuda_backend(appearance, backend_options(options)) : make_cpu_backend(appearance, backend_options(options));
-}
-
 void check(Backend& backend, const std::string& model) {
     if (interrupted()) throw Interrupted("interrupted while --appearance auto looked for a model; nothing was trained");
     std::int64_t by_group[kNumGroups];
@@ -52,7 +48,7 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background == "black", training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
     state.ppisp = photometric_.initial_state();
-    Rehearsed result{make_backend(options_, appearance)};
+    Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     result.backend->upload(state);
     const bool mcmc = options_.strategy == "mcmc";
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, StepRequest& request) {
@@ -71,7 +67,7 @@ std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const Appearan
     resting.strategy = "none"; // no noise on the means
     const LearningRates rates(resting, appearance, scene_);
     Gaussians start = with_appearance(state, appearance, options_.seed);
-    Rehearsed result{make_backend(options_, appearance)};
+    Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     photometric_.resume(start, begun_);
     result.backend->upload(start);
     const bool finished = run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, StepRequest& request) {

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs in memory, for renders of several models to be compared with.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "kernels/backend.h"
+#include "lib/io/image.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+struct Photograph {
+    Camera camera;
+    int camera_id = 0;
+    std::vector<std::int32_t> pixels;  ///< those that count, ascending: y * camera.width + x
+    Image colors;                      ///< of these pixels in one row, 8-bit rgb on the background
+};
+
+/// Views without a pixel that their mask lets count are left out. Throws what View::load throws.
+std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background);
+
+/// The pixels that count in one row, rendered with neutral exposure and colour. `alpha` is filled as well.
+RenderedImage render_pixels(Backend& backend, const Photograph& photograph, const Vec3<float>& background);
+
+/// Mean squared difference over pixels and channels, both kept in [0,1].
+double mean_squared_error(const RenderedImage& pixels, const Photograph& photograph);
+
+/// Applies the affine map of colours that brings the render closest to the photograph.
+void align_colours(RenderedImage& pixels, const Photograph& photograph);
+
+/// Mean over the photographs, dB; of renders with aligned colours if `aligned`. NaN without photographs.
+double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background, bool aligned);
+
+}  // namespace gs

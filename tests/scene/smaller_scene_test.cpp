@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "lib/scene/smaller_scene.h"
+
+#include <gtest/gtest.h>
+
+namespace gs {
+namespace {
+
+View view(int width, int height) {
+    View v;
+    v.camera.width = width, v.camera.height = height;
+    v.camera.fx = 80, v.camera.fy = 90, v.camera.cx = 0.4 * width, v.camera.cy = 0.7 * height;
+    v.image_bytes = std::size_t(3 * width * height);
+    v.load = [width, height] {
+        ViewImage image;
+        image.color.width = width, image.color.height = height, image.color.channels = 3;
+        for (int i = 0; i < width * height; ++i) image.color.u8.insert(image.color.u8.end(), 3, std::uint8_t(i % width < width / 2 ? 200 : 40));
+        image.mask.emplace();
+        image.mask->width = width, image.mask->height = height, image.mask->channels = 1;
+        image.mask->u8.assign(std::size_t(width * height), 255);
+        return image;
+    };
+    return v;
+}
+
+TEST(SmallerScene, KeepsWhatIsSeen) {
+    Scene scene;
+    scene.train = {view(40, 20)};
+    const View small = smaller_scene(scene, 10).train.front();
+    EXPECT_EQ(small.camera.width, 10);
+    EXPECT_EQ(small.camera.height, 5);
+    EXPECT_DOUBLE_EQ(small.camera.fx, 20);
+    EXPECT_DOUBLE_EQ(small.camera.fy, 22.5);
+    EXPECT_DOUBLE_EQ(small.camera.cx, 4);
+    EXPECT_DOUBLE_EQ(small.camera.cy, 3.5);
+    EXPECT_EQ(small.image_bytes, 150u);
+    const ViewImage image = small.load();
+    ASSERT_EQ(image.color.width, 10);
+    ASSERT_EQ(image.color.height, 5);
+    EXPECT_EQ(image.color.u8[3 * 4], 200);
+    EXPECT_EQ(image.color.u8[3 * 5], 40);
+    ASSERT_TRUE(image.mask);
+    EXPECT_EQ(image.mask->width, 10);
+}
+
+TEST(SmallerScene, LeavesSmallViewsAlone) {
+    Scene scene;
+    scene.test = {view(10, 4), view(1000, 1)};
+    const Scene small = smaller_scene(scene, 10);
+    EXPECT_EQ(small.test[0].camera.width, 10);
+    EXPECT_DOUBLE_EQ(small.test[0].camera.fx, 80);
+    EXPECT_EQ(small.test[1].camera.width, 10);
+    EXPECT_EQ(small.test[1].camera.height, 1) << "no image is without a row";
+    EXPECT_EQ(small.test[1].load().color.height, 1);
+}
+
+}  // namespace
+}  // namespace gs
