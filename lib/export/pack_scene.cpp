@@ -10,6 +10,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/raster_config.h"
+#include "lib/export/base_range.h"
 
 namespace gs {
 namespace {
@@ -26,12 +27,6 @@ PackedColorActivation packed_activation_of(ColorActivation activation) {
 
 /// All but the sigmoid count from a half, which is stored with the base colour.
 double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
-
-BaseRange find_base_range(const std::vector<float>& base, double shift) {
-    if (base.empty()) return {};
-    const auto [low, high] = std::minmax_element(base.begin(), base.end());
-    return {float(std::max(double(*high) - *low, 1e-6) / 255), float(*low + shift)};
-}
 
 /// Mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
 double mean_area(const std::array<double, 3>& s) {
@@ -118,13 +113,11 @@ PackedScene pack_gaussians(const Gaussians& g) {
     const double shift = base_shift(g.appearance.activation);
     PackedScene scene;
     scene.activation = packed_activation_of(g.appearance.activation);
-    scene.base_range = find_base_range(g[Group::kBase].param, shift);
     scene.appearance = packing->prepare(g);
+    parallel_for_rows(g.count, [&](std::int64_t i) { packing->pack_row(g, i, scene.appearance); });
+    scene.base_range = find_base_range(g, shift, *packing, scene.appearance);
     scene.geometry.resize(std::size_t(g.count));
-    parallel_for_rows(g.count, [&](std::int64_t i) {
-        scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range);
-        packing->pack_row(g, i, scene.appearance);
-    });
+    parallel_for_rows(g.count, [&](std::int64_t i) { scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range); });
     return scene;
 }
 
