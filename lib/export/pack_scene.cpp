@@ -11,6 +11,7 @@
 #include "kernels/core/parallel.h"
 #include "kernels/raster_config.h"
 #include "lib/export/base_range.h"
+#include "lib/export/ellipsoid_axes.h"
 
 namespace gs {
 namespace {
@@ -34,9 +35,9 @@ double mean_area(const std::array<double, 3>& s) {
     return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
 }
 
-/// Rounding scales, in steps of 8.6 %, is most of what packing loses. The opacity takes back what it does to the area, with the
-/// exponent that measured best: where a Gaussian is opaque, less would be right, where it is faint all of it. Scales that the
-/// codes do not reach are no rounding: those are smaller than any pixel, or larger than any view.
+/// Scales are rounded in steps of 8.6 %. The opacity takes back half of what that does to the area: of that the picture of a Gaussian
+/// alone has the smallest squared error. Scales that the codes do not reach are no rounding: those are smaller than any pixel, or larger
+/// than any view.
 double compensated_opacity(double opacity, const std::array<double, 3>& scales) {
     std::array<double, 3> rounded;
     std::transform(scales.begin(), scales.end(), rounded.begin(), [](double s) { return decode_scale(scale_code(s)); });
@@ -49,11 +50,13 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     const float *base = row(Group::kBase), *mean = row(Group::kMean), *scale = row(Group::kScale), *q = row(Group::kRotation);
     const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
     const std::array<double, 3> scales = {size(scale[0]), size(scale[1]), size(scale[2])};
-    return {{base[0] + shift, base[1] + shift, base[2] + shift},
-            compensated_opacity(sigmoid(double(*row(Group::kOpacity))), scales),
-            {mean[0], mean[1], mean[2]},
-            scales,
-            {q[1], q[2], q[3], q[0]}};
+    PackedGeometry geometry = {{base[0] + shift, base[1] + shift, base[2] + shift},
+                               compensated_opacity(sigmoid(double(*row(Group::kOpacity))), scales),
+                               {mean[0], mean[1], mean[2]},
+                               scales,
+                               {q[1], q[2], q[3], q[0]}};
+    choose_axes(geometry);
+    return geometry;
 }
 
 double median(std::vector<double> values) {
