@@ -29,7 +29,7 @@ struct PackedHeader {
     std::uint32_t neurons = 0, hidden_layers = 0;
     bool constant_input = true;     ///< the network has the constant Y_0 as an input
     bool folded = false;            ///< the first layer's sums over what does not depend on the view are stored, not the features
-    std::array<float, 3> band_scales{};  ///< of sh: largest coefficient of bands 1 to 3
+    std::array<float, 3> band_scales{};  ///< of sh: coefficient of the largest code, bands 1 to 3
 };
 
 /// Sizes that follow from a header.

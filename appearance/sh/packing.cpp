@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "appearance/code_range.h"
 #include "appearance/sh/sh.h"
 
 namespace gs::appearance {
 namespace {
 
 constexpr int kBands = 3;
+constexpr double kPi = 3.14159265358979323846;
 
 /// Coefficients of a band, and where they begin in a row of residuals.
 constexpr int num_fields(int band) { return 3 * (2 * band + 1); }
@@ -30,31 +32,63 @@ PackedLayout layout(const PackedHeader& header) {
 /// Largest code of a band.
 constexpr int code_limit(int band) { return (1 << (kPackedShBits[band - 1] - 1)) - 1; }
 
-PackedAppearance prepare(const Gaussians& g) {
+int code_of(double coefficient, double scale, int band) {
+    const double limit = code_limit(band);
+    return int(std::clamp(std::nearbyint(coefficient / scale * limit), -limit, limit));
+}
+
+/// What the codes of one Gaussian's band lose, as the squared error of a pixel that it covers, which is 1 at most: mean over directions, of
+/// which the basis functions are orthonormal, summed over channels.
+double visible_error(const float* coefficients, int band, double scale, double opacity) {
+    double squares[3] = {}, sum = 0;
+    for (int f = 0; f < num_fields(band); ++f) {
+        const double difference = coefficients[f] - code_of(coefficients[f], scale, band) * scale / code_limit(band);
+        squares[f % 3] += difference * difference;
+    }
+    for (const double square : squares) sum += std::min(1.0, opacity * opacity * square / (4 * kPi));
+    return sum;
+}
+
+/// Coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside where that shows less error.
+float find_band_scale(const Gaussians& g, int band) {
     const auto& residual = g[Group::kResidual];
-    const int degree = residual.width == 0 ? 0 : g.active_degree;
+    const auto coefficients = [&](std::int64_t row) { return residual.param.data() + row * residual.width + first_field(band); };
+    const std::vector<SampledRow> rows = sample_rows(residual, first_field(band), num_fields(band));
+    std::vector<float> sizes = {1e-8f};
+    for (const SampledRow& sampled : rows) {
+        for (int f = 0; f < num_fields(band); ++f) sizes.push_back(std::max(std::abs(coefficients(sampled.row)[f]), sizes.front()));
+    }
+    std::sort(sizes.rbegin(), sizes.rend());
+    float best = 0;
+    double least = INFINITY;
+    for (const float scale : possible_ends(sizes)) {
+        double error = 0;
+        for (const SampledRow& sampled : rows) {
+            const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(sampled.row)]));
+            error += sampled.stands_for * visible_error(coefficients(sampled.row), band, scale, opacity);
+        }
+        if (error < least) least = error, best = scale;
+    }
+    return best;
+}
+
+PackedAppearance prepare(const Gaussians& g) {
+    const int degree = g[Group::kResidual].width == 0 ? 0 : g.active_degree;
     PackedHeader header;
     header.model = PackedModel::kSh;
     header.bands = (2u << degree) - 2;
-    for (int band = 1; band <= degree; ++band) {
-        float largest = 1e-8f;
-        for (std::int64_t i = 0; i < g.count; ++i) {
-            const float* row = residual.param.data() + i * residual.width + first_field(band);
-            for (int f = 0; f < num_fields(band); ++f) largest = std::max(largest, std::abs(row[f]));
-        }
-        header.band_scales[std::size_t(band - 1)] = largest;
-    }
+    for (int band = 1; band <= degree; ++band) header.band_scales[std::size_t(band - 1)] = find_band_scale(g, band);
     return make_packed(header, layout(header), g.count);
 }
 
 void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
     const auto& residual = g[Group::kResidual];
     for (int band = 1; band <= degree_of(packed.header); ++band) {
-        const double limit = code_limit(band), scale = packed.header.band_scales[std::size_t(band - 1)];
+        const float scale = packed.header.band_scales[std::size_t(band - 1)];
         std::uint32_t* words = packed.textures[std::size_t(band - 1)].data() + row * kPackedShWords[band - 1];
         const float* coefficients = residual.param.data() + row * residual.width + first_field(band);
         for (int f = 0; f < num_fields(band); ++f)
-            set_field(words, kPackedShBits[band - 1], f, int(std::clamp(std::nearbyint(coefficients[f] / scale * limit), -limit, limit)));
+            set_field(words, kPackedShBits[band - 1], f, code_of(coefficients[f], scale, band));
     }
 }
 

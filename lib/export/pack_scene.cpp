@@ -10,6 +10,8 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/raster_config.h"
+#include "lib/export/base_range.h"
+#include "lib/export/ellipsoid_axes.h"
 
 namespace gs {
 namespace {
@@ -27,21 +29,15 @@ PackedColorActivation packed_activation_of(ColorActivation activation) {
 /// All but the sigmoid count from a half, which is stored with the base colour.
 double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
 
-BaseRange find_base_range(const std::vector<float>& base, double shift) {
-    if (base.empty()) return {};
-    const auto [low, high] = std::minmax_element(base.begin(), base.end());
-    return {float(std::max(double(*high) - *low, 1e-6) / 255), float(*low + shift)};
-}
-
 /// Mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
 double mean_area(const std::array<double, 3>& s) {
     const auto pair = [&](int i, int j) { return std::pow(s[std::size_t(i)] * s[std::size_t(j)], 1.6); };
     return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
 }
 
-/// Rounding scales, in steps of 8.6 %, is most of what packing loses. The opacity takes back what it does to the area, with the
-/// exponent that measured best: where a Gaussian is opaque, less would be right, where it is faint all of it. Scales that the
-/// codes do not reach are no rounding: those are smaller than any pixel, or larger than any view.
+/// Scales are rounded in steps of 8.6 %. The opacity takes back half of what that does to the area: of that the picture of a Gaussian
+/// alone has the smallest squared error. Scales that the codes do not reach are no rounding: those are smaller than any pixel, or larger
+/// than any view.
 double compensated_opacity(double opacity, const std::array<double, 3>& scales) {
     std::array<double, 3> rounded;
     std::transform(scales.begin(), scales.end(), rounded.begin(), [](double s) { return decode_scale(scale_code(s)); });
@@ -54,11 +50,13 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     const float *base = row(Group::kBase), *mean = row(Group::kMean), *scale = row(Group::kScale), *q = row(Group::kRotation);
     const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
     const std::array<double, 3> scales = {size(scale[0]), size(scale[1]), size(scale[2])};
-    return {{base[0] + shift, base[1] + shift, base[2] + shift},
-            compensated_opacity(sigmoid(double(*row(Group::kOpacity))), scales),
-            {mean[0], mean[1], mean[2]},
-            scales,
-            {q[1], q[2], q[3], q[0]}};
+    PackedGeometry geometry = {{base[0] + shift, base[1] + shift, base[2] + shift},
+                               compensated_opacity(sigmoid(double(*row(Group::kOpacity))), scales),
+                               {mean[0], mean[1], mean[2]},
+                               scales,
+                               {q[1], q[2], q[3], q[0]}};
+    choose_axes(geometry);
+    return geometry;
 }
 
 double median(std::vector<double> values) {
@@ -118,13 +116,11 @@ PackedScene pack_gaussians(const Gaussians& g) {
     const double shift = base_shift(g.appearance.activation);
     PackedScene scene;
     scene.activation = packed_activation_of(g.appearance.activation);
-    scene.base_range = find_base_range(g[Group::kBase].param, shift);
     scene.appearance = packing->prepare(g);
+    parallel_for_rows(g.count, [&](std::int64_t i) { packing->pack_row(g, i, scene.appearance); });
+    scene.base_range = find_base_range(g, shift, *packing, scene.appearance);
     scene.geometry.resize(std::size_t(g.count));
-    parallel_for_rows(g.count, [&](std::int64_t i) {
-        scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range);
-        packing->pack_row(g, i, scene.appearance);
-    });
+    parallel_for_rows(g.count, [&](std::int64_t i) { scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range); });
     return scene;
 }
 

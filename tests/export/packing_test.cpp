@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is packed shows what the model shows: every model, its parameters and its extremes.
+#include <Eigen/Geometry>
 #include <cmath>
 #include <random>
 
@@ -152,15 +153,17 @@ TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
     const Gaussians g = random_gaussians(50, {"none", 0, ColorActivation::kRelu});
     const Gaussians back = packed_geometry(pack_gaussians(g));
     ASSERT_EQ(back.count, g.count);
-    for (std::size_t k = 0; k < g[Group::kMean].param.size(); ++k) {
+    for (std::size_t k = 0; k < g[Group::kMean].param.size(); ++k)
         EXPECT_NEAR(back[Group::kMean].param[k], g[Group::kMean].param[k], 4.9e-4 * std::max(1.0f, std::abs(g[Group::kMean].param[k])));
-        EXPECT_NEAR(back[Group::kScale].param[k], g[Group::kScale].param[k], 21.0 / 254 / 2 + 1e-5);
-    }
+    // Of any description of the ellipsoid: where its surface is in some directions.
+    const auto radius = [](const Gaussians& of, std::int64_t i, const Eigen::Vector3d& direction) {
+        const float *q = of[Group::kRotation].param.data() + 4 * i, *s = of[Group::kScale].param.data() + 3 * i;
+        const Eigen::Vector3d local = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().conjugate() * direction;
+        return local.cwiseProduct(Eigen::Vector3d(std::exp(s[0]), std::exp(s[1]), std::exp(s[2]))).norm();
+    };
     for (std::int64_t i = 0; i < g.count; ++i) {
-        const float *a = g[Group::kRotation].param.data() + 4 * i, *b = back[Group::kRotation].param.data() + 4 * i;
-        double dot = 0, norm = 0;
-        for (int k = 0; k < 4; ++k) dot += double(a[k]) * b[k], norm += double(a[k]) * a[k];
-        EXPECT_GE(std::abs(dot) / std::sqrt(norm), std::cos(0.95 * M_PI / 180));
+        for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)})
+            EXPECT_NEAR(radius(back, i, axis) / radius(g, i, axis), 1, 0.043 + 0.02) << "half a step of scales, and of the rotation";
         const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
         EXPECT_NEAR(sigmoid(double(back[Group::kOpacity].param[std::size_t(i)])), opacity, 0.51 / 255 + 0.043 * opacity) << "half of what two scales gain";
     }
