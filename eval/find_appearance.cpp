@@ -31,7 +31,7 @@ constexpr std::size_t kHeldOutEvery = 8, kFewestViews = 8;
 constexpr int kStageWidth = 400;
 /// Shares of options.iterations: of the training without view dependence that all trials begin from, and of each trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
-/// Largest share of the time of the run that is to follow, at the time of an iteration that the chosen model's trial took: a run's have more Gaussians and pixels.
+/// Largest share of the time of the run that is to follow.
 constexpr double kTimeShare = 0.5;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
@@ -43,20 +43,22 @@ struct Stage {
     Scene scene;
     std::vector<View> held_out;
     TrainOptions options;
+    double pixels = 1;  ///< share of the pixels of the scene's images
 };
 
 Stage make_stage(const TrainOptions& options, const Scene& scene) {
-    Stage stage{smaller_scene(scene, kStageWidth), {}, options};
+    Stage stage{smaller_scene(scene, kStageWidth), {}, options, 1};
     const std::vector<View> views = std::move(stage.scene.train);
     stage.scene.train.clear(), stage.scene.test.clear();
-    double pixels = 0, full_pixels = 0;
+    double small = 0, full = 0;
     for (std::size_t k = 0; k < views.size(); ++k) {
         (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(views[k]);
-        pixels += double(views[k].camera.width) * views[k].camera.height;
-        full_pixels += double(scene.train[k].camera.width) * scene.train[k].camera.height;
+        small += double(views[k].camera.width) * views[k].camera.height;
+        full += double(scene.train[k].camera.width) * scene.train[k].camera.height;
     }
+    stage.pixels = small / full;
     stage.options.appearance = "none";
-    stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * pixels / full_pixels));
+    stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
     if (options.ppisp == "auto") stage.options.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
     return stage;
 }
@@ -102,8 +104,15 @@ struct Trials {
     std::vector<std::string> unfinished;
 };
 
-/// Trains and measures until all models had their trial or the time since `start` is up.
-Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage, const std::vector<Photograph>& held_out, double start) {
+/// How much longer an iteration of the run will take than one of a trial, for its pixels and Gaussians. Not more than was seen on a GPU, where much of an
+/// iteration does not depend on them: 1.7 on builtin:glossy (measured 1.9), 1.9 on lego (2.2).
+double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
+    return std::pow(std::max(1.0, double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1))) / stage.pixels, 0.25);
+}
+
+/// Trains and measures until all models had their trial or the time since `start` is up: kTimeShare of a run of the model chosen so far, whose
+/// iterations are `slower` by that factor.
+Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage, const std::vector<Photograph>& held_out, double start, double slower) {
     const TrainOptions& options = stage.options;
     const std::int64_t iterations = iterations_of(options, kTrialShare);
     Trials trials;
@@ -114,7 +123,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
         double left = std::numeric_limits<double>::infinity();
         if (!trials.finished.empty()) {
             const double iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
-            left = start + kTimeShare * double(options.iterations) * iteration - trial_start;
+            left = start + kTimeShare * double(options.iterations) * slower * iteration - trial_start;
         }
         std::optional<Rehearsed> r;
         if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left); // later models are not faster
@@ -162,7 +171,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     std::string found = fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed", worth(parts.direction), options.auto_tolerance);
     std::string chosen = "none: 12 bytes per Gaussian";
     if (worth(parts.direction) > options.auto_tolerance) {
-        trials = run_trials(rehearsal, none.backend->download(false), stage, held_out, start);
+        trials = run_trials(rehearsal, none.backend->download(false), stage, held_out, start, slowdown(options, stage, none.backend->count()));
         const AppearanceChoice c = choose_appearance(trials.finished, options.auto_tolerance);
         const AppearanceTrial &kept = trials.finished[c.chosen], &best = trials.finished[c.best];
         report.model = kept.model;
