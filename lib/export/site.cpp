@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+
 #include "kernels/core/error.h"
 
 namespace gs {
@@ -19,11 +21,13 @@ std::vector<fs::path> files_of(const fs::path& folder) {
     return files;
 }
 
-/// A file name without its hash, eight characters behind a hyphen; empty where it has none.
+/// A file name without its hash, eight characters behind a hyphen; empty where it has none. A hash is no word: not all of it is lower case.
 std::string unversioned(const fs::path& name) {
     constexpr std::size_t kHash = 8;
     const std::string stem = name.stem().string();
     if (stem.size() <= kHash + 1 || stem[stem.size() - kHash - 1] != '-') return {};
+    const auto is_lower = [](char c) { return c >= 'a' && c <= 'z'; };
+    if (std::all_of(stem.end() - kHash, stem.end(), is_lower)) return {};
     return stem.substr(0, stem.size() - kHash) + name.extension().string();
 }
 

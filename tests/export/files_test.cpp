@@ -113,8 +113,8 @@ TEST(Staging, CopiesFilesButNoLinks) {
 TEST(Site, OtherVersionsOfTheViewersFilesGo) {
     const TempFolder folder;
     for (const char* file : {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js"}) spit(folder / "viewer" / file, "new");
-    const std::vector<std::string> kept = {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js", "assets/index-notes.js", "assets/index-OldOld_1.css",
-                                           "assets/mine-OldOld_1.js", "index-OldOld_1.js", "scene.ngsplat", "my-own/index-OldOld_1.js"};
+    const std::vector<std::string> kept = {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js", "assets/index-notes.js", "assets/index-notebook.js",
+                                           "assets/index-OldOld_1.css", "assets/mine-OldOld_1.js", "index-OldOld_1.js", "scene.ngsplat", "my-own/index-OldOld_1.js"};
     const std::vector<std::string> gone = {"assets/index-OldOld_1.js", "assets/index-Ol-dOld2.js", "assets/worker-Old12345.js"};
     for (const std::string& file : kept) spit(folder / "site" / file, "old");
     for (const std::string& file : gone) spit(folder / "site" / file, "old");
