@@ -60,6 +60,7 @@ void export_web(const ExportArguments& arguments, std::optional<std::int64_t> it
     write_ngsplat(staging.path() / "scene.ngsplat", scene);
     if (!viewer.empty()) copy_folder(viewer, staging.path());
     staging.publish();
+    if (!viewer.empty()) remove_other_versions(viewer, folder);
 
     spdlog::info("{}: {} Gaussians, {} bytes each ({} of them geometry and base colour)", (folder / "scene.ngsplat").string(), scene.count(),
                  scene.bytes_per_gaussian(), sizeof(GeometryWords));

@@ -17,6 +17,8 @@ namespace {
 
 /// Largest piece of a file that is held in memory.
 constexpr std::size_t kChunk = 1 << 20;
+/// The one other site whose pages may read scenes: the viewer of the paper (docs/formats.md).
+constexpr const char* kPaperViewer = "https://fhahlbohm.github.io";
 
 const char* content_type(const fs::path& file) {
     static const std::map<std::string, const char*> types = {
@@ -48,6 +50,7 @@ void answer(const fs::path& root, const httplib::Request& request, httplib::Resp
         return;
     }
     response.set_header("Cache-Control", "no-store"); // the next export may be another scene at the same address
+    if (file->extension() == ".ngsplat") response.set_header("Access-Control-Allow-Origin", kPaperViewer);
     const std::size_t size = std::size_t(fs::file_size(*file));
     if (size == 0) return response.set_content("", content_type(*file));
     response.set_content_provider(size, content_type(*file), [stream](std::size_t offset, std::size_t length, httplib::DataSink& sink) {

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+
 #include "kernels/core/error.h"
 
 namespace gs {
@@ -17,6 +19,16 @@ std::vector<fs::path> files_of(const fs::path& folder) {
         if (entry.is_regular_file() && !entry.is_symlink()) files.push_back(entry.path().lexically_relative(folder));
     }
     return files;
+}
+
+/// A file name without its hash, eight characters behind a hyphen; empty where it has none. A hash is no word: not all of it is lower case.
+std::string unversioned(const fs::path& name) {
+    constexpr std::size_t kHash = 8;
+    const std::string stem = name.stem().string();
+    if (stem.size() <= kHash + 1 || stem[stem.size() - kHash - 1] != '-') return {};
+    const auto is_lower = [](char c) { return c >= 'a' && c <= 'z'; };
+    if (std::all_of(stem.end() - kHash, stem.end(), is_lower)) return {};
+    return stem.substr(0, stem.size() - kHash) + name.extension().string();
 }
 
 template <class Action> void on_disk(Action&& action) {
@@ -70,6 +82,20 @@ void copy_folder(const fs::path& from, const fs::path& to) {
         for (const fs::path& file : files_of(from)) {
             fs::create_directories((to / file).parent_path());
             fs::copy_file(from / file, to / file);
+        }
+    });
+}
+
+void remove_other_versions(const fs::path& viewer, const fs::path& folder) {
+    on_disk([&] {
+        for (const fs::path& file : files_of(viewer)) {
+            const std::string name = unversioned(file.filename());
+            if (name.empty()) continue;
+            for (const auto& entry : fs::directory_iterator(folder / file.parent_path())) {
+                const fs::path other = entry.path().filename();
+                if (unversioned(other) == name && entry.is_regular_file() && !entry.is_symlink() && !fs::exists(viewer / file.parent_path() / other))
+                    fs::remove(entry.path());
+            }
         }
     });
 }

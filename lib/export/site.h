@@ -33,4 +33,8 @@ std::filesystem::path viewer_folder();
 /// Copies the files of a folder, links excepted.
 void copy_folder(const std::filesystem::path& from, const std::filesystem::path& to);
 
+/// Removes what exports with other versions of `viewer` left in `folder`: files beside its own whose name differs in nothing but the hash that
+/// the bundler gave it (`assets/index-CUjyNmCg.css`). To be called when the viewer is in `folder`.
+void remove_other_versions(const std::filesystem::path& viewer, const std::filesystem::path& folder);
+
 }  // namespace gs

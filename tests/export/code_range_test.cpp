@@ -40,7 +40,7 @@ TEST(BaseRange, ColoursBelowBlackTakeNoCodes) {
     EXPECT_GE(pack_gaussians(g).base_range.offset, -0.1);
     // With a residual that lifts them to where they are seen, they do.
     g = dull_gaussians({"sv", 1, ColorActivation::kRelu});
-    for (std::int64_t i = 0; i < g.count; i += 2) {
+    for (std::int64_t i = 0; i < g.count; i += 6) {
         std::fill_n(g[Group::kBase].param.begin() + 3 * i, 3, -5.0f);
         std::fill_n(g[Group::kResidual].param.begin() + i * g[Group::kResidual].width + 4, 3, 5.0f);
     }

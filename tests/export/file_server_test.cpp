@@ -75,6 +75,13 @@ TEST_F(Served, NothingElse) {
     EXPECT_EQ(status("/" + absolute), 404);
 }
 
+TEST_F(Served, ScenesToThePapersViewerButNothingToOtherSites) {
+    const char* allowed = "Access-Control-Allow-Origin";
+    EXPECT_EQ(get("/scene.ngsplat")->get_header_value(allowed), "https://fhahlbohm.github.io");
+    EXPECT_EQ(get("/scene.ngsplat", {httplib::make_range_header({{0, 10}})})->get_header_value(allowed), "https://fhahlbohm.github.io");
+    for (const char* path : {"/", "/assets/a%20b.js", "/empty.txt", "/nothing.ngsplat"}) EXPECT_FALSE(get(path)->has_header(allowed)) << path;
+}
+
 TEST_F(Served, FilesAreOnlyRead) {
     httplib::Client client("127.0.0.1", server_->port());
     for (const auto& result : {client.Post("/index.html", "x", "text/plain"), client.Put("/new.txt", "x", "text/plain"), client.Delete("/index.html")}) {

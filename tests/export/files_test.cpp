@@ -110,5 +110,20 @@ TEST(Staging, CopiesFilesButNoLinks) {
     EXPECT_CONTAINS(message_of<DataError>([&] { copy_folder(folder / "nowhere", folder / "to"); }), "nowhere");
 }
 
+TEST(Site, OtherVersionsOfTheViewersFilesGo) {
+    const TempFolder folder;
+    for (const char* file : {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js"}) spit(folder / "viewer" / file, "new");
+    const std::vector<std::string> kept = {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js", "assets/index-notes.js", "assets/index-notebook.js",
+                                           "assets/index-OldOld_1.css", "assets/mine-OldOld_1.js", "index-OldOld_1.js", "scene.ngsplat", "my-own/index-OldOld_1.js"};
+    const std::vector<std::string> gone = {"assets/index-OldOld_1.js", "assets/index-Ol-dOld2.js", "assets/worker-Old12345.js"};
+    for (const std::string& file : kept) spit(folder / "site" / file, "old");
+    for (const std::string& file : gone) spit(folder / "site" / file, "old");
+    fs::create_symlink("index-notes.js", folder / "site/assets/index-Linked00.js");
+    remove_other_versions(folder / "viewer", folder / "site");
+    EXPECT_TRUE(fs::is_symlink(folder / "site/assets/index-Linked00.js"));
+    for (const std::string& file : kept) EXPECT_TRUE(fs::exists(folder / "site" / file)) << file;
+    for (const std::string& file : gone) EXPECT_FALSE(fs::exists(folder / "site" / file)) << file;
+}
+
 }  // namespace
 }  // namespace gs::test
