@@ -141,18 +141,18 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
 
 nlohmann::ordered_json number(double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr); }
 
-AppearanceReport too_few_views(const Scene& scene) {
-    AppearanceReport report{"none", {}, {}};
-    report.lines = {fmt::format("none: of {} training views none can be held out ({} are needed), and only these could show that direction matters",
-                                scene.train.size(), kFewestViews)};
-    report.json = {{"model", "none"}, {"reason", report.lines.front()}, {"seconds", 0.0}};
+AppearanceReport nothing_to_go_by(const std::string& why, double seconds) {
+    AppearanceReport report{"none", {"none: " + why}, {}};
+    report.json = {{"model", "none"}, {"reason", report.lines.front()}, {"seconds", seconds}};
     return report;
 }
 
 }  // namespace
 
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene) {
-    if (scene.train.size() < kFewestViews) return too_few_views(scene);
+    if (scene.train.size() < kFewestViews)
+        return nothing_to_go_by(fmt::format("of {} training views none can be held out ({} are needed), and only these could show that direction matters",
+                                            scene.train.size(), kFewestViews), 0);
     const double start = now();
     set_num_threads(options.threads);
     const Stage stage = make_stage(options, scene);
@@ -161,6 +161,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     const Rehearsed none = rehearsal.begin(warm_up);
     const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background());
     const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
+    if (seen.empty() || held_out.empty()) return nothing_to_go_by("masks leave nothing of the views that models would be compared on", now() - start);
     const auto places = make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options));
     const ResidualParts parts = residual_parts(*none.backend, *places, seen, held_out, rehearsal.background());
     const Remainder remainder = what_remains(parts, options.auto_tolerance);

@@ -14,14 +14,15 @@ namespace gs {
 
 struct AppearanceReport {
     std::string model;               ///< what to train
-    std::vector<std::string> lines;  ///< five, for people: what was done, what came out of it, and why
+    std::vector<std::string> lines;  ///< five, for people: what was done, what came out of it, and why; one where there was nothing to go by
     nlohmann::ordered_json json;     ///< the same for programs
 };
 
-/// Holds out every 8th training view, trains `none` on the others for a tenth of options.iterations, goes on from there with each model of the
-/// registry that is no variant, and chooses as choose_appearance does. Test views are not looked at. Takes at most half as long as the run that
-/// would follow, by the measured time of an iteration: a trial that would exceed this, or does, has no result, and the report names it. (The
-/// training of `none` always ends.) A scene with fewer than 8 training views has none to spare and gets `none`. The same options and seed give
+/// Holds out every 8th training view, makes images at most 400 pixels wide and Gaussians fewer in proportion, and trains `none` for a fifteenth of
+/// options.iterations. Where residual_parts then finds direction to be worth more than options.auto_tolerance, goes on from there with each model of the
+/// registry that is no variant, and chooses as choose_appearance does; otherwise it is `none`. Test views are not looked at. Takes at most half as long as
+/// the run that would follow, as far as a trial's iterations tell: a trial that would exceed this, or does, has no result, and the report names it.
+/// (The training of `none` always ends.) A scene with fewer than 8 training views, or whose masks leave nothing, gets `none`. The same options and seed give
 /// the same choice unless time ran out. Throws what training throws.
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
 

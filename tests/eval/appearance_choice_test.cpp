@@ -77,6 +77,27 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_EQ(find_appearance(options, scene).model, "none") << "no view can be held out";
 }
 
+TEST(FindAppearance, TakesNoneWhereMasksLeaveNothing) {
+    TrainOptions options;
+    options.source = "builtin:glossy";
+    options.resolution = 16;
+    options.iterations = 15;
+    options.device = "cpu";
+    validate(options);
+    Scene scene = load_scene(scene_options(options));
+    for (View& view : scene.train)
+        view.load = [load = view.load] {
+            ViewImage image = load();
+            image.mask.emplace();
+            image.mask->width = image.color.width, image.mask->height = image.color.height, image.mask->channels = 1;
+            image.mask->u8.assign(std::size_t(image.color.width * image.color.height), 0);
+            return image;
+        };
+    const AppearanceReport report = find_appearance(options, scene);
+    EXPECT_EQ(report.model, "none");
+    EXPECT_NE(report.lines.front().find("masks"), std::string::npos) << report.lines.front();
+}
+
 TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
     TrainOptions options;
     options.source = "builtin:diffuse";
