@@ -81,6 +81,7 @@ class Measurement {
     Measurement(Backend& none, Backend& places, const std::vector<Photograph>& photographs, const Vec3<float>& background)
         : none_(none), places_(places), background_(background) {
         Gaussians g = none.download(false);
+        g.ppisp = {}; // would change places as it does colours
         g.appearance = {"none", 0, ColorActivation::kRelu};
         const Frame frame(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
