@@ -127,19 +127,26 @@ TEST(ResidualParts, WhatHeldOutImagesContradictIsBelowZero) {
     EXPECT_LT(parts.held_out_direction, -0.2);
 }
 
-TEST(ResidualParts, AreZeroWhereNothingIsThere) {
+/// Of a model without Gaussians, against photographs of one value.
+ResidualParts parts_of_nothing(std::uint8_t value) {
     Gaussians nothing = ball();
     nothing.count = 0;
     for (auto& group : nothing.groups) group.param.clear();
     const auto none = make_cpu_backend(nothing.appearance, {}), places = make_cpu_backend(nothing.appearance, {});
     none->upload(nothing);
     Photograph p = photograph_from(0, 1);
-    p.colors.u8.assign(3 * p.pixels.size(), 0);
-    const ResidualParts parts = residual_parts(*none, *places, {p}, {p}, kBackground);
+    p.colors.u8.assign(3 * p.pixels.size(), value);
+    return residual_parts(*none, *places, {p}, {p}, kBackground);
+}
+
+TEST(ResidualParts, AreZeroWhereNothingIsThere) {
+    const ResidualParts parts = parts_of_nothing(0);
     EXPECT_EQ(parts.direction, 0);
     EXPECT_EQ(parts.held_out_direction, 0);
     EXPECT_EQ(parts.photometric, 0);
 }
+
+TEST(ResidualParts, AllIsPhotometricWhereTheFitLeavesNothing) { EXPECT_EQ(parts_of_nothing(255).photometric, 1); }
 
 }  // namespace
 }  // namespace gs
