@@ -68,6 +68,7 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_EQ(report.lines.size(), 5u);
     EXPECT_EQ(report.json.at("model"), report.model);
     EXPECT_EQ(report.json.at("warm_up_iterations"), 20);
+    EXPECT_EQ(report.lines[3].find("held out after 20 iterations of each: none "), 0u) << report.lines[3];
     EXPECT_EQ(report.json.at("trials").at(0).at("model"), "none");
     EXPECT_TRUE(std::isfinite(report.json.at("trials").at(0).at("PSNR").get<double>()));
     options.auto_tolerance = 100;
@@ -75,7 +76,9 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_EQ(lenient.model, "none");
     EXPECT_TRUE(lenient.json.at("trials").empty()) << "direction cannot be worth that much";
     scene.train.resize(7);
-    EXPECT_EQ(find_appearance(options, scene).model, "none") << "no view can be held out";
+    const AppearanceReport few = find_appearance(options, scene);
+    EXPECT_EQ(few.model, "none") << "no view can be held out";
+    EXPECT_EQ(few.json.at("lines"), few.lines);
 }
 
 TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
