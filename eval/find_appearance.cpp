@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "appearance/model_info.h"
 #include "eval/appearance_choice.h"
@@ -16,7 +17,7 @@
 #include "eval/residual_parts.h"
 #include "kernels/core/parallel.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/scene/smaller_scene.h"
+#include "lib/scene/smaller_view.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rehearsal.h"
 #include "lib/train/trainer.h"
@@ -47,14 +48,14 @@ struct Stage {
 };
 
 Stage make_stage(const TrainOptions& options, const Scene& scene) {
-    Stage stage{smaller_scene(scene, kStageWidth), {}, options, 1};
-    const std::vector<View> views = std::move(stage.scene.train);
+    Stage stage{scene, {}, options, 1};
     stage.scene.train.clear(), stage.scene.test.clear();
+    const auto pixels = [](const View& view) { return double(view.camera.width) * view.camera.height; };
     double small = 0, full = 0;
-    for (std::size_t k = 0; k < views.size(); ++k) {
-        (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(views[k]);
-        small += double(views[k].camera.width) * views[k].camera.height;
-        full += double(scene.train[k].camera.width) * scene.train[k].camera.height;
+    for (std::size_t k = 0; k < scene.train.size(); ++k) {
+        View view = smaller_view(scene.train[k], kStageWidth);
+        small += pixels(view), full += pixels(scene.train[k]);
+        (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(std::move(view));
     }
     stage.pixels = small / full;
     stage.options.appearance = "none";

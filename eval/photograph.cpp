@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "eval/colour_fit.h"
 #include "eval/quantize.h"
