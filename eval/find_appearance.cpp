@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "appearance/model_info.h"
 #include "eval/appearance_choice.h"
@@ -16,7 +17,7 @@
 #include "eval/residual_parts.h"
 #include "kernels/core/parallel.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/scene/smaller_scene.h"
+#include "lib/scene/smaller_view.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rehearsal.h"
 #include "lib/train/trainer.h"
@@ -26,7 +27,7 @@ namespace {
 
 /// Every n-th training view is held out, beginning in the middle of the first n; and the fewest views of which some can be spared.
 constexpr std::size_t kHeldOutEvery = 8, kFewestViews = 8;
-/// Wider images are made smaller, and Gaussians fewer as pixels are: models rank as in long trainings sooner, in a fraction of the time. (lego at 400 pixels
+/// Wider images are made smaller, and cap_max as pixels are fewer: models rank as in long trainings sooner, in a fraction of the time. (lego at 400 pixels
 /// ranked them as its full training did after 2000 and 3000 iterations; at 800 pixels and with three times the Gaussians the gains were two thirds.)
 constexpr int kStageWidth = 400;
 /// Shares of options.iterations: of the training without view dependence that all trials begin from, and of each trial.
@@ -47,14 +48,14 @@ struct Stage {
 };
 
 Stage make_stage(const TrainOptions& options, const Scene& scene) {
-    Stage stage{smaller_scene(scene, kStageWidth), {}, options, 1};
-    const std::vector<View> views = std::move(stage.scene.train);
+    Stage stage{scene, {}, options, 1};
     stage.scene.train.clear(), stage.scene.test.clear();
+    const auto pixels = [](const View& view) { return double(view.camera.width) * view.camera.height; };
     double small = 0, full = 0;
-    for (std::size_t k = 0; k < views.size(); ++k) {
-        (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(views[k]);
-        small += double(views[k].camera.width) * views[k].camera.height;
-        full += double(scene.train[k].camera.width) * scene.train[k].camera.height;
+    for (std::size_t k = 0; k < scene.train.size(); ++k) {
+        View view = smaller_view(scene.train[k], kStageWidth);
+        small += pixels(view), full += pixels(scene.train[k]);
+        (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(std::move(view));
     }
     stage.pixels = small / full;
     stage.options.appearance = "none";
@@ -86,7 +87,7 @@ std::string words(Remainder r) {
         case Remainder::kInconsistency: return "inconsistency between images (things that moved, changing light), not reflectance";
         case Remainder::kUnresolved: break;
     }
-    return "detail that a short training does not reach, with no sign of view dependence";
+    return "detail that a short training does not reach; less of it depends on the direction than is allowed";
 }
 
 const char* name(Remainder r) {
@@ -143,7 +144,7 @@ nlohmann::ordered_json number(double v) { return std::isfinite(v) ? nlohmann::or
 
 AppearanceReport nothing_to_go_by(const std::string& why, double seconds) {
     AppearanceReport report{"none", {"none: " + why}, {}};
-    report.json = {{"model", "none"}, {"reason", report.lines.front()}, {"seconds", seconds}};
+    report.json = {{"model", "none"}, {"lines", report.lines}, {"seconds", seconds}};
     return report;
 }
 
@@ -176,7 +177,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
         const AppearanceChoice c = choose_appearance(trials.finished, options.auto_tolerance);
         const AppearanceTrial &kept = trials.finished[c.chosen], &best = trials.finished[c.best];
         report.model = kept.model;
-        found = "held out:";
+        found = fmt::format("held out after {} iterations of each:", trial);
         for (const AppearanceTrial& t : trials.finished) found += fmt::format("{} {} {:.2f} dB ({} B)", &t == &trials.finished.front() ? "" : ",", t.model, t.psnr, t.bytes);
         if (!trials.unfinished.empty()) found += fmt::format("; no time to finish {}", fmt::join(trials.unfinished, ", "));
         chosen = fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", kept.model, kept.bytes, best.psnr - kept.psnr,
@@ -185,8 +186,8 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     const double seconds = now() - start, direction = (1 - parts.photometric) * std::max(parts.direction, 0.0);
     const Camera& camera = stage.scene.train.front().camera;
     report.lines = {
-        fmt::format("{} of {} training views held out; none trained for {} iterations at {}x{}, then each model for {} from there, in {:.1f} s", held_out.size(),
-                    scene.train.size(), warm_up, camera.width, camera.height, trial, seconds),
+        fmt::format("{} of {} training views held out; none trained for {} iterations at {}x{}; {:.1f} s in all", held_out.size(), scene.train.size(), warm_up,
+                    camera.width, camera.height, seconds),
         fmt::format("of the error without view dependence {:.1f} % is explained by direction ({:.1f} % on held-out views), {:.1f} % by photometric change of "
                     "whole images, {:.1f} % by neither", 100 * direction, 100 * (1 - parts.photometric) * parts.held_out_direction, 100 * parts.photometric,
                     100 * (1 - parts.photometric - direction)),

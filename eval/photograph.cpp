@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "eval/colour_fit.h"
 #include "eval/quantize.h"
@@ -16,6 +15,9 @@ namespace {
 
 /// Mask values from which a pixel counts.
 constexpr int kCounts = 128;
+/// Mean squared difference of colours to their 8 bits. Differences below it say nothing, and none at all, as in a view past everything, would outweigh the
+/// other photographs of a mean.
+constexpr double kRounding = 1.0 / (12 * 255 * 255);
 
 Photograph load(const View& view, const Vec3<float>& background) {
     const ViewImage image = view.load();
@@ -76,7 +78,7 @@ double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, c
     for (const Photograph& photograph : photographs) {
         RenderedImage pixels = render_pixels(backend, photograph, background);
         if (aligned) align_colours(pixels, photograph);
-        sum -= 10 * std::log10(mean_squared_error(pixels, photograph));
+        sum -= 10 * std::log10(std::max(mean_squared_error(pixels, photograph), kRounding));
     }
     return sum / double(photographs.size());
 }

@@ -30,7 +30,8 @@ double mean_squared_error(const RenderedImage& pixels, const Photograph& photogr
 /// Applies the affine map of colours that brings the render closest to the photograph.
 void align_colours(RenderedImage& pixels, const Photograph& photograph);
 
-/// Mean over the photographs, dB; of renders with aligned colours if `aligned`. NaN without photographs.
+/// Mean over the photographs, dB; of renders with aligned colours if `aligned`. 58.9 where a render is as near as the 8 bits of a photograph can tell. NaN
+/// without photographs.
 double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background, bool aligned);
 
 }  // namespace gs

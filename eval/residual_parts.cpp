@@ -81,6 +81,7 @@ class Measurement {
     Measurement(Backend& none, Backend& places, const std::vector<Photograph>& photographs, const Vec3<float>& background)
         : none_(none), places_(places), background_(background) {
         Gaussians g = none.download(false);
+        g.ppisp = {}; // would change places as it does colours
         g.appearance = {"none", 0, ColorActivation::kRelu};
         const Frame frame(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
@@ -154,8 +155,10 @@ struct Cell {
     Eigen::Vector3d mean() const { return right.row(0).transpose() * kY0 / normal(0, 0); }
 };
 
-/// Squared error that a prediction takes off a sample, if it is off by `left`.
-double taken(const Sample& sample, const Eigen::Vector3d& left) { return sample.pixels * (sample.residual.squaredNorm() - left.squaredNorm()); }
+/// Squared error that direction takes off a sample: how far the mean alone is off, and all terms.
+double taken(const Sample& sample, const Eigen::Vector3d& mean_off, const Eigen::Vector3d& all_off) {
+    return sample.pixels * (mean_off.squaredNorm() - all_off.squaredNorm());
+}
 
 }  // namespace
 
@@ -184,8 +187,7 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
             const Basis y = basis(sample.direction);
             const double mean_leverage = sample.pixels * kY0 * kY0 / cell.normal(0, 0), leverage = sample.pixels * y.dot(cell.factors.solve(y));
             if (mean_leverage > 0.5) continue; // without it there is next to nothing to predict it from
-            const Eigen::Vector3d left = (sample.residual - cell.fitted.transpose() * y) / (1 - leverage);
-            seen_taken += taken(sample, left) - taken(sample, (sample.residual - cell.mean()) / (1 - mean_leverage));
+            seen_taken += taken(sample, (sample.residual - cell.mean()) / (1 - mean_leverage), (sample.residual - cell.fitted.transpose() * y) / (1 - leverage));
         }
 
     double error = 0, aligned_error = 0, held_out_taken = 0;
@@ -196,12 +198,13 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
             const auto found = cells.find(key);
             if (found == cells.end()) continue;
             const Cell& cell = found->second;
-            held_out_taken += taken(sample, sample.residual - cell.fitted.transpose() * basis(sample.direction)) - taken(sample, sample.residual - cell.mean());
+            held_out_taken += taken(sample, sample.residual - cell.mean(), sample.residual - cell.fitted.transpose() * basis(sample.direction));
         }
     }
     ResidualParts parts;
     if (seen_error > 0) parts.direction = seen_taken / seen_error;
-    if (aligned_error > 0) parts.held_out_direction = held_out_taken / aligned_error, parts.photometric = 1 - aligned_error / error;
+    if (aligned_error > 0) parts.held_out_direction = held_out_taken / aligned_error;
+    if (error > 0) parts.photometric = 1 - aligned_error / error;
     return parts;
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -67,6 +68,7 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_EQ(report.lines.size(), 5u);
     EXPECT_EQ(report.json.at("model"), report.model);
     EXPECT_EQ(report.json.at("warm_up_iterations"), 20);
+    EXPECT_EQ(report.lines[3].find("held out after 20 iterations of each: none "), 0u) << report.lines[3];
     EXPECT_EQ(report.json.at("trials").at(0).at("model"), "none");
     EXPECT_TRUE(std::isfinite(report.json.at("trials").at(0).at("PSNR").get<double>()));
     options.auto_tolerance = 100;
@@ -74,7 +76,29 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_EQ(lenient.model, "none");
     EXPECT_TRUE(lenient.json.at("trials").empty()) << "direction cannot be worth that much";
     scene.train.resize(7);
-    EXPECT_EQ(find_appearance(options, scene).model, "none") << "no view can be held out";
+    const AppearanceReport few = find_appearance(options, scene);
+    EXPECT_EQ(few.model, "none") << "no view can be held out";
+    EXPECT_EQ(few.json.at("lines"), few.lines);
+}
+
+TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
+    TrainOptions options;
+    options.source = "builtin:glossy";
+    options.resolution = 16;
+    options.iterations = 60;
+    options.device = "cpu";
+    options.auto_tolerance = 0;
+    validate(options);
+    Scene scene = load_scene(scene_options(options));
+    View& away = scene.train[4]; // one that is held out
+    away.camera.translation.z() -= 1e6;
+    away.load = [load = away.load] {
+        ViewImage black = load();
+        std::fill(black.color.u8.begin(), black.color.u8.end(), std::uint8_t(0));
+        return black;
+    };
+    const AppearanceReport report = find_appearance(options, scene);
+    for (const auto& trial : report.json.at("trials")) EXPECT_TRUE(trial.at("PSNR").is_number()) << trial;
 }
 
 TEST(FindAppearance, TakesNoneWhereMasksLeaveNothing) {

@@ -35,7 +35,7 @@ Photograph photograph_from(int k, int count) {
     return p;
 }
 
-/// A ball of opaque grey Gaussians.
+/// A ball of opaque Gaussians of half red, half green and no blue.
 Gaussians ball() {
     Gaussians g;
     g.count = 400;
@@ -49,41 +49,53 @@ Gaussians ball() {
         const double mean[3] = {r * std::cos(angle), r * std::sin(angle), z};
         for (int a = 0; a < 3; ++a) g[Group::kMean].param[std::size_t(3 * i + a)] = float(mean[a]), g[Group::kScale].param[std::size_t(3 * i + a)] = -2.3f;
         g[Group::kRotation].param[std::size_t(4 * i)] = 1;
-        g[Group::kOpacity].param[std::size_t(i)] = 6;
+        g[Group::kOpacity].param[std::size_t(i)] = 6, g[Group::kBase].param[std::size_t(3 * i + 2)] = -0.5f;
     }
     return g;
 }
 
-/// Parts of the grey ball's errors against photographs in which the colour of Gaussian `i` is `color(photograph, camera position, mean)`.
-ResidualParts parts_of(const std::function<double(int photograph, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean)>& color) {
-    const Gaussians grey = ball();
-    const auto none = make_cpu_backend(grey.appearance, {}), places = make_cpu_backend(grey.appearance, {});
+/// Parts of the ball's errors against photographs in which red and green of every Gaussian are brighter by `color(photograph, camera position, mean)`. Both
+/// corrected by `ppisp`.
+ResidualParts parts_of(const std::function<double(int photograph, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean)>& color, const PpispState& ppisp = {}) {
+    Gaussians plain = ball();
+    plain.ppisp = ppisp;
+    const auto none = make_cpu_backend(plain.appearance, {}), places = make_cpu_backend(plain.appearance, {});
     std::vector<Photograph> seen, held_out;
     constexpr int kCount = 48;
     for (int k = 0; k < kCount; ++k) {
         Photograph p = photograph_from(k, kCount);
-        Gaussians shown = grey;
-        for (std::int64_t i = 0; i < grey.count; ++i) {
-            const float* m = grey[Group::kMean].param.data() + 3 * i;
-            for (int c = 0; c < 3; ++c) shown[Group::kBase].param[std::size_t(3 * i + c)] = float(color(k, p.camera.center(), {m[0], m[1], m[2]}));
+        Gaussians shown = plain;
+        for (std::int64_t i = 0; i < plain.count; ++i) {
+            const float* m = plain[Group::kMean].param.data() + 3 * i;
+            for (int c = 0; c < 2; ++c) shown[Group::kBase].param[std::size_t(3 * i + c)] = float(color(k, p.camera.center(), {m[0], m[1], m[2]}));
         }
         none->upload(shown);
         RenderedImage render;
-        none->render({.camera = camera_params(p.camera), .background = kBackground}, render);
+        none->render({.camera = camera_params(p.camera), .background = kBackground, .isp = {.mode = IspMode::kFrame}}, render);
         p.colors.u8 = quantized_render(render).u8;
         (k % 8 == 4 ? held_out : seen).push_back(std::move(p));
     }
-    none->upload(grey);
+    none->upload(plain);
     return residual_parts(*none, *places, seen, held_out, kBackground);
 }
 
+double soft_highlight(int, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean) {
+    const double towards = std::max(0.0, (camera - mean).normalized().dot(Eigen::Vector3d(0.6, 0, 0.8)));
+    return 0.4 * std::pow(towards, 6);
+}
+
 TEST(ResidualParts, FindsWhatDependsOnTheDirection) {
-    const ResidualParts parts = parts_of([](int, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean) {
-        const double towards = std::max(0.0, (camera - mean).normalized().dot(Eigen::Vector3d(0.6, 0, 0.8)));
-        return 0.4 * std::pow(towards, 6); // a soft highlight
-    });
+    const ResidualParts parts = parts_of(soft_highlight);
     EXPECT_GT(parts.direction, 0.3) << "the means of places and of images take the rest";
     EXPECT_GT(parts.held_out_direction, 0.3);
+}
+
+TEST(ResidualParts, TheCorrectionOfColoursMovesNoPlace) {
+    PpispState dim = identity_ppisp(1, 1);
+    dim.param[dim.camera_offset(0) + 2 * kIspVignetting + 2] = -4; // towards the borders, in blue, of which nothing is seen
+    const ResidualParts plain = parts_of(soft_highlight), corrected = parts_of(soft_highlight, dim);
+    EXPECT_NEAR(corrected.direction, plain.direction, 1e-6);
+    EXPECT_NEAR(corrected.held_out_direction, plain.held_out_direction, 1e-6);
 }
 
 TEST(ResidualParts, DetailOfTheSurfaceIsNoDirection) {
@@ -115,19 +127,26 @@ TEST(ResidualParts, WhatHeldOutImagesContradictIsBelowZero) {
     EXPECT_LT(parts.held_out_direction, -0.2);
 }
 
-TEST(ResidualParts, AreZeroWhereNothingIsThere) {
+/// Of a model without Gaussians, against photographs of one value.
+ResidualParts parts_of_nothing(std::uint8_t value) {
     Gaussians nothing = ball();
     nothing.count = 0;
     for (auto& group : nothing.groups) group.param.clear();
     const auto none = make_cpu_backend(nothing.appearance, {}), places = make_cpu_backend(nothing.appearance, {});
     none->upload(nothing);
     Photograph p = photograph_from(0, 1);
-    p.colors.u8.assign(3 * p.pixels.size(), 0);
-    const ResidualParts parts = residual_parts(*none, *places, {p}, {p}, kBackground);
+    p.colors.u8.assign(3 * p.pixels.size(), value);
+    return residual_parts(*none, *places, {p}, {p}, kBackground);
+}
+
+TEST(ResidualParts, AreZeroWhereNothingIsThere) {
+    const ResidualParts parts = parts_of_nothing(0);
     EXPECT_EQ(parts.direction, 0);
     EXPECT_EQ(parts.held_out_direction, 0);
     EXPECT_EQ(parts.photometric, 0);
 }
+
+TEST(ResidualParts, AllIsPhotometricWhereTheFitLeavesNothing) { EXPECT_EQ(parts_of_nothing(255).photometric, 1); }
 
 }  // namespace
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lib/scene/smaller_scene.h"
+#include "lib/scene/smaller_view.h"
 
 #include <gtest/gtest.h>
 
@@ -23,10 +23,8 @@ View view(int width, int height) {
     return v;
 }
 
-TEST(SmallerScene, KeepsWhatIsSeen) {
-    Scene scene;
-    scene.train = {view(40, 20)};
-    const View small = smaller_scene(scene, 10).train.front();
+TEST(SmallerView, KeepsWhatIsSeen) {
+    const View small = smaller_view(view(40, 20), 10);
     EXPECT_EQ(small.camera.width, 10);
     EXPECT_EQ(small.camera.height, 5);
     EXPECT_DOUBLE_EQ(small.camera.fx, 20);
@@ -43,15 +41,18 @@ TEST(SmallerScene, KeepsWhatIsSeen) {
     EXPECT_EQ(image.mask->width, 10);
 }
 
-TEST(SmallerScene, LeavesSmallViewsAlone) {
-    Scene scene;
-    scene.test = {view(10, 4), view(1000, 1)};
-    const Scene small = smaller_scene(scene, 10);
-    EXPECT_EQ(small.test[0].camera.width, 10);
-    EXPECT_DOUBLE_EQ(small.test[0].camera.fx, 80);
-    EXPECT_EQ(small.test[1].camera.width, 10);
-    EXPECT_EQ(small.test[1].camera.height, 1) << "no image is without a row";
-    EXPECT_EQ(small.test[1].load().color.height, 1);
+TEST(SmallerView, LeavesSmallViewsAlone) {
+    const View small = smaller_view(view(10, 40), 10);
+    EXPECT_EQ(small.camera.width, 10);
+    EXPECT_EQ(small.camera.height, 40);
+    EXPECT_DOUBLE_EQ(small.camera.fx, 80);
+}
+
+TEST(SmallerView, NoImageIsWithoutARow) {
+    const View flat = smaller_view(view(1000, 1), 10);
+    EXPECT_EQ(flat.camera.width, 10);
+    EXPECT_EQ(flat.camera.height, 1);
+    EXPECT_EQ(flat.load().color.height, 1);
 }
 
 }  // namespace

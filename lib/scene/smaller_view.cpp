@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lib/scene/smaller_scene.h"
+#include "lib/scene/smaller_view.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 namespace gs {
-namespace {
 
-void shrink(View& view, int width) {
+View smaller_view(View view, int width) {
     Camera& camera = view.camera;
-    if (camera.width <= width) return;
+    if (camera.width <= width) return view;
     const int height = std::max(1, int(std::lround(double(camera.height) * width / camera.width)));
     const double x = double(width) / camera.width, y = double(height) / camera.height;
     camera.fx *= x, camera.cx *= x, camera.fy *= y, camera.cy *= y;
@@ -22,15 +21,7 @@ void shrink(View& view, int width) {
         if (image.mask) image.mask = resize_image(*image.mask, width, height);
         return image;
     };
-}
-
-}  // namespace
-
-Scene smaller_scene(const Scene& scene, int width) {
-    Scene out = scene;
-    for (std::vector<View>* views : {&out.train, &out.test})
-        for (View& view : *views) shrink(view, width);
-    return out;
+    return view;
 }
 
 }  // namespace gs
