@@ -80,24 +80,21 @@ std::vector<AppearanceSpec> candidates(TrainOptions options) {
     return specs;
 }
 
-std::string words(Remainder r) {
-    switch (r) {
-        case Remainder::kReflectance: return "reflectance";
-        case Remainder::kPhotometric: return "photometric: whole images differ in exposure or colour, which --ppisp on corrects and no appearance explains";
-        case Remainder::kInconsistency: return "inconsistency between images (things that moved, changing light), not reflectance";
-        case Remainder::kUnresolved: break;
-    }
-    return "detail that a short training does not reach; less of it depends on the direction than is allowed";
-}
+/// In one word for programs, and in some for people.
+struct Verdict {
+    const char *name, *words;
+};
 
-const char* name(Remainder r) {
+Verdict verdict(Remainder r) {
     switch (r) {
-        case Remainder::kReflectance: return "reflectance";
-        case Remainder::kPhotometric: return "photometric";
-        case Remainder::kInconsistency: return "inconsistency";
+        case Remainder::kReflectance: return {"reflectance", "reflectance"};
+        case Remainder::kPhotometric:
+            return {"photometric", "photometric: whole images differ in exposure or colour, which no appearance explains and --ppisp is for"};
+        case Remainder::kInconsistency:
+            return {"inconsistency", "inconsistency between images (things that moved, changing light), not reflectance"};
         case Remainder::kUnresolved: break;
     }
-    return "unresolved";
+    return {"unresolved", "detail that a short training does not reach; less of it depends on the direction than is allowed"};
 }
 
 struct Trials {
@@ -108,7 +105,8 @@ struct Trials {
 /// How much longer an iteration of the run will take than one of a trial, for its pixels and Gaussians. Not more than was seen on a GPU, where much of an
 /// iteration does not depend on them: 1.7 on builtin:glossy (measured 1.9), 1.9 on lego (2.2).
 double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
-    return std::pow(std::max(1.0, double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1))) / stage.pixels, 0.25);
+    const double growth = run.strategy == "none" ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
+    return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
 }
 
 /// Trains and measures until all models had their trial or the time since `start` is up: kTimeShare of a run of the model chosen so far, whose
@@ -163,15 +161,15 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background());
     const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
     if (seen.empty() || held_out.empty()) return nothing_to_go_by("masks leave nothing of the views that models would be compared on", now() - start);
-    const auto places = make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options));
-    const ResidualParts parts = residual_parts(*none.backend, *places, seen, held_out, rehearsal.background());
-    const Remainder remainder = what_remains(parts, options.auto_tolerance);
+    const ResidualParts parts = residual_parts(*none.backend, *make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options)), seen,
+                                               held_out, rehearsal.background());
+    const Verdict left = verdict(what_remains(parts, options.auto_tolerance));
 
     AppearanceReport report;
     report.model = "none";
     Trials trials;
     std::string found = fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed", worth(parts.direction), options.auto_tolerance);
-    std::string chosen = "none: 12 bytes per Gaussian";
+    std::string chosen = fmt::format("none: {} bytes per Gaussian", bytes_of(appearance_spec(stage.options)));
     if (worth(parts.direction) > options.auto_tolerance) {
         trials = run_trials(rehearsal, none.backend->download(false), stage, held_out, start, slowdown(options, stage, none.backend->count()));
         const AppearanceChoice c = choose_appearance(trials.finished, options.auto_tolerance);
@@ -191,7 +189,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
         fmt::format("of the error without view dependence {:.1f} % is explained by direction ({:.1f} % on held-out views), {:.1f} % by photometric change of "
                     "whole images, {:.1f} % by neither", 100 * direction, 100 * (1 - parts.photometric) * parts.held_out_direction, 100 * parts.photometric,
                     100 * (1 - parts.photometric - direction)),
-        fmt::format("what is left is {}", words(remainder)), found, chosen};
+        fmt::format("what is left is {}", left.words), found, chosen};
     report.json = {{"model", report.model},
                    {"tolerance", options.auto_tolerance},
                    {"held_out_views", held_out.size()},
@@ -201,7 +199,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
                    {"explained", {{"direction", direction}, {"photometric", parts.photometric}, {"neither", 1 - parts.photometric - direction},
                                   {"direction_held_out", (1 - parts.photometric) * parts.held_out_direction}}},
                    {"direction_worth_dB", number(worth(parts.direction))},
-                   {"remainder", name(remainder)},
+                   {"remainder", left.name},
                    {"trials", nlohmann::ordered_json::array()},
                    {"no_time_for", trials.unfinished},
                    {"lines", report.lines},

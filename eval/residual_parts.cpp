@@ -132,27 +132,28 @@ class Measurement {
     double cell_; ///< share of the cube's side
 };
 
-/// Least squares over the photographs of one cell, of the mean alone and of all terms.
+/// Least squares over the photographs of one cell, of the mean alone and of all terms. A real scene has a hundred thousand: `solve` leaves results in
+/// the place of what it needed.
 struct Cell {
     int photographs = 0;
-    Normal normal = Normal::Zero();
-    Coefficients right = Coefficients::Zero(), fitted;
-    Eigen::LDLT<Normal> factors;
+    double pixels = 0;
+    Eigen::Vector3d mean;
+    Normal normal = Normal::Zero();                ///< solved: its inverse, with the ridge
+    Coefficients coefficients = Coefficients::Zero();  ///< until solved: the right-hand side
 
     void add(const Sample& sample, const Basis& y) {
         ++photographs;
+        pixels += sample.pixels;
         normal += sample.pixels * y * y.transpose();
-        right += sample.pixels * y * sample.residual.transpose();
+        coefficients += sample.pixels * y * sample.residual.transpose();
     }
     void solve() {
-        Normal regular = normal;
-        const double weight = normal(0, 0) / (kY0 * kY0);
-        regular.diagonal().array() += kRidge * weight;
-        regular(0, 0) = normal(0, 0);
-        factors.compute(regular);
-        fitted = factors.solve(right);
+        mean = coefficients.row(0).transpose() / (kY0 * pixels);
+        normal.diagonal().tail<kTerms - 1>().array() += kRidge * pixels;
+        normal = normal.ldlt().solve(Normal::Identity()).eval();
+        coefficients = (normal * coefficients).eval();
     }
-    Eigen::Vector3d mean() const { return right.row(0).transpose() * kY0 / normal(0, 0); }
+    Eigen::Vector3d all(const Basis& y) const { return coefficients.transpose() * y; }
 };
 
 /// Squared error that direction takes off a sample: how far the mean alone is off, and all terms.
@@ -185,9 +186,9 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
             if (found == cells.end()) continue;
             const Cell& cell = found->second;
             const Basis y = basis(sample.direction);
-            const double mean_leverage = sample.pixels * kY0 * kY0 / cell.normal(0, 0), leverage = sample.pixels * y.dot(cell.factors.solve(y));
+            const double mean_leverage = sample.pixels / cell.pixels, leverage = sample.pixels * y.dot(cell.normal * y);
             if (mean_leverage > 0.5) continue; // without it there is next to nothing to predict it from
-            seen_taken += taken(sample, (sample.residual - cell.mean()) / (1 - mean_leverage), (sample.residual - cell.fitted.transpose() * y) / (1 - leverage));
+            seen_taken += taken(sample, (sample.residual - cell.mean) / (1 - mean_leverage), (sample.residual - cell.all(y)) / (1 - leverage));
         }
 
     double error = 0, aligned_error = 0, held_out_taken = 0;
@@ -198,7 +199,7 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
             const auto found = cells.find(key);
             if (found == cells.end()) continue;
             const Cell& cell = found->second;
-            held_out_taken += taken(sample, sample.residual - cell.mean(), sample.residual - cell.fitted.transpose() * basis(sample.direction));
+            held_out_taken += taken(sample, sample.residual - cell.mean, sample.residual - cell.all(basis(sample.direction)));
         }
     }
     ResidualParts parts;

@@ -188,7 +188,7 @@ void add_model_options(Table& table) {
                      .field = &O::appearance,
                      .group = group,
                      .help = "view-dependent colour of one Gaussian; auto: the smallest model that held-out training views show to be enough, "
-                             "found in at most half the time of the training",
+                             "found in a part of the time of the training",
                      .choices = models});
     table.push_back({.key = "auto-tolerance",
                      .field = &O::auto_tolerance,
