@@ -93,8 +93,7 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         page = make_report(gsapp, pathlib.Path(name), runs)
         url = page.resolve().as_uri()
-        browser = Browser(program, width=1600)
-        try:
+        with Browser(program, width=1600) as browser:
             check_page(browser, url, runs)
             if screenshot:
                 browser.screenshot(screenshot[0], 0.58)
@@ -103,8 +102,6 @@ def main():
             others = [r for r in browser.requests if r not in (url, "about:blank")]
             check(others == [], f"the page asks for nothing else: {others}")
             check(browser.errors == [], f"the console is silent: {browser.errors}")
-        finally:
-            browser.close()
     print("passed")
     return 0
 

@@ -48,8 +48,7 @@ def main():
         shutil.copy(run / "point_cloud/iteration_1200/point_cloud.ply", folder / "model.ply")
         shutil.copy(readers / "spark.html", folder)
         (folder / "node_modules").symlink_to(readers.resolve() / "node_modules")
-        browser = Browser(program, flags=SOFTWARE_WEBGL)
-        try:
+        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
             browser.open(Site(folder).url + "spark.html")
             wait_for(browser, "window.draw", "Spark is loaded")
             count, low, high = centres(folder / "model.ply")
@@ -62,8 +61,6 @@ def main():
             print(f"{count} Gaussians, PSNR {psnr:.2f} dB against gsapp's own picture")
             check(psnr >= LEAST_PSNR, f"PSNR of at least {LEAST_PSNR} dB")
             check(browser.errors == [], f"the console is silent: {browser.errors}")
-        finally:
-            browser.close()
     print("passed")
     return 0
 

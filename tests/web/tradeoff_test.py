@@ -49,16 +49,13 @@ def main():
         if not folders:
             make_tradeoff(gsapp, folder)
         url = (folder / "tradeoff.html").resolve().as_uri()
-        browser = Browser(program, width=1600)
-        try:
+        with Browser(program, width=1600) as browser:
             check_page(browser, url)
             if screenshot:
                 browser.screenshot(screenshot[0], 0.58)
             others = [r for r in browser.requests if r not in (url, "about:blank")]
             check(others == [], f"the page asks for nothing else: {others}")
             check(browser.errors == [], f"the console is silent: {browser.errors}")
-        finally:
-            browser.close()
     print("passed")
     return 0
 

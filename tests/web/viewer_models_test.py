@@ -85,13 +85,10 @@ def main():
                 print("skipped: the viewer is not built (scripts/build-viewer)")
                 return 77
         site = Site(folder)
-        browser = Browser(program, flags=SOFTWARE_WEBGL)
-        try:
+        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
             for case in CASES:
                 compare(browser, site.url, case)
             check(browser.errors == [], f"the console is silent: {browser.errors}")
-        finally:
-            browser.close()
     print("passed")
     return 0
 

@@ -238,13 +238,10 @@ def check_device_limits(browser, url):
 
 
 def check_without_webgl(program, url):
-    browser = Browser(program, flags=("--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis"))
-    try:
+    with Browser(program, flags=("--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis")) as browser:
         browser.open(url)
         wait_for(browser, "!document.getElementById('notice').hidden", "a message without WebGL2")
         check("needs WebGL2" in message(browser), message(browser))
-    finally:
-        browser.close()
 
 
 def main():
@@ -260,8 +257,7 @@ def main():
         good = scene_file(3000)
         (folder / "scene.ngsplat").write_bytes(good)
         site = Site(folder)
-        browser = Browser(program, flags=SOFTWARE_WEBGL)
-        try:
+        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
             open_viewer(browser, site.url)
             check_bad_files(browser, good)
             check_special_files(browser)
@@ -274,8 +270,6 @@ def main():
             check(browser.errors == [], f"the console is silent: {browser.errors}")
             check_loading(browser, site)
             check_device_limits(browser, site.url)
-        finally:
-            browser.close()
         check_without_webgl(program, site.url)
     print("passed")
     return 0
