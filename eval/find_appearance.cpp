@@ -17,7 +17,7 @@
 #include "eval/residual_parts.h"
 #include "kernels/core/parallel.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/scene/smaller_view.h"
+#include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rehearsal.h"
 #include "lib/train/trainer.h"
@@ -158,7 +158,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     Rehearsal rehearsal(stage.options, stage.scene);
     const std::int64_t warm_up = iterations_of(options, kWarmUpShare), trial = iterations_of(options, kTrialShare);
     const Rehearsed none = rehearsal.begin(warm_up);
-    const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background());
+    const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
     const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
     if (seen.empty() || held_out.empty()) return nothing_to_go_by("masks leave nothing of the views that models would be compared on", now() - start);
     const ResidualParts parts = residual_parts(*none.backend, *make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options)), seen,

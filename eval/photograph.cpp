@@ -19,8 +19,7 @@ constexpr int kCounts = 128;
 /// other photographs of a mean.
 constexpr double kRounding = 1.0 / (12 * 255 * 255);
 
-Photograph load(const View& view, const Vec3<float>& background) {
-    const ViewImage image = view.load();
+Photograph photograph_of(const View& view, const ViewImage& image, const Vec3<float>& background) {
     const Image color = quantized_target(image.color, background);
     Photograph out{view.camera, view.camera_id, {}, {}};
     const std::int32_t pixels = color.width * color.height;
@@ -35,9 +34,12 @@ Photograph load(const View& view, const Vec3<float>& background) {
 
 }  // namespace
 
-std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background) {
+std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background, const ImageOf& image) {
     std::vector<Photograph> out(views.size());
-    parallel_for(std::int64_t(views.size()), [&](std::int64_t k) { out[std::size_t(k)] = load(views[std::size_t(k)], background); });
+    parallel_for(std::int64_t(views.size()), [&](std::int64_t i) {
+        const std::size_t k = std::size_t(i);
+        out[k] = image ? photograph_of(views[k], *image(k), background) : photograph_of(views[k], views[k].load(), background);
+    });
     std::erase_if(out, [](const Photograph& photograph) { return photograph.pixels.empty(); });
     return out;
 }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "kernels/backend.h"
@@ -18,8 +20,11 @@ struct Photograph {
     Image colors;                      ///< of these pixels in one row, 8-bit rgb on the background
 };
 
-/// Views without a pixel that their mask lets count are left out. Throws what View::load throws.
-std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background);
+/// The image of view k, where it is in memory already; called from several threads.
+using ImageOf = std::function<std::shared_ptr<const ViewImage>(std::size_t k)>;
+
+/// From `image`, or from their files without it. Views without a pixel that their mask lets count are left out. Throws what View::load throws.
+std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background, const ImageOf& image = {});
 
 /// The pixels that count in one row, rendered with neutral exposure and colour. `alpha` is filled as well.
 RenderedImage render_pixels(Backend& backend, const Photograph& photograph, const Vec3<float>& background);

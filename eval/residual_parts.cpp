@@ -8,6 +8,8 @@
 #include <unordered_map>
 
 #include "appearance/sh/sh.h"
+#include "lib/core/median.h"
+#include "lib/model/center.h"
 
 namespace gs {
 namespace {
@@ -33,24 +35,12 @@ Basis basis(const Eigen::Vector3d& direction) {
     return y;
 }
 
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
 /// Maps all space into the ball of radius 2 about the middle of the Gaussians; the ball through the middle camera has radius 1.
 struct Frame {
-    Eigen::Vector3d center = Eigen::Vector3d::Zero();
+    Eigen::Vector3d center;
     double radius = 1;
 
-    Frame(const Gaussians& g, const std::vector<Photograph>& photographs) {
-        const std::vector<float>& means = g[Group::kMean].param;
-        for (int axis = 0; axis < 3 && g.count > 0; ++axis) {
-            std::vector<double> values;
-            for (std::int64_t i = 0; i < g.count; ++i) values.push_back(means[std::size_t(3 * i + axis)]);
-            center[axis] = median(std::move(values));
-        }
+    Frame(const Gaussians& g, const std::vector<Photograph>& photographs) : center(median_center(g)) {
         std::vector<double> distances;
         for (const Photograph& p : photographs) distances.push_back((p.camera.center() - center).norm());
         radius = std::max(median(std::move(distances)), 1e-9);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "appearance/code_range.h"
 #include "appearance/sh/sh.h"
@@ -11,7 +12,6 @@ namespace gs::appearance {
 namespace {
 
 constexpr int kBands = 3;
-constexpr double kPi = 3.14159265358979323846;
 
 /// Coefficients of a band, and where they begin in a row of residuals.
 constexpr int num_fields(int band) { return 3 * (2 * band + 1); }
@@ -45,7 +45,7 @@ double visible_error(const float* coefficients, int band, double scale, double o
         const double difference = coefficients[f] - code_of(coefficients[f], scale, band) * scale / code_limit(band);
         squares[f % 3] += difference * difference;
     }
-    for (const double square : squares) sum += std::min(1.0, opacity * opacity * square / (4 * kPi));
+    for (const double square : squares) sum += std::min(1.0, opacity * opacity * square / (4 * std::numbers::pi));
     return sum;
 }
 

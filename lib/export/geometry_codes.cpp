@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "kernels/core/half.h"
 
@@ -10,7 +11,6 @@ namespace gs {
 namespace {
 
 constexpr double kLnSmallest = -12, kLnRange = 21;  // of standard deviations
-constexpr double kPi = 3.14159265358979323846;
 
 /// Nearest whole number within 0..255.
 int byte_code(double x) { return int(std::clamp(std::nearbyint(x), 0.0, 255.0)); }
@@ -43,7 +43,7 @@ std::array<int, 3> rotation_codes(const std::array<double, 4>& xyzw) {
         v = (1 - std::abs(u)) * sign(v);
         u = folded;
     }
-    return {byte_code((u * 0.5 + 0.5) * 255), byte_code((v * 0.5 + 0.5) * 255), byte_code(2 * std::acos(w) / kPi * 255)};
+    return {byte_code((u * 0.5 + 0.5) * 255), byte_code((v * 0.5 + 0.5) * 255), byte_code(2 * std::acos(w) / std::numbers::pi * 255)};
 }
 
 std::array<double, 4> decode_rotation(const std::array<int, 3>& codes) {
@@ -54,7 +54,7 @@ std::array<double, 4> decode_rotation(const std::array<int, 3>& codes) {
         v = (1 - std::abs(u)) * sign(v);
         u = folded;
     }
-    const double angle = codes[2] / 255.0 * kPi, s = std::sin(angle / 2) / std::sqrt(u * u + v * v + z * z);
+    const double angle = codes[2] / 255.0 * std::numbers::pi, s = std::sin(angle / 2) / std::sqrt(u * u + v * v + z * z);
     return {u * s, v * s, z * s, std::cos(angle / 2)};
 }
 

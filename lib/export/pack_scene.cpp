@@ -10,8 +10,10 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/raster_config.h"
+#include "lib/core/median.h"
 #include "lib/export/base_range.h"
 #include "lib/export/ellipsoid_axes.h"
+#include "lib/model/center.h"
 
 namespace gs {
 namespace {
@@ -57,12 +59,6 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
                                {q[1], q[2], q[3], q[0]}};
     choose_axes(geometry);
     return geometry;
-}
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 PackedCamera packed_camera(const Camera& camera) {
@@ -127,12 +123,8 @@ PackedScene pack_gaussians(const Gaussians& g) {
 void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>& test) {
     if (g.count == 0 && test.empty()) return;
     const std::vector<float>& means = g[Group::kMean].param;
-    Eigen::Vector3d center = Eigen::Vector3d::Zero(), up = Eigen::Vector3d::Zero();
-    for (int axis = 0; axis < 3 && g.count > 0; ++axis) {
-        std::vector<double> values;
-        for (std::int64_t i = 0; i < g.count; ++i) values.push_back(means[std::size_t(3 * i + axis)]);
-        center[axis] = median(std::move(values));
-    }
+    const Eigen::Vector3d center = median_center(g);
+    Eigen::Vector3d up = Eigen::Vector3d::Zero();
     std::vector<double> distances;
     for (const View& view : test) {
         scene.cameras.push_back(packed_camera(view.camera));

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "kernels/core/error.h"
+#include "lib/scene/resized.h"
 #include "lib/scene/undistort.h"
 
 namespace gs {
@@ -33,11 +34,7 @@ struct LoadJob {
         if (source.mask) mask = load_mask(*source.mask, invert_masks, color.width, color.height);
         ViewImage view = combine(std::move(color), std::move(mask), alpha_mode, mask_mode);
         if (!is_pinhole(source.lens)) view = undistort(view, source.lens, pinhole);
-        if (view.color.width != width || view.color.height != height) {
-            view.color = resize_image(view.color, width, height);
-            if (view.mask) view.mask = resize_image(*view.mask, width, height);
-        }
-        return view;
+        return resized(std::move(view), width, height);
     }
 };
 
@@ -74,13 +71,7 @@ View ViewBuilder::build(const SourceView& source) {
     if (width != camera.width || height != camera.height) {
         if (resized_++ == 0)
             resized_example_ = fmt::format("{} from {}x{} to {}x{}", source.name, camera.width, camera.height, width, height);
-        const double sx = double(width) / camera.width, sy = double(height) / camera.height;
-        camera.fx *= sx;
-        camera.cx *= sx;
-        camera.fy *= sy;
-        camera.cy *= sy;
-        camera.width = width;
-        camera.height = height;
+        camera = resized(camera, width, height);
     }
 
     const bool mask_to_alpha = source.mask && options_.mask_mode == "transparent";

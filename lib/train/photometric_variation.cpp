@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "lib/core/median.h"
 #include "lib/scene/camera_params.h"
 
 namespace gs {
@@ -41,12 +42,6 @@ Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec
     for (std::size_t b = 0; b < kBlocks; ++b)
         if (weight[b] > 0 && std::min(truth[b], rendered[b]) > kDark * weight[b]) out[b] = std::log2(truth[b] / rendered[b]);
     return out;
-}
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 /// Subtracts from each block what it has in common in all images.

@@ -37,6 +37,8 @@ class Rehearsal {
     std::optional<Rehearsed> go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
+    /// Of a training view, from the cache of the steps.
+    std::shared_ptr<const ViewImage> image(std::size_t view) { return views_.image(view); }
 
   private:
     /// False if stopped for the time.

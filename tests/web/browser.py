@@ -27,6 +27,13 @@ def check(condition, what):
         raise SystemExit(f"FAILED: {what}")
 
 
+def check_stands_alone(browser, url):
+    """That a page asked for nothing but itself, and that its console is silent."""
+    others = [r for r in browser.requests if r not in (url, "about:blank")]
+    check(others == [], f"the page asks for nothing else: {others}")
+    check(browser.errors == [], f"the console is silent: {browser.errors}")
+
+
 class Browser:
     """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lib/scene/smaller_view.h"
+#include "lib/scene/resized.h"
 
 #include <gtest/gtest.h>
 
