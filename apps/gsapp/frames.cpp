@@ -10,8 +10,8 @@
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 namespace {

@@ -36,6 +36,15 @@ void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& 
                     describe(found), describe(wanted)));
 }
 
+AppearanceSpec appearance_spec(const TrainOptions& options) {
+    const ModelInfo& info = appearance_model(options.appearance);
+    AppearanceSpec spec;
+    spec.model = info.name;
+    spec.max_degree = info.name == "sh" ? options.sh_degree : info.default_max_degree;
+    spec.activation = parse_color_activation(options.color_activation);
+    return spec;
+}
+
 AppearanceSpec appearance_from_file(const std::string& file, const std::string& model, std::int64_t max_degree,
                                     const std::string& activation) {
     try {

@@ -33,10 +33,6 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       black_background_(black_background),
       views_(std::move(views)) {}
 
-bool DensificationSchedule::gathers(std::int64_t iteration) const {
-    return options_.strategy == "adc" && iteration < options_.densify_until_iter;
-}
-
 ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence) {
     ScheduledChange change;
     if (iteration % kDegreeInterval == 0) {
@@ -52,11 +48,11 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         p.extent = float(extent_);
         p.prune_large = iteration > kPruneLargeFrom;
         p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify_adc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     } else if (due) {
         McmcParams p;
         p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify_mcmc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     }
     // Before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
@@ -78,7 +74,7 @@ bool DensificationSchedule::prunes_by_score(std::int64_t iteration) const {
 }
 
 void DensificationSchedule::prune(Backend& backend, double ratio, ScheduledChange& change) const {
-    change.pruned_by_score = backend.prune_lowest_scores(views_, ratio);
+    change.pruned_by_score = backend.prune(LowestScores{views_, ratio}).removed;
     change.count = backend.count();
 }
 

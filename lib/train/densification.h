@@ -40,9 +40,6 @@ class DensificationSchedule {
     /// The degree active in the last step: one more at 1000, 2000, ..., where it was not held.
     int active_degree() const { return degree_; }
 
-    /// Whether ADC still needs the gradient statistic of this iteration.
-    bool gathers(std::int64_t iteration) const;
-
   private:
     bool prunes_by_score(std::int64_t iteration) const;
     void prune(Backend& backend, double ratio, ScheduledChange& change) const;
