@@ -28,7 +28,8 @@ CITATION = re.compile(r"(?<![\w/.-])(docs/[\w./-]+\.md)(?:#([\w-]+))?")
 FENCE = re.compile(r"^\s*(```|~~~)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*\s*$")
 NAMED = re.compile(r"<a\s+(?:id|name)=[\"']([^\"']+)[\"']")
-LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+[\"'][^)]*)?\)|^\s*\[[^\]]+\]:\s+(\S+)|(?:src|href)=[\"']([^\"']+)[\"']")
+LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+[\"'][^)]*)?\)|^\s*\[[^\]]+\]:\s+(\S+)"
+                  r"|(?:src|href)=[\"']([^\"']+)[\"']", re.MULTILINE)
 
 
 def files_of(root):
@@ -43,14 +44,18 @@ def files_of(root):
     return sorted(found)
 
 
-def prose_lines(text):
-    """(number, line) of a page's lines outside of code blocks."""
+def without_code_blocks(text):
+    """A page's lines, those of code blocks empty."""
     inside = False
-    for number, line in enumerate(text.splitlines(), 1):
-        if FENCE.match(line):
-            inside = not inside
-        elif not inside:
-            yield number, line
+    for line in text.splitlines():
+        fence = FENCE.match(line)
+        inside = inside != bool(fence)
+        yield "" if fence or inside else line
+
+
+def prose_of(text):
+    """A page without code, line for line."""
+    return re.sub(r"`[^`]*`", lambda code: "\n" * code[0].count("\n"), "\n".join(without_code_blocks(text)))
 
 
 def slug(heading):
@@ -61,7 +66,7 @@ def slug(heading):
 
 def anchors_of(text):
     anchors, seen = set(), {}
-    for _, line in prose_lines(text):
+    for line in without_code_blocks(text):
         anchors.update(NAMED.findall(line))
         heading = HEADING.match(line)
         if heading:
@@ -99,9 +104,10 @@ class Checker:
             for match in CITATION.finditer(line):
                 self.check_target(f"{name}:{number}", self.root / match[1], match[2], match[0])
         if path.suffix == ".md":
-            for number, line in prose_lines(text):
-                for match in LINK.finditer(re.sub(r"`[^`]*`", "", line)):
-                    self.check_link(f"{name}:{number}", path, match[1] or match[2] or match[3])
+            prose = prose_of(text)
+            for match in LINK.finditer(prose):  # may go over a line's end
+                number = prose.count("\n", 0, match.start()) + 1
+                self.check_link(f"{name}:{number}", path, match[1] or match[2] or match[3])
 
     def check_link(self, where, page, link):
         if re.match(r"[a-z][a-z0-9+.-]*:|//", link, re.IGNORECASE):  # another site
@@ -143,6 +149,7 @@ BAD = [
     ("apps/a.ts", "// docs/page.md#no-heading\n", "no such anchor"),
     ("appearance/a.glsl", "// docs/gone.md\n", "no such file"),
     ("docs/other.md", "<a id=\"mark\"></a>\n[page](page.md#two-words-2)\n", "no such anchor"),
+    ("docs/other.md", "<a id=\"mark\"></a>\n[a\npage](page.md#page)\n", "no such anchor"),
     ("docs/other.md", "<a id=\"mark\"></a>\n![picture](images/gone.png)\n", "no such file"),
     ("README.md", "[docs](/docs/page.md)\n", "not relative"),
 ]
