@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 
 namespace gs {
 

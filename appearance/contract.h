@@ -15,7 +15,7 @@
 //       static constexpr int kNumShared;                   floats of all weights
 //     and its functions take `const T* shared` first and, backward, `T* dL_dshared` last, which they add to. Weights stay
 //     within +-kLargestSharedWeight. On CUDA such a model says itself how a warp evaluates it (`<name>_cuda.cuh`,
-//     kernels/preprocess/appearance_cuda.cuh);
+//     appearance/warp_appearance_cuda.cuh);
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h), among them the
 //     degenerate cases for the stability measurement (stability_case.h), and how viewers' files hold it (packing.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
@@ -27,8 +27,8 @@
 // tests follow from it.
 #pragma once
 
+#include "kernels/core/appearance_spec.h"
 #include "kernels/core/vec.h"
-#include "kernels/core/gaussian_state.h"
 
 namespace gs {
 

@@ -9,7 +9,6 @@
 
 #include "appearance/stability_case.h"
 #include "kernels/core/schedule.h"
-#include "kernels/core/gaussian_state.h"
 #include "kernels/core/vec.h"
 
 namespace gs {

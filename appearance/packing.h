@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/core/gaussian_state.h"
 #include "kernels/core/half.h"
 #include "kernels/core/vec.h"
+#include "kernels/model/gaussian_state.h"
 
 namespace gs {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the stability measurement (eval/stability.h) should know of a model besides its columns: their names, and the
+// What the stability measurement (eval/bench/stability.h) should know of a model besides its columns: their names, and the
 // degenerate cases that no sweep over single parameters would meet.
 #pragma once
 

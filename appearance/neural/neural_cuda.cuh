@@ -12,7 +12,7 @@
 
 #include "appearance/neural/neural.h"
 #include "appearance/neural/tensor_cuda.cuh"
-#include "kernels/preprocess/appearance_cuda.cuh"
+#include "appearance/warp_appearance_cuda.cuh"
 
 namespace gs {
 

@@ -8,10 +8,10 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/metrics.h"
-#include "eval/bench.h"
-#include "eval/comparison_format.h"
-#include "eval/report.h"
-#include "eval/saved_run.h"
+#include "eval/bench/bench.h"
+#include "eval/report/comparison_format.h"
+#include "eval/report/report.h"
+#include "eval/runs/saved_run.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/gsapp/command.h"
-#include "eval/packing_loss.h"
-#include "eval/saved_run.h"
+#include "eval/runs/packing_loss.h"
+#include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "lib/core/version.h"
 #include "lib/export/pack_scene.h"

@@ -5,10 +5,10 @@
 
 #include <cstdio>
 
-#include "eval/frame_times.h"
-#include "eval/generated_set.h"
-#include "eval/results.h"
-#include "eval/saved_run.h"
+#include "eval/bench/frame_times.h"
+#include "eval/bench/generated_set.h"
+#include "eval/runs/results.h"
+#include "eval/runs/saved_run.h"
 #include "lib/core/options.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/trainer.h"

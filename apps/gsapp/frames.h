@@ -19,7 +19,7 @@ struct FramesArguments {
     int frames_per_view = 0;
 };
 
-/// Prints one table of frame times (eval/frame_times.h). Of `options`, which are checked, the device counts, and for generated sets
+/// Prints one table of frame times (eval/bench/frame_times.h). Of `options`, which are checked, the device counts, and for generated sets
 /// background, seed and the options of appearances. Throws what opening a run throws.
 void run_frames(const FramesArguments& arguments, const TrainOptions& options);
 

@@ -10,7 +10,7 @@
 
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
-#include "kernels/cuda_device.h"
+#include "kernels/cuda/cuda_device.h"
 #include "lib/core/log.h"
 #include "lib/core/nearest.h"
 #include "lib/core/version.h"

@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/gsapp/command.h"
-#include "eval/psnr.h"
-#include "eval/quantize.h"
+#include "eval/metrics/psnr.h"
+#include "eval/metrics/quantize.h"
 
 namespace gs {
 namespace {

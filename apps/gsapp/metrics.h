@@ -5,7 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "eval/metrics.h"
+#include "eval/metrics/metrics.h"
 
 namespace gs {
 

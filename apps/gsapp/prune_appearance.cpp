@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp prune-appearance: a run whose Gaussians keep view-dependent parameters only where these show.
-#include "eval/prune_appearance.h"
+#include "eval/runs/prune_appearance.h"
 
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/gsapp/command.h"
-#include "eval/saved_run.h"
+#include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"

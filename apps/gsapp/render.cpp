@@ -7,10 +7,10 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
-#include "eval/camera_path.h"
-#include "eval/decompose.h"
-#include "eval/quantize.h"
-#include "eval/saved_run.h"
+#include "eval/metrics/quantize.h"
+#include "eval/runs/camera_path.h"
+#include "eval/runs/decompose.h"
+#include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "lib/scene/camera_params.h"
 

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "apps/gsapp/cell_runner.h"
-#include "eval/suite.h"
+#include "eval/experiments/cell_runner.h"
+#include "eval/experiments/suite.h"
 #include "lib/core/interrupt.h"
 #include "lib/train/scene_options.h"
 

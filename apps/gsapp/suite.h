@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Trains the cells of a suite (eval/suite.h) that its folder `base.model` (empty: output/<scene>-<suite>) does not hold yet, as
+/// Trains the cells of a suite (eval/experiments/suite.h) that its folder `base.model` (empty: output/<scene>-<suite>) does not hold yet, as
 /// processes of this program, and prints and writes the table. `base` as for suite_cells. A run that fails does not stop the
 /// others. Throws Error with the exit code of the first run that failed, at the end; Interrupted after Ctrl-C, which ends the
 /// runs under way and keeps those that are finished.

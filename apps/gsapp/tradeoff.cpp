@@ -7,11 +7,11 @@
 #include <cstdio>
 #include <memory>
 
-#include "apps/gsapp/cell_runner.h"
 #include "apps/gsapp/command.h"
-#include "eval/time_plan.h"
-#include "eval/tradeoff.h"
-#include "eval/tradeoff_rounds.h"
+#include "eval/experiments/cell_runner.h"
+#include "eval/experiments/time_plan.h"
+#include "eval/experiments/tradeoff.h"
+#include "eval/experiments/tradeoff_rounds.h"
 #include "lib/core/duration.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"

@@ -7,8 +7,9 @@
 
 #include <algorithm>
 
-#include "kernels/preprocess/gaussian_device.h"
-#include "kernels/sort/binning.h"
+#include "kernels/blend/blend_device.h"
+#include "kernels/splat/instance.h"
+#include "kernels/splat/projection_device.h"
 
 namespace gs {
 

@@ -6,7 +6,11 @@
 // which the forward pass saved there.
 #pragma once
 
-#include "kernels/sort/binning_cuda.h"
+#include "kernels/blend/blend_device.h"
+#include "kernels/cuda/device_memory.h"
+#include "kernels/splat/bins_cuda.h"
+#include "kernels/splat/splat_cuda.h"
+#include "kernels/splat/step_control_cuda.h"
 
 namespace gs {
 

@@ -5,7 +5,8 @@
 #pragma once
 
 #include "kernels/core/lanes.h"
-#include "kernels/preprocess/preprocess_device.h"
+#include "kernels/splat/raster_config.h"
+#include "kernels/splat/splat_device.h"
 
 namespace gs {
 
@@ -56,11 +57,6 @@ template <class P> struct PixelBackward {
     P t, behind;
     P gr, gg, gb; ///< dL/dpixel
     P background;
-};
-
-/// Sums over pixels of one splat. h = -alpha dL/dalpha.
-template <class P> struct SplatSums {
-    P h, hx, hy, hxx, hxy, hyy, r, g, b;
 };
 
 /// What one fragment passes on: w = T alpha, for the colour; h = -alpha dL/dalpha, for the shape.
@@ -127,16 +123,6 @@ GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& 
     sum.r = gs_fma(d.w, s.gr, sum.r);
     sum.g = gs_fma(d.w, s.gg, sum.g);
     sum.b = gs_fma(d.w, s.gb, sum.b);
-}
-
-/// From the sums over pixels to gradients of the splat.
-template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, const SplatSums<T>& k) {
-    SplatGradient<T> d;
-    d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};
-    d.conic = {T(0.5) * k.hxx, T(0.5) * k.hxy, T(0.5) * k.hyy};
-    d.opacity = -k.h / s.opacity; // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, as alpha had to be
-    d.color = {k.r, k.g, k.b};
-    return d;
 }
 
 }  // namespace gs

@@ -52,7 +52,7 @@ GS_HD double gs_floor(double x) { return ::floor(x); }
 GS_HD float gs_ceil(float x) { return ::ceilf(x); }
 GS_HD double gs_ceil(double x) { return ::ceil(x); }
 #if !defined(__CUDACC__)
-// The reference of the stability measurements (eval/stability.h). nvcc would take long double for double.
+// The reference of the stability measurements (eval/bench/stability.h). nvcc would take long double for double.
 inline long double gs_exp(long double x) { return ::expl(x); }
 inline long double gs_log(long double x) { return ::logl(x); }
 inline long double gs_sqrt(long double x) { return ::sqrtl(x); }

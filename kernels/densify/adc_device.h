@@ -4,9 +4,9 @@
 
 #include <limits>
 
-#include "kernels/backend.h"
 #include "kernels/core/rng.h"
 #include "kernels/densify/rows_device.h"
+#include "kernels/requests.h"
 
 namespace gs {
 

@@ -2,8 +2,8 @@
 // Growing, relocating, pruning and ordering rows on the device; the same decisions as densify.h.
 #pragma once
 
-#include "kernels/backend.h"
-#include "kernels/model_cuda.h"
+#include "kernels/cuda/model_cuda.h"
+#include "kernels/requests.h"
 
 namespace gs {
 

@@ -4,9 +4,10 @@
 
 #include <algorithm>
 
-#include "kernels/backend.h"
+#include "kernels/core/rng.h"
 #include "kernels/densify/relocation_device.h"
 #include "kernels/densify/rows_device.h"
+#include "kernels/requests.h"
 
 namespace gs {
 

@@ -6,7 +6,7 @@
 
 #include <cub/device/device_select.cuh>
 
-#include "kernels/model_cuda.h"
+#include "kernels/cuda/model_cuda.h"
 
 namespace gs {
 

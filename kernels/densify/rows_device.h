@@ -2,8 +2,8 @@
 // What one row says about itself: whether it can be seen, and its place on the Morton curve.
 #pragma once
 
-#include "kernels/core/gaussian_state.h"
-#include "kernels/preprocess/preprocess_device.h"
+#include "kernels/model/gaussian_state.h"
+#include "kernels/splat/projection_device.h"
 
 namespace gs {
 

@@ -2,9 +2,9 @@
 // The loss of loss.h on the device.
 #pragma once
 
-#include "kernels/backend.h"
-#include "kernels/core/device_memory.h"
-#include "kernels/preprocess/splat_cuda.h"
+#include "kernels/cuda/device_memory.h"
+#include "kernels/requests.h"
+#include "kernels/splat/step_control_cuda.h"
 
 namespace gs {
 

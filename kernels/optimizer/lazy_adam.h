@@ -14,7 +14,7 @@
 
 #include <array>
 
-#include "kernels/optimizer/adam_device.h"
+#include "kernels/model/adam_device.h"
 
 namespace gs {
 

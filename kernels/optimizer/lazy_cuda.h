@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "kernels/model_cuda.h"
-#include "kernels/model_kernels_cuda.h"
+#include "kernels/cuda/model_cuda.h"
+#include "kernels/optimizer/lazy_args_cuda.cuh"
 
 namespace gs {
 

@@ -2,7 +2,7 @@
 // Adam's moments of the residuals as kernels read and write them: two floats, or both in one word (packed_moments.h).
 #pragma once
 
-#include "kernels/core/cuda.h"
+#include "kernels/cuda/cuda.h"
 #include "kernels/optimizer/packed_moments.h"
 
 namespace gs {

@@ -2,9 +2,11 @@
 // The optimizer step of one Gaussian: regularisers, guard against non-finite gradients, Adam on every group, noise.
 #pragma once
 
-#include "kernels/densify/relocation_device.h"
-#include "kernels/optimizer/adam_device.h"
-#include "kernels/preprocess/gaussian_device.h"
+#include "kernels/model/adam_device.h"
+#include "kernels/model/model_arrays.h"
+#include "kernels/optimizer/sgld_noise_device.h"
+#include "kernels/requests.h"
+#include "kernels/splat/gaussian_rows_device.h"
 
 namespace gs {
 
@@ -22,14 +24,6 @@ struct UpdateArgs {
     float noise;                           ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
     int width, height;                     ///< of the view, for the ADC statistic
-};
-
-/// Where the rows of all groups are.
-struct ModelArrays {
-    float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
-    int width[kNumGroups];
-    float *gradient_sum, *gradient_count; ///< ADC statistic, or null
-    float *shared_param, *shared_m, *shared_v; ///< weights of all Gaussians, or null
 };
 
 /// One row of a group with its moments.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A block of threads for each row of 3x3 pixels, whose sums are added in order; one block for the layers behind the mean.
-#include "kernels/optimizer/adam_device.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/ppisp/controller_cuda.h"
 
 namespace gs {

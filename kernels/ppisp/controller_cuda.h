@@ -2,9 +2,9 @@
 // The controllers on the device: the same as controller.h. Included by .cu files only.
 #pragma once
 
-#include "kernels/core/device_memory.h"
+#include "kernels/cuda/device_memory.h"
 #include "kernels/ppisp/controller_device.h"
-#include "kernels/preprocess/splat_cuda.h"
+#include "kernels/splat/step_control_cuda.h"
 
 namespace gs {
 

@@ -9,7 +9,7 @@
 #include <cstddef>
 
 #include "kernels/core/portable.h"
-#include "kernels/ppisp/ppisp_state.h"
+#include "kernels/model/ppisp_state.h"
 
 namespace gs {
 

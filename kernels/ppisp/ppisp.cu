@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A view's pixels in one pass each way; its 37 sums and the few parameters by one block.
-#include "kernels/optimizer/adam_device.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/ppisp/ppisp_cuda.h"
 
 namespace gs {

@@ -4,9 +4,9 @@
 
 #include <vector>
 
-#include "kernels/backend.h"
 #include "kernels/ppisp/controller.h"
 #include "kernels/ppisp/regularizer_device.h"
+#include "kernels/requests.h"
 
 namespace gs {
 

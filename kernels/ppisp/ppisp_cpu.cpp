@@ -5,7 +5,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
-#include "kernels/optimizer/adam_device.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/ppisp/ppisp.h"
 
 namespace gs {

@@ -2,10 +2,10 @@
 // PPISP on the device: the same as ppisp.h. Included by .cu files only.
 #pragma once
 
-#include "kernels/core/device_memory.h"
+#include "kernels/cuda/device_memory.h"
 #include "kernels/ppisp/controller_cuda.h"
 #include "kernels/ppisp/ppisp.h"
-#include "kernels/preprocess/splat_cuda.h"
+#include "kernels/splat/step_control_cuda.h"
 
 namespace gs {
 

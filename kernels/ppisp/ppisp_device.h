@@ -6,7 +6,7 @@
 #pragma once
 
 #include "kernels/core/vec.h"
-#include "kernels/ppisp/ppisp_state.h"
+#include "kernels/model/ppisp_state.h"
 
 namespace gs {
 

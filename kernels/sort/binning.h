@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "kernels/splat/instance.h"
+
 namespace gs {
 
 /// What preprocessing hands over: one list of touched tiles per part of kPartSize Gaussians.
@@ -16,12 +18,6 @@ struct BinningInput {
     std::vector<Part> parts;
     std::vector<std::uint32_t> first; ///< (N) position of a Gaussian's first tile within its part's list
     std::vector<std::uint32_t> count; ///< (N) touched tiles; 0 = culled
-};
-
-/// One entry per (Gaussian, tile) pair.
-struct Instance {
-    std::uint32_t gaussian;
-    std::uint32_t slot; ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there
 };
 
 /// Reused from call to call: grows, never shrinks.

@@ -2,32 +2,19 @@
 // Depth sort of Gaussians, then stable tile sort of their instances, on the device (rasterizer spec section 6).
 #pragma once
 
-#include "kernels/core/device_memory.h"
-#include "kernels/preprocess/splat_cuda.h"
+#include "kernels/cuda/device_memory.h"
+#include "kernels/splat/bins_cuda.h"
+#include "kernels/splat/depth_key.h"
+#include "kernels/splat/splat_cuda.h"
+#include "kernels/splat/step_control_cuda.h"
 
 namespace gs {
-
-/// What blending needs to know about the order of instances. All pointers are on the device.
-struct CudaBins {
-    int tiles_x = 0, tiles_y = 0;
-    const std::uint32_t* instances = nullptr;    ///< by tile and depth: Gaussian, or slot where `gaussians` is set
-    const std::uint32_t* gaussians = nullptr;    ///< by slot; only where the order of sums is fixed
-    const std::uint32_t* tile_offsets = nullptr; ///< (tiles+1)
-    const std::uint32_t* longest_first = nullptr; ///< (tiles): about in the order of their lists' lengths, so that none is left for last
-
-    __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }
-};
 
 /// Where preprocessing leaves what binning sorts. (n) each.
 struct CudaBinningInput {
     std::uint32_t* depth_keys; ///< kDepthKeyBits bits; culled Gaussians sort last
     TileSpan* spans;
     std::uint32_t* counts;     ///< tiles touched; 0 = culled
-};
-
-/// Slots of one Gaussian are consecutive: those of the k-th in depth order end at slot_ends[k].
-struct SlotMap {
-    const std::uint32_t *order, *slot_ends;
 };
 
 class CudaBinning {

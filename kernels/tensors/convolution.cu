@@ -6,8 +6,8 @@
 // serve 64 FMAs; while one slice of the depth is multiplied, the next is on its way from memory to registers. All is single
 // precision: the floor is the FMA rate. VGG16 up to relu5_3 is 130 G FMAs for 800x532 pixels, 4 ms at 32 T FMA/s. Last layers of small images
 // have fewer blocks than a large GPU has multiprocessors, and are above it.
-#include "kernels/core/cuda.h"
 #include "kernels/core/portable.h"
+#include "kernels/cuda/cuda.h"
 #include "kernels/tensors/convolution_cuda.h"
 
 namespace gs {

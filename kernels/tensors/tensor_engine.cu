@@ -3,8 +3,8 @@
 // stream, which orders it; memory comes from the driver's pool, so that layers need not wait for each other's buffers.
 #include <algorithm>
 
-#include "kernels/core/cuda.h"
-#include "kernels/cuda_device.h"
+#include "kernels/cuda/cuda.h"
+#include "kernels/cuda/cuda_device.h"
 #include "kernels/tensors/convolution_cuda.h"
 #include "kernels/tensors/layers_device.h"
 #include "kernels/tensors/tensor_checks.h"

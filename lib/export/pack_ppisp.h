@@ -2,7 +2,7 @@
 // Photometric correction as a viewer applies it: response of the first camera, exposure and colour, no vignetting.
 #pragma once
 
-#include "kernels/backend.h"
+#include "kernels/requests.h"
 #include "lib/export/ngsplat.h"
 
 namespace gs {

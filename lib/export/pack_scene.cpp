@@ -9,7 +9,7 @@
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
-#include "kernels/raster_config.h"
+#include "kernels/splat/raster_config.h"
 #include "lib/core/median.h"
 #include "lib/export/base_range.h"
 #include "lib/export/ellipsoid_axes.h"

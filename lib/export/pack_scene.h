@@ -2,7 +2,7 @@
 // From a trained model to the scene a viewer loads.
 #pragma once
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 #include "lib/export/ngsplat.h"
 #include "lib/scene/scene.h"
 

@@ -2,7 +2,7 @@
 // A packed scene as the renderer can draw it, and its colours as a viewer computes them.
 #pragma once
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 #include "lib/export/ngsplat.h"
 
 namespace gs {

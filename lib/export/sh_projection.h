@@ -2,7 +2,7 @@
 // Any appearance as spherical harmonics, for programs that know nothing else.
 #pragma once
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 
 namespace gs {
 

@@ -6,8 +6,8 @@
 #include <numeric>
 #include <vector>
 
-#include "kernels/raster_config.h"
 #include "kernels/core/portable.h"
+#include "kernels/splat/raster_config.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 
 namespace gs {
 

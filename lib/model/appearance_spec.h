@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 
 namespace gs {
 

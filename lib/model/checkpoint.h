@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "kernels/core/gaussian_state.h"
+#include "kernels/model/gaussian_state.h"
 
 namespace gs {
 

@@ -11,10 +11,10 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "kernels/camera.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/core/rng.h"
+#include "kernels/splat/camera.h"
 #include "lib/model/appearance_spec.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // A scene camera in the form the kernels take.
 #pragma once
 
-#include "kernels/camera.h"
+#include "kernels/splat/camera.h"
 #include "lib/scene/scene.h"
 
 namespace gs {

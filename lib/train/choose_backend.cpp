@@ -4,7 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include "kernels/core/error.h"
-#include "kernels/cuda_device.h"
+#include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
 
 namespace gs {

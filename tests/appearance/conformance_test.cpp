@@ -137,7 +137,7 @@ TYPED_TEST(Conformance, FloatFollowsDouble) {
     }
 }
 
-// Values of all parameters at once; tests/eval/stability_test.cpp sweeps them one kind at a time.
+// Values of all parameters at once; tests/eval/bench/stability_test.cpp sweeps them one kind at a time.
 TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
     for (const double scale : {1e-30, 1e-6, 1.0, 1e3, 1e10, 1e30}) {
         for (int trial = 0; trial < 50; ++trial) {

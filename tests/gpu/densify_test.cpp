@@ -6,7 +6,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
-#include "kernels/cuda_device.h"
+#include "kernels/cuda/cuda_device.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

@@ -6,7 +6,7 @@
 
 #include <cstring>
 
-#include "kernels/cuda_device.h"
+#include "kernels/cuda/cuda_device.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {

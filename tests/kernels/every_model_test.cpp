@@ -7,7 +7,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
-#include "kernels/cuda_device.h"
+#include "kernels/cuda/cuda_device.h"
 #include "tests/kernels/gradient_check.h"
 
 #include "appearance_types.inc"

@@ -4,7 +4,7 @@
 
 #include "kernels/core/rng.h"
 #include "kernels/core/schedule.h"
-#include "kernels/optimizer/adam_device.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/optimizer/update_device.h"
 
 namespace gs {

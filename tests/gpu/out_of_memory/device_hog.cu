@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/gpu/out_of_memory/device_hog.h"
 
-#include "kernels/core/cuda.h"
+#include "kernels/cuda/cuda.h"
 
 namespace gs::test {
 

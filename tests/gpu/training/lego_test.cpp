@@ -5,7 +5,7 @@
 
 #include <cstdlib>
 
-#include "eval/evaluate.h"
+#include "eval/runs/evaluate.h"
 #include "lib/core/options.h"
 #include "lib/train/trainer.h"
 #include "tests/core/temporary_folder.h"

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/bench/bench.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "lib/core/options.h"
+#include "lib/model/initialize.h"
+#include "lib/scene/camera_params.h"
+#include "lib/train/learning_rates.h"
+#include "lib/train/photometric.h"
+#include "lib/train/target_image.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+namespace {
+
+/// Enough views to average over, few enough that their images fit every memory.
+constexpr std::size_t kMaxViews = 64;
+/// Rates are multiplied by this: Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
+/// without the moments of a real run would make another model of the one to be measured.
+constexpr double kFrozen = 1e-6;
+
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+Vec3<float> background_of(const TrainOptions& options) {
+    const auto rgb = parse_background(options.background).rgb;
+    return {rgb[0], rgb[1], rgb[2]};
+}
+
+/// Training steps one after another, over decoded views.
+class Steps {
+  public:
+    Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
+        : backend_(backend), scene_(scene), rates_(options, model.appearance, scene), mcmc_(options.strategy == "mcmc") {
+        set_request(options);
+        const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
+        for (std::size_t k = 0; k < used; ++k) {
+            views_.push_back(k * all / used);  // spread over the scene
+            images_.push_back(scene.train[views_.back()].load());
+        }
+        for (std::size_t k = 0; k < std::max<std::size_t>(2, used); ++k) step();
+        backend_.synchronize();
+    }
+
+    void step() {
+        const std::size_t k = std::size_t(request_.iteration) % views_.size();
+        request_.camera = camera_params(scene_.train[views_[k]].camera);
+        request_.target = target_image(images_[k], std::int64_t(views_[k]));
+        rates_.apply(request_.iteration, request_);
+        request_.isp = {.mode = IspMode::kFrame, .frame = int(views_[k]), .camera = scene_.train[views_[k]].camera_id};
+        request_.isp_rate = kFrozen * TrainOptions{}.ppisp_lr;
+        for (double& rate : request_.rates) rate *= kFrozen;
+        for (double& rate : request_.residual_rates) rate *= kFrozen;
+        request_.shared_rate *= kFrozen;
+        request_.noise *= float(kFrozen);
+        backend_.step(request_);
+        ++request_.iteration;
+    }
+
+    /// Mean of `count` steps of which none is waited for but the last.
+    double in_a_row(int count) {
+        const double start = now();
+        for (int k = 0; k < count; ++k) step();
+        backend_.synchronize();
+        return (now() - start) / count;
+    }
+
+    double median_alone(int count) {
+        std::vector<double> times;
+        for (int k = 0; k < count; ++k) {
+            const double start = now();
+            step();
+            backend_.synchronize();
+            times.push_back(now() - start);
+        }
+        std::nth_element(times.begin(), times.begin() + std::ptrdiff_t(times.size() / 2), times.end());
+        return times[times.size() / 2];
+    }
+
+  private:
+    void set_request(const TrainOptions& options) {
+        request_.background = background_of(options);
+        request_.lambda_dssim = float(options.lambda_dssim);
+        request_.opacity_reg = mcmc_ ? float(options.opacity_reg) : 0.0f;
+        request_.scale_reg = mcmc_ ? float(options.scale_reg) : 0.0f;
+        request_.seed = options.seed;
+    }
+
+    Backend& backend_;
+    const Scene& scene_;
+    const LearningRates rates_;
+    const bool mcmc_;
+    std::vector<std::size_t> views_;
+    std::vector<ViewImage> images_;
+    StepRequest request_;
+};
+
+/// Costs of the stages per iteration; returns the mean time of one.
+double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<StageCost>& stages) {
+    backend.measure_stages(true);
+    steps.step();  // a backend may have to prepare for the marks
+    backend.synchronize();
+    backend.take_stage_costs();
+    const double seconds = steps.in_a_row(repeat);
+    stages = backend.take_stage_costs();
+    backend.measure_stages(false);
+    for (StageCost& s : stages)
+        for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= repeat;
+    return seconds;
+}
+
+FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
+    std::vector<RenderRequest> requests(cameras.size());
+    for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background, requests[k].isp.mode = IspMode::kController;
+    return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.time_frames(requests, repeats)};
+}
+
+std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background, int repeats) {
+    std::vector<Camera> own, resized;
+    for (const View& view : scene.test.empty() ? scene.train : scene.test) {
+        own.push_back(view.camera);
+        resized.push_back(with_size(view.camera, kFrameWidth, kFrameHeight));
+    }
+    std::vector<FrameTime> frames = {time_frames(backend, own, background, repeats)};
+    const auto same = [](const Camera& c) { return c.width == kFrameWidth && c.height == kFrameHeight; };
+    if (!std::all_of(own.begin(), own.end(), same)) frames.push_back(time_frames(backend, resized, background, repeats));
+    return frames;
+}
+
+}  // namespace
+
+Gaussians initial_model(const TrainOptions& options, const Scene& scene) {
+    const AppearanceSpec appearance = appearance_spec(options);
+    Gaussians model = initialize_gaussians(scene, appearance, init_options(options));
+    model.active_degree = appearance.max_degree;
+    return model;
+}
+
+BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+    BenchResult result;
+    result.device = backend.describe();
+    result.ceilings = backend.measure_ceilings();
+    result.num_gaussians = model.count;
+    result.width = scene.train.at(0).camera.width, result.height = scene.train[0].camera.height;
+    result.repeat = bench.repeat;
+    backend.upload(model);
+    result.frames = time_all_frames(backend, scene, background_of(options), bench.frame_repeat);
+
+    Steps steps(backend, options, scene, model, bench.repeat);
+    result.iteration_seconds = steps.in_a_row(bench.repeat);
+    result.iteration_seconds_median = steps.median_alone(bench.repeat);
+    result.marked_iteration_seconds = measure_stages(backend, steps, bench.repeat, result.stages);
+    if (model.active_degree > 0 && model[Group::kResidual].width > 0) {
+        backend.set_active_degree(0);
+        measure_stages(backend, steps, bench.repeat, result.without_residual);
+        backend.set_active_degree(model.active_degree);
+    }
+    result.memory = backend.memory();
+    return result;
+}
+
+double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, int repeats) {
+    std::vector<Camera> cameras;
+    for (const View& view : views) cameras.push_back(view.camera);
+    return time_frames(backend, cameras, background, repeats).seconds;
+}
+
+double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+    backend.upload(model);
+    return Steps(backend, options, scene, model, bench.repeat).in_a_row(bench.repeat);
+}
+
+StageCost appearance_share(const BenchResult& result, std::size_t k) {
+    StageCost share = result.stages[k];
+    const StageCost& without = result.without_residual[k];
+    share.seconds -= without.seconds, share.bytes -= without.bytes, share.operations -= without.operations;
+    return share;
+}
+
+Camera with_size(Camera camera, int width, int height) {
+    camera.cx += 0.5 * (width - camera.width), camera.cy += 0.5 * (height - camera.height);
+    camera.width = width, camera.height = height;
+    return camera;
+}
+
+}  // namespace gs

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/bench/precision_levels.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+
+const std::vector<PrecisionLevel>& precision_levels() {
+    // Cutoffs: twice and ten times those of 3DGS.
+    static const std::vector<PrecisionLevel> levels = {
+        {"full", false, [](TrainOptions&) {}},
+        {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = "fp16"; }},
+        {"bf16-moments", true, [](TrainOptions& o) { o.appearance_moments = "bf16"; }},
+        {"cutoffs", false, [](TrainOptions& o) { o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},
+        {"fast", true, [](TrainOptions& o) { o.appearance_storage = "fp16", o.appearance_moments = "bf16", o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},
+    };
+    return levels;
+}
+
+const PrecisionLevel& precision_level(const std::string& name) {
+    std::string names;
+    for (const PrecisionLevel& level : precision_levels()) {
+        if (level.name == name) return level;
+        names += (names.empty() ? "" : ", ") + level.name;
+    }
+    throw UsageError(fmt::format("precision: '{}' is not one of {}", name, names));
+}
+
+}  // namespace gs

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/experiments/cell_runner.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <exception>
+#include <mutex>
+#include <sstream>
+#include <thread>
+
+#include "eval/report/table.h"
+#include "kernels/cuda/cuda_device.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/options.h"
+#include "lib/core/process.h"
+#include "lib/io/atomic_file.h"
+#include "lib/train/choose_backend.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+/// Rounds through the test views in which frames are timed: about a second on a GPU; on the CPU one round is as long.
+constexpr int kFrameRoundsCuda = 20, kFrameRoundsCpu = 1;
+
+/// What CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
+std::vector<std::string> visible_gpus() {
+    std::vector<std::string> names;
+    if (const char* chosen = std::getenv("CUDA_VISIBLE_DEVICES")) {
+        std::istringstream list(chosen);
+        for (std::string name; std::getline(list, name, ',');) names.push_back(name);
+    }
+    const auto count = std::size_t(cuda_device_count());
+    for (std::size_t k = names.size(); k < count; ++k) names.push_back(std::to_string(k));
+    names.resize(count);
+    return names;
+}
+
+/// The message of a program that ended with an error, out of the last lines it printed.
+std::string error_of(const ProcessResult& result) {
+    static const std::string kMark = "error: ";
+    for (auto line = result.last_lines.rbegin(); line != result.last_lines.rend(); ++line)
+        if (const auto at = line->find(kMark); at != std::string::npos) return line->substr(at + kMark.size());
+    return fmt::format("exit code {}{}", result.exit_code, result.last_lines.empty() ? "" : ": " + result.last_lines.back());
+}
+
+class CellRunner {
+  public:
+    CellRunner(const std::vector<Cell>& cells, const CellHooks& hooks) : cells_(cells), hooks_(hooks) {}
+
+    CellsSummary run() {
+        keep_finished();
+        if (pending_.empty()) return summary_;
+        const bool cuda = uses_cuda(cells_.front().options.device);
+        if (cuda && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+        std::vector<std::thread> workers;
+        for (const std::string& gpu : cuda ? visible_gpus() : std::vector<std::string>{""}) workers.emplace_back([this, gpu, cuda] { work(gpu, cuda); });
+        for (std::thread& worker : workers) worker.join();
+        if (hook_failure_) std::rethrow_exception(hook_failure_);
+        return summary_;
+    }
+
+  private:
+    void keep_finished() {
+        for (std::size_t k = 0; k < cells_.size(); ++k) {
+            CellOutcome outcome;
+            if (!cells_[k].options.overwrite) outcome.result = finished_cell(cells_[k].options);
+            if (outcome.result) {
+                spdlog::info("{}: finished before in {}", name(k), cells_[k].options.model);
+                hooks_.done(k, outcome);
+            } else {
+                pending_.push_back(k);
+            }
+        }
+    }
+
+    /// Takes one cell after another until there is none.
+    void work(const std::string& gpu, bool cuda) {
+        while (const std::optional<std::size_t> k = take()) {
+            CellOutcome outcome;
+            try {
+                outcome = train(*k, gpu, cuda);
+            } catch (const Error& e) {
+                outcome.error = e.what(), outcome.code = e.code();
+            } catch (const std::exception& e) {
+                outcome.error = e.what(), outcome.code = ExitCode::kUnexpected;
+            }
+            finish(*k, outcome);
+        }
+    }
+
+    std::optional<std::size_t> take() {
+        const std::lock_guard lock(mutex_);
+        if (pending_.empty()) return std::nullopt;
+        summary_.interrupted = summary_.interrupted || interrupted();
+        if (summary_.interrupted || hook_failure_ || past_deadline()) return std::nullopt;
+        const std::optional<std::size_t> k = hooks_.choose ? hooks_.choose(pending_) : pending_.front();
+        if (k) pending_.erase(std::find(pending_.begin(), pending_.end(), *k));
+        return k;
+    }
+
+    CellOutcome train(std::size_t k, const std::string& gpu, bool cuda) const {
+        const TrainOptions& options = cells_[k].options;
+        spdlog::info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
+        const std::string config = options.model + ".yaml";
+        write_text_atomic(config, options_to_yaml(options));
+        std::vector<std::string> command = {fs::read_symlink("/proc/self/exe").string(), "train", "--config", config, "--time-frames",
+                                            std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
+        if (holds_same_run(options)) command.push_back("--overwrite"); // anew: the time of a resumed run is not that of the training
+        std::vector<std::pair<std::string, std::string>> environment;
+        if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
+        const auto begin = Clock::now();
+        const ProcessResult process = run_process(
+            command, environment, [&](const std::string& printed) { spdlog::debug("{}: {}", name(k), printed); },
+            [&] { return interrupted() || past_deadline(); });
+        CellOutcome outcome;
+        outcome.wall_seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+        outcome.code = ExitCode(process.exit_code);
+        if (outcome.code == ExitCode::kOk) {
+            outcome.result = finished_cell(options);
+            if (!outcome.result) outcome.error = "no scores; does the scene have test views?", outcome.code = ExitCode::kDataset;
+        } else if (outcome.code != ExitCode::kInterrupted) {
+            outcome.error = error_of(process);
+        }
+        return outcome;
+    }
+
+    void finish(std::size_t k, const CellOutcome& outcome) {
+        const std::lock_guard lock(mutex_);
+        if (outcome.result) {
+            spdlog::info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr, outcome.result->num_gaussians, outcome.result->train_seconds);
+        } else if (!outcome.error.empty()) {
+            spdlog::error("{}: {}", cells_[k].name, outcome.error);
+            if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
+        } else {
+            spdlog::warn("{}: stopped", name(k));
+            if (!past_deadline()) summary_.interrupted = true; // by a signal, if perhaps only to the child
+        }
+        try {
+            hooks_.done(k, outcome);
+        } catch (...) { // a full disk stops the others, too
+            hook_failure_ = std::current_exception();
+        }
+    }
+
+    bool past_deadline() const { return hooks_.deadline && Clock::now() >= *hooks_.deadline; }
+    std::string name(std::size_t k) const { return fmt::format("[{}/{}] {}", k + 1, cells_.size(), cells_[k].name); }
+
+    const std::vector<Cell>& cells_;
+    const CellHooks& hooks_;
+    std::mutex mutex_; ///< of all below
+    std::vector<std::size_t> pending_;
+    std::exception_ptr hook_failure_;
+    CellsSummary summary_;
+};
+
+}  // namespace
+
+CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks) { return CellRunner(cells, hooks).run(); }
+
+void throw_unless_complete(const CellsSummary& summary, std::size_t num_cells, const fs::path& file) {
+    if (summary.interrupted) throw Interrupted("interrupted; the same command trains what is missing in " + file.parent_path().string());
+    if (summary.num_failed > 0)
+        throw Error(summary.first_code, fmt::format("{} of {} runs failed; the messages are in {}", summary.num_failed, num_cells, file.string()));
+}
+
+}  // namespace gs

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// The grids.
+#include "eval/experiments/suite.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
+
+#include <functional>
+#include <limits>
+
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Row {
+    std::string name, folder;
+    std::function<void(TrainOptions&)> vary;
+};
+
+std::vector<Row> densification_rows() {
+    const auto strategy = [](const char* name, bool speedy) {
+        return [=](TrainOptions& o) { o.strategy = name, o.speedy_splat = speedy; };
+    };
+    const auto tenth = [](TrainOptions& o) {
+        o.strategy = "mcmc", o.speedy_splat = false;
+        limit_budget(o, 0.1);
+    };
+    return {{"MCMC", "mcmc", strategy("mcmc", false)},
+            {"MCMC 0.1x", "mcmc-0.1x", tenth},
+            {"ADC", "adc", strategy("adc", false)},
+            {"ADC + Speedy-Splat", "adc-speedy", strategy("adc", true)}};
+}
+
+std::vector<Row> activation_rows() {
+    struct Rate {
+        const char* name;
+        double value;
+    };
+    constexpr Rate kRates[] = {{"0.05", 0.05}, {"0.025", 0.025}, {"auto", std::numeric_limits<double>::quiet_NaN()}};
+    std::vector<Row> rows;
+    for (const char* activation : {"relu", "softplus", "sigmoid", "hardsigmoid"})
+        for (const Rate& rate : kRates)
+            rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name), fmt::format("{}-{}", activation, rate.name),
+                            [=, value = rate.value](TrainOptions& o) { o.color_activation = activation, o.opacity_lr = value; }});
+    return rows;
+}
+
+struct Suite {
+    const char* name;
+    std::vector<Row> (*rows)();
+};
+constexpr Suite kSuites[] = {{"densification", densification_rows}, {"activations", activation_rows}};
+
+std::vector<Row> rows_of(const std::string& suite) {
+    for (const Suite& s : kSuites)
+        if (s.name == suite) return s.rows();
+    throw UsageError(fmt::format("--suite: '{}' is not one of {}", suite, fmt::join(suite_names(), ", ")));
+}
+
+}  // namespace
+
+std::vector<std::string> suite_names() {
+    std::vector<std::string> names;
+    for (const Suite& suite : kSuites) names.push_back(suite.name);
+    return names;
+}
+
+std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<std::string>& appearances, const TrainOptions& base) {
+    std::vector<SuiteCell> cells;
+    for (const std::string& appearance : appearances)
+        for (const Row& row : rows_of(suite)) {
+            SuiteCell cell{row.name, appearance, base};
+            cell.options.appearance = appearance;
+            cell.options.eval = true;
+            cell.options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
+            row.vary(cell.options);
+            require_named_appearance(cell.options);
+            validate(cell.options);
+            cells.push_back(std::move(cell));
+        }
+    return cells;
+}
+
+}  // namespace gs

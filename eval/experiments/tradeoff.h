@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// Speed for accuracy: trained configurations, which of them no other beats, and which to take.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "eval/experiments/cell.h"
+#include "eval/experiments/tradeoff_axes.h"
+
+namespace gs {
+
+enum class Quality { kPsnr, kSsim };
+
+/// What became of a configuration.
+enum class RunState { kNotReached, kFinished, kFailed, kStopped, kNoTime };
+
+struct TradeoffRun {
+    Configuration configuration;
+    RunState state = RunState::kNotReached;
+    std::optional<CellResult> result = {};  ///< where finished
+    std::string error = {};                 ///< where failed
+};
+
+struct Tradeoff {
+    std::string source;
+    std::vector<TradeoffAxis> axes;
+    Quality quality = Quality::kPsnr;
+    double give_up = 1;  ///< in units of the quality, what a recommendation may be worse than the best
+    std::vector<TradeoffRun> runs;
+    std::vector<std::string> remarks;  ///< what a reader has to know besides, one sentence each
+};
+
+/// "PSNR", "SSIM"
+std::string quality_name(Quality quality);
+double quality_of(const CellResult& result, Quality quality);
+
+/// Indices of the finished runs, each list by falling quality.
+struct Ranking {
+    std::vector<std::size_t> frontier;   ///< no other dominates these in quality, training time, frame time and bytes
+    std::vector<std::size_t> dominated;
+};
+Ranking rank_runs(const Tradeoff& tradeoff);
+
+/// Of these finished runs those worth a longer training: better_half over the same four.
+std::vector<std::size_t> promoted(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs);
+
+/// One of best, smallest, fastest.
+struct Recommendation {
+    std::string name;
+    std::size_t run;
+    std::string text;  ///< what it is, and what it gives up
+};
+
+/// best: highest quality. smallest, fastest: fewest bytes, shortest frame among the part of the frontier that is no more than `give_up` worse;
+/// a better one is preferred where it costs at most 5 % more. In the order best, smallest, fastest; empty when nothing is finished.
+std::vector<Recommendation> recommend(const Tradeoff& tradeoff);
+
+/// Table, recommendations, and what was not trained and why, as Markdown.
+std::string format_tradeoff(const Tradeoff& tradeoff);
+
+/// The same as a page that needs nothing beside it, with a plot of the quality over each cost.
+std::string tradeoff_page(const Tradeoff& tradeoff);
+
+/// All figures, as JSON.
+std::string tradeoff_json(const Tradeoff& tradeoff);
+
+/// tradeoff.md, tradeoff.html and tradeoff.json in the folder, each atomically. Throws DataError.
+void write_tradeoff(const std::filesystem::path& folder, const Tradeoff& tradeoff);
+
+}  // namespace gs

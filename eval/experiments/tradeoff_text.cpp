@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// The table, and everything as Markdown and JSON.
+#include "eval/experiments/tradeoff_text.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "eval/pages/escape.h"
+#include "lib/core/duration.h"
+#include "lib/core/version.h"
+#include "lib/io/atomic_file.h"
+#include "lib/train/scene_options.h"
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+const char* state_name(RunState state) {
+    switch (state) {
+        case RunState::kFinished:
+            return "finished";
+        case RunState::kFailed:
+            return "failed";
+        case RunState::kStopped:
+            return "stopped at the time limit";
+        case RunState::kNoTime:
+            return "not started: would not have ended in time";
+        case RunState::kNotReached:
+            break;
+    }
+    return "not reached";
+}
+
+/// The names of the recommendations that are this run.
+std::string titles(const std::vector<Recommendation>& recommendations, std::size_t run) {
+    std::string text;
+    for (const Recommendation& r : recommendations)
+        if (r.run == run) text += (text.empty() ? "" : ", ") + r.name;
+    return text;
+}
+
+Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier) {
+    Json json = {{"run", run.configuration.options.model}, {"status", state_name(run.state)}};
+    for (std::size_t a = 0; a < tradeoff.axes.size(); ++a) json["values"][tradeoff.axes[a].name] = run.configuration.values[a];
+    if (!run.error.empty()) json["error"] = run.error;
+    if (!run.result) return json;
+    json["pareto_optimal"] = in_frontier;
+    json.update(result_json(*run.result));
+    return json;
+}
+
+}  // namespace
+
+std::string quality_text(double value, Quality quality) { return quality == Quality::kPsnr ? fmt::format("{:.2f} dB", value) : fmt::format("SSIM {:.4f}", value); }
+
+std::string loss_text(double difference, Quality quality) {
+    return quality == Quality::kPsnr ? fmt::format("{:.2f} dB", difference) : fmt::format("{:.4f} SSIM", difference);
+}
+
+std::string bytes_text(std::int64_t bytes) { return fmt::format("{:.{}f} MB", 1e-6 * double(bytes), bytes < 10'000'000 ? 2 : bytes < 100'000'000 ? 1 : 0); }
+
+std::string fps_text(const CellResult& result) { return result.frame_seconds > 0 ? fmt::format("{:.1f}", 1 / result.frame_seconds) : "-"; }
+
+TextTable tradeoff_table(const Tradeoff& tradeoff) {
+    const Ranking ranking = rank_runs(tradeoff);
+    const std::vector<Recommendation> recommendations = recommend(tradeoff);
+    const bool memory = std::any_of(tradeoff.runs.begin(), tradeoff.runs.end(), [](const TradeoffRun& run) { return run.result && run.result->peak_device_bytes; });
+    TextTable table;
+    table.title = fmt::format("Trade-off of {}", scene_name(tradeoff.source));
+    for (const TradeoffAxis& axis : tradeoff.axes) table.header.push_back(axis.name);
+    table.header.push_back("Pareto");
+    table.num_labels = table.header.size();
+    for (const char* title : {"PSNR", "SSIM", "#Gs", "train time", "FPS", "size"}) table.header.push_back(title);
+    if (memory) table.header.push_back("peak memory");
+    table.first_grey = ranking.frontier.size();
+    std::vector<std::size_t> order = ranking.frontier;
+    order.insert(order.end(), ranking.dominated.begin(), ranking.dominated.end());
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        const TradeoffRun& run = tradeoff.runs[order[i]];
+        const CellResult& r = *run.result;
+        std::vector<TextCell> line;
+        const auto add = [&](const std::string& text) { line.push_back({text, "", 0}); };
+        for (const std::string& value : run.configuration.values) add(value);
+        const std::string title = titles(recommendations, order[i]);
+        add(i >= table.first_grey ? "dominated" : title.empty() ? "optimal" : "optimal: " + title);
+        add(fmt::format("{:.2f}", r.psnr));
+        add(fmt::format("{:.4f}", r.ssim));
+        add(std::to_string(r.num_gaussians));
+        add(duration_text(r.train_seconds));
+        add(fps_text(r));
+        add(bytes_text(r.bytes));
+        if (memory) add(r.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*r.peak_device_bytes) / double(1 << 30)) : "-");
+        table.lines.push_back(std::move(line));
+    }
+    return table;
+}
+
+std::vector<std::string> tradeoff_notes(const Tradeoff& tradeoff) {
+    std::vector<std::string> notes = tradeoff.remarks;
+    const auto finished = std::find_if(tradeoff.runs.begin(), tradeoff.runs.end(), [](const TradeoffRun& run) { return run.result.has_value(); });
+    if (finished == tradeoff.runs.end()) return notes;
+    notes.push_back(fmt::format("Optimal: no other configuration is at least as good in {}, training time, FPS and size, and better in one of them.",
+                                quality_name(tradeoff.quality)));
+    notes.push_back(fmt::format("One run each (seed {}): small differences may be chance, and times depend on what else the machine did. Size: of the PLY.",
+                                finished->configuration.options.seed));
+    notes.push_back(finished->result->protocol);
+    return notes;
+}
+
+std::string state_text(const TradeoffRun& run) { return run.error.empty() ? state_name(run.state) : fmt::format("{}: {}", state_name(run.state), one_line(run.error)); }
+
+std::string format_tradeoff(const Tradeoff& tradeoff) {
+    std::string text;
+    const TextTable table = tradeoff_table(tradeoff);
+    if (table.lines.empty())
+        text += fmt::format("### {}\n\nNo configuration was trained to its end.\n", markdown_escaped(table.title));
+    else
+        text += markdown_table(table) + "\n";
+    for (const Recommendation& r : recommend(tradeoff)) text += fmt::format("- **{}**: {}\n", r.name, r.text);
+    bool first = true;
+    for (const TradeoffRun& run : tradeoff.runs) {
+        if (run.result) continue;
+        if (first) text += "\nWithout a result:\n\n";
+        first = false;
+        text += fmt::format("- {}: {}\n", configuration_name(tradeoff.axes, run.configuration), state_text(run));
+    }
+    text += "\n";
+    for (const std::string& note : tradeoff_notes(tradeoff)) text += note + "\n";
+    return text;
+}
+
+std::string tradeoff_json(const Tradeoff& tradeoff) {
+    Json json = {{"source", tradeoff.source}, {"program", version_text()}, {"quality", quality_name(tradeoff.quality)}, {"give_up", tradeoff.give_up}};
+    json["axes"] = Json::array();
+    for (const TradeoffAxis& axis : tradeoff.axes) json["axes"].push_back({{"name", axis.name}, {"values", axis.values}});
+    const std::vector<std::size_t> front = rank_runs(tradeoff).frontier;
+    json["runs"] = Json::array();
+    for (std::size_t k = 0; k < tradeoff.runs.size(); ++k)
+        json["runs"].push_back(json_of(tradeoff, tradeoff.runs[k], std::find(front.begin(), front.end(), k) != front.end()));
+    json["remarks"] = tradeoff.remarks;
+    json["recommendations"] = Json::object();
+    for (const Recommendation& r : recommend(tradeoff)) json["recommendations"][r.name] = {{"run", tradeoff.runs[r.run].configuration.options.model}, {"text", r.text}};
+    return json.dump(1) + "\n";
+}
+
+void write_tradeoff(const std::filesystem::path& folder, const Tradeoff& tradeoff) {
+    write_text_atomic(folder / "tradeoff.json", tradeoff_json(tradeoff));
+    write_text_atomic(folder / "tradeoff.md", format_tradeoff(tradeoff));
+    write_text_atomic(folder / "tradeoff.html", tradeoff_page(tradeoff));
+}
+
+}  // namespace gs

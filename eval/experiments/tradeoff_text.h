@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// The figures of a trade-off as readers see them, shared by its table, its words and its plots.
+#pragma once
+
+#include <string>
+
+#include "eval/experiments/tradeoff.h"
+#include "eval/pages/text_table.h"
+
+namespace gs {
+
+/// "30.12 dB", "0.9321"
+std::string quality_text(double value, Quality quality);
+/// A difference: "0.42 dB", "0.0130 SSIM"
+std::string loss_text(double difference, Quality quality);
+/// "4.8 MB"
+std::string bytes_text(std::int64_t bytes);
+/// "143.2"
+std::string fps_text(const CellResult& result);
+
+/// Finished runs: the frontier, then the dominated ones in grey.
+TextTable tradeoff_table(const Tradeoff& tradeoff);
+
+/// The remarks, then what the numbers are: what marks the frontier, how often each was trained, the protocol.
+std::vector<std::string> tradeoff_notes(const Tradeoff& tradeoff);
+
+/// Why a run has no result: "failed: ...", "stopped at the time limit", ...
+std::string state_text(const TradeoffRun& run);
+
+}  // namespace gs

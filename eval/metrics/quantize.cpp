@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// From renders and photographs to comparable images.
+#include "eval/metrics/quantize.h"
+
+namespace gs {
+namespace {
+
+std::uint8_t quantize(float v) {
+    if (!(v > 0)) return 0;
+    return std::uint8_t(gs_min(v, 1.0f) * 255.0f + 0.5f);
+}
+
+/// NaN becomes 0.
+float clamped(float v) { return v > 0 ? gs_min(v, 1.0f) : 0.0f; }
+
+/// An rgb image with sample(x, y, c) in every place, rounded where `eight_bit`.
+template <class Sample>
+Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
+    Image image{width, height, 3, {}, {}};
+    const std::size_t size = std::size_t(width) * height * 3;
+    if (eight_bit)
+        image.u8.resize(size);
+    else
+        image.f32.resize(size);
+    std::size_t i = 0;
+    for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+            for (int c = 0; c < 3; ++c, ++i) {
+                if (eight_bit)
+                    image.u8[i] = quantize(sample(x, y, c));
+                else
+                    image.f32[i] = clamped(sample(x, y, c));
+            }
+        }
+    }
+    return image;
+}
+
+Image comparable_render(const RenderedImage& render, bool eight_bit) {
+    const std::size_t pixels = std::size_t(render.width) * render.height;
+    return filled_rgb(render.width, render.height, eight_bit,
+                      [&](int x, int y, int c) { return render.rgb[c * pixels + std::size_t(y) * render.width + x]; });
+}
+
+Image comparable_target(const Image& image, const Vec3<float>& background, bool eight_bit) {
+    const float behind[3] = {background.x, background.y, background.z};
+    return filled_rgb(image.width, image.height, eight_bit, [&](int x, int y, int c) {
+        const float alpha = image.channels == 4 ? image.value(x, y, 3) : 1.0f;
+        return behind[c] + alpha * (image.value(x, y, c) - behind[c]);
+    });
+}
+
+}  // namespace
+
+Image quantized_render(const RenderedImage& render) { return comparable_render(render, true); }
+
+Image quantized_target(const Image& image, const Vec3<float>& background) {
+    if (!image.is_float() && image.channels == 3) return image;
+    return comparable_target(image, background, true);
+}
+
+Image float_render(const RenderedImage& render) { return comparable_render(render, false); }
+
+Image float_target(const Image& image, const Vec3<float>& background) { return comparable_target(image, background, false); }
+
+}  // namespace gs

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tables as Markdown.
+#include "eval/pages/text_table.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "eval/pages/escape.h"
+
+namespace gs {
+namespace {
+
+std::string markdown_of(const TextCell& cell) {
+    static constexpr const char* kBefore[] = {"", "**", "<u>", "*"};
+    static constexpr const char* kAfter[] = {"", "**", "</u>", "*"};
+    std::string text = kBefore[cell.place] + markdown_escaped(cell.text) + kAfter[cell.place];
+    return cell.deviation.empty() ? text : text + " ± " + markdown_escaped(cell.deviation);
+}
+
+/// Code points; what UTF-8 continues is not counted.
+std::size_t width_of(const std::string& text) {
+    return std::size_t(std::count_if(text.begin(), text.end(), [](unsigned char c) { return (c & 0xC0) != 0x80; }));
+}
+
+}  // namespace
+
+std::string markdown_table(const TextTable& table) {
+    std::vector<std::vector<std::string>> lines(1);
+    for (const std::string& title : table.header) lines[0].push_back(markdown_escaped(title));
+    for (const auto& line : table.lines) {
+        lines.emplace_back();
+        for (const TextCell& cell : line) lines.back().push_back(markdown_of(cell));
+    }
+    std::vector<std::size_t> widths(table.header.size(), 3);
+    for (const auto& line : lines)
+        for (std::size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], width_of(line[c]));
+    std::string text = table.title.empty() ? "" : fmt::format("### {}\n\n", markdown_escaped(table.title));
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        text += "|";
+        for (std::size_t c = 0; c < widths.size(); ++c) {
+            const std::string padding(widths[c] - width_of(lines[i][c]), ' ');
+            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding) : fmt::format(" {}{} |", padding, lines[i][c]);
+        }
+        text += "\n";
+        if (i > 0) continue;
+        text += "|";
+        for (std::size_t c = 0; c < widths.size(); ++c) text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
+        text += "\n";
+    }
+    return text;
+}
+
+}  // namespace gs

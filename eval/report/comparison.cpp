@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/report/comparison.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+using Sample = std::vector<std::optional<double>>;  ///< one value per column
+
+bool same_experiment(const TableRow& a, const TableRow& b) {
+    return !a.training.empty() && a.scene == b.scene && a.iteration == b.iteration && a.correction == b.correction && a.training == b.training;
+}
+
+std::string label_of(const std::vector<TableRow>& rows) {
+    if (rows.size() == 1) return rows[0].run;
+    return fmt::format("{} .. {} ({} runs)", rows.front().run, rows.back().run, rows.size());
+}
+
+Sample sample_of(const TableRow& row, const std::vector<Column>& columns) {
+    Sample sample;
+    for (const Column& column : columns) sample.push_back(column_value(column, row));
+    return sample;
+}
+
+std::vector<Sample> samples_of(const ComparisonLine& line, const std::vector<Column>& columns) {
+    std::vector<Sample> samples;
+    for (const TableRow& row : line.rows) samples.push_back(sample_of(row, columns));
+    return samples;
+}
+
+/// A column that one run lacks is empty: the mean of the others would be taken for that of all.
+std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples, const std::vector<Column>& columns) {
+    std::vector<std::optional<ColumnStats>> stats;
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+        std::vector<double> values;
+        for (const Sample& sample : samples)
+            if (sample[c]) values.push_back(*sample[c]);
+        stats.push_back(values.size() == samples.size() ? std::optional(column_stats(values, columns[c].better)) : std::nullopt);
+    }
+    return stats;
+}
+
+/// Element by element; empty where one of the samples is.
+Sample mean_sample(const std::vector<Sample>& samples) {
+    Sample mean(samples[0].size(), 0.0);
+    for (const Sample& sample : samples)
+        for (std::size_t c = 0; c < mean.size(); ++c) mean[c] = mean[c] && sample[c] ? std::optional(*mean[c] + *sample[c] / double(samples.size())) : std::nullopt;
+    return mean;
+}
+
+std::vector<std::uint64_t> seeds_of(const ComparisonLine& line) {
+    std::vector<std::uint64_t> seeds;
+    for (const TableRow& row : line.rows) seeds.push_back(row.seed);
+    return seeds;
+}
+
+/// The same runs of several scenes.
+ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, const std::vector<Column>& columns) {
+    ComparisonLine line = *scenes[0];
+    line.num_scenes = scenes.size();
+    line.label = fmt::format("mean of {} scenes", scenes.size());
+    const bool paired = std::all_of(scenes.begin(), scenes.end(), [&](const ComparisonLine* s) { return seeds_of(*s) == seeds_of(line); });
+    const std::size_t num_runs = paired ? line.rows.size() : 1;
+    std::vector<Sample> runs;
+    for (std::size_t k = 0; k < num_runs; ++k) {
+        std::vector<Sample> per_scene;
+        for (const ComparisonLine* scene : scenes) {
+            const std::vector<Sample> all = samples_of(*scene, columns);
+            per_scene.push_back(paired ? all[k] : mean_sample(all));
+        }
+        runs.push_back(mean_sample(per_scene));
+    }
+    line.num_runs = num_runs;
+    if (num_runs > 1) line.label += fmt::format(", {} runs each", num_runs);
+    line.values = stats_of(runs, columns);
+    for (std::size_t k = 1; k < scenes.size(); ++k) line.rows.insert(line.rows.end(), scenes[k]->rows.begin(), scenes[k]->rows.end());
+    return line;
+}
+
+/// What a reader would take two runs of one scene for the same by.
+std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) { return {line.model, line.strategy, line.correction}; }
+
+/// Says on every line by which options it differs from lines of the same look.
+void name_options(ComparisonTable& table) {
+    std::map<std::tuple<std::string, std::string, std::string>, std::vector<ComparisonLine*>> looks;
+    for (ComparisonLine& line : table.lines) looks[look_of(line)].push_back(&line);
+    for (const auto& [look, lines] : looks) {
+        std::set<std::string> keys;
+        for (const ComparisonLine* line : lines)
+            for (const auto& [key, text] : line->rows[0].training) {
+                const auto& other = lines[0]->rows[0].training;
+                if (const auto found = other.find(key); found == other.end() || found->second != text) keys.insert(key);
+            }
+        for (ComparisonLine* line : lines)
+            for (const std::string& key : keys) {
+                const auto found = line->rows[0].training.find(key);
+                if (found == line->rows[0].training.end()) continue;
+                line->options += fmt::format("{}{} {}", line->options.empty() ? "" : ", ", key, found->second);
+            }
+    }
+}
+
+void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+        if (columns[c].better == Better::kNeither) continue;
+        std::vector<ColumnStats*> stats;
+        for (ComparisonLine& line : table.lines)
+            if (line.values[c] && line.num_scenes == table.num_scenes) stats.push_back(&*line.values[c]);
+        const double sign = columns[c].better == Better::kHigher ? -1 : 1;
+        std::stable_sort(stats.begin(), stats.end(), [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
+        const auto text = [&](const ColumnStats* s) { return columns[c].text(s->mean); };
+        // One line alone, or lines that are all equal, have no best.
+        if (stats.empty() || text(stats.front()) == text(stats.back())) continue;
+        int place = 1;
+        for (std::size_t i = 0; i < stats.size(); ++i) {
+            if (i > 0 && text(stats[i]) != text(stats[i - 1])) place = int(i) + 1;
+            if (place > 3) break;
+            stats[i]->place = place;
+        }
+    }
+}
+
+std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
+    std::vector<ComparisonLine> lines;
+    for (const TableRow& row : rows) {
+        const auto same = std::find_if(lines.begin(), lines.end(), [&](const ComparisonLine& line) { return same_experiment(line.rows[0], row); });
+        if (same == lines.end()) {
+            ComparisonLine line;
+            line.rows = {row};
+            line.model = row.model, line.strategy = row.strategy, line.correction = row.correction;
+            lines.push_back(line);
+        } else {
+            same->rows.push_back(row);
+        }
+    }
+    for (ComparisonLine& line : lines) {
+        std::stable_sort(line.rows.begin(), line.rows.end(), [](const TableRow& a, const TableRow& b) { return a.seed < b.seed; });
+        line.label = label_of(line.rows);
+        line.num_runs = line.rows.size();
+    }
+    return lines;
+}
+
+/// Tables of the datasets of which there are several scenes.
+std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes, const std::vector<Column>& columns) {
+    std::vector<std::string> order;
+    for (const ComparisonTable& scene : scenes)
+        if (std::find(order.begin(), order.end(), scene.dataset) == order.end()) order.push_back(scene.dataset);
+    std::vector<ComparisonTable> tables;
+    for (const std::string& dataset : order) {
+        ComparisonTable table{dataset, "", 0, {}};
+        std::vector<std::vector<const ComparisonLine*>> matches;
+        for (const ComparisonTable& scene : scenes) {
+            if (scene.dataset != dataset) continue;
+            ++table.num_scenes;
+            std::set<std::size_t> taken;  // a second line of the same look and options in one scene stands for itself
+            for (const ComparisonLine& line : scene.lines) {
+                std::size_t k = 0;
+                while (k < matches.size() && (taken.count(k) > 0 || look_of(*matches[k][0]) != look_of(line) || matches[k][0]->options != line.options)) ++k;
+                if (k == matches.size()) matches.emplace_back();
+                matches[k].push_back(&line);
+                taken.insert(k);
+            }
+        }
+        if (dataset.empty() || table.num_scenes < 2) continue;
+        for (const auto& match : matches) table.lines.push_back(dataset_line(match, columns));
+        give_places(table, columns);
+        tables.push_back(std::move(table));
+    }
+    return tables;
+}
+
+}  // namespace
+
+ColumnStats column_stats(const std::vector<double>& values, Better better) {
+    ColumnStats stats;
+    const double n = double(values.size());
+    for (const double v : values) stats.mean += v / n;
+    stats.worst = stats.mean;
+    if (better != Better::kNeither) {
+        const auto worst = better == Better::kHigher ? std::min_element(values.begin(), values.end()) : std::max_element(values.begin(), values.end());
+        stats.worst = *worst;
+        stats.worst_run = std::size_t(worst - values.begin());
+    }
+    if (values.size() < 2 || !std::isfinite(stats.mean)) return stats;
+    double squares = 0;
+    for (const double v : values) squares += (v - stats.mean) * (v - stats.mean);
+    stats.deviation = std::sqrt(squares / (n - 1));
+    return stats;
+}
+
+Comparison compare_runs(const std::vector<TableRow>& rows) {
+    require_one_protocol(rows);
+    std::set<std::filesystem::path> folders;
+    for (const TableRow& row : rows) {
+        std::error_code ignored;
+        if (!row.folder.empty() && !folders.insert(std::filesystem::weakly_canonical(row.folder, ignored)).second)
+            throw UsageError(fmt::format("{} is named twice; it would be counted as two runs", row.folder.string()));
+    }
+    Comparison comparison;
+    if (rows.empty()) return comparison;
+    comparison.protocol = rows[0].protocol.empty() ? "protocol: not stated by the files" : rows[0].protocol;
+    comparison.columns = table_columns(rows);
+    for (ComparisonLine& line : grouped(rows)) {
+        line.values = stats_of(samples_of(line, comparison.columns), comparison.columns);
+        const TableRow& row = line.rows[0];
+        auto& tables = comparison.tables;
+        auto table = std::find_if(tables.begin(), tables.end(), [&](const ComparisonTable& t) { return t.dataset == row.dataset && t.scene == row.scene; });
+        if (table == tables.end()) table = tables.insert(tables.end(), {row.dataset, row.scene, 1, {}});
+        table->lines.push_back(std::move(line));
+    }
+    for (ComparisonTable& table : comparison.tables) {
+        name_options(table);
+        give_places(table, comparison.columns);
+    }
+    const std::vector<ComparisonTable> datasets = dataset_tables(comparison.tables, comparison.columns);
+    comparison.tables.insert(comparison.tables.end(), datasets.begin(), datasets.end());
+    return comparison;
+}
+
+}  // namespace gs

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tables for readers: what stands in each cell, and LaTeX made of it.
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "eval/pages/escape.h"
+#include "eval/report/comparison_format.h"
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
+
+TextCell cell_of(const ComparisonLine& line, const Column& column, const std::optional<ColumnStats>& stats) {
+    if (stats) {
+        // Of a metric even "+- 0" says something; sizes are mostly equal by construction.
+        const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
+        return {column.text(stats->mean), varies ? column.text(*stats->deviation) : "", stats->place};
+    }
+    if (column.cost) return {"-", "", 0};
+    const auto lacks_weights = [&](const TableRow& row) {
+        const auto reason = row.not_measured.find(column.key);
+        return reason != row.not_measured.end() && reason->second.find("no weights") != std::string::npos;
+    };
+    return {std::any_of(line.rows.begin(), line.rows.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
+}
+
+/// The run of least PSNR.
+TextCell worst_cell(const ComparisonLine& line, const Column& psnr, const std::optional<ColumnStats>& stats) {
+    if (line.num_runs < 2 || !stats) return {"-", "", 0};
+    const std::string value = psnr.text(stats->worst);
+    // Of a dataset the k-th run is one of every scene.
+    return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.rows[stats->worst_run].seed) : fmt::format("{} ({})", value, line.rows[stats->worst_run].run), "", 0};
+}
+
+std::string latex_of(const TextCell& cell) {
+    static constexpr const char* kBefore[] = {"", "\\textbf{", "\\underline{", "\\textit{"};
+    std::string text = kBefore[cell.place] + latex_escaped(cell.text) + (cell.place > 0 ? "}" : "");
+    return cell.deviation.empty() ? text : text + " $\\pm$ " + latex_escaped(cell.deviation);
+}
+
+std::string latex(const TextTable& table, const std::string& protocol) {
+    std::string text = fmt::format("% {}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n", one_line(table.title), std::string(table.num_labels, 'l'),
+                                   std::string(table.header.size() - table.num_labels, 'r'));
+    const auto joined = [](const std::vector<std::string>& cells) {
+        std::string line;
+        for (std::size_t c = 0; c < cells.size(); ++c) line += (c > 0 ? " & " : "") + cells[c];
+        return line + " \\\\\n";
+    };
+    std::vector<std::string> cells;
+    for (const std::string& title : table.header) cells.push_back(latex_escaped(title));
+    text += joined(cells) + "\\midrule\n";
+    for (const auto& line : table.lines) {
+        cells.clear();
+        for (const TextCell& cell : line) cells.push_back(latex_of(cell));
+        text += joined(cells);
+    }
+    return text + fmt::format("\\bottomrule\n\\multicolumn{{{}}}{{l}}{{\\footnotesize {}}} \\\\\n\\end{{tabular}}\n", table.header.size(), latex_escaped(protocol));
+}
+
+}  // namespace
+
+TableFormat parse_table_format(const std::string& name) {
+    if (name == "markdown") return TableFormat::kMarkdown;
+    if (name == "csv") return TableFormat::kCsv;
+    if (name == "latex") return TableFormat::kLatex;
+    if (name == "json") return TableFormat::kJson;
+    throw UsageError(fmt::format("--format: '{}' is not one of markdown, csv, latex, json", name));
+}
+
+TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns) {
+    const auto any = [&](auto says) { return std::any_of(table.lines.begin(), table.lines.end(), says); };
+    const bool options = any([](const ComparisonLine& l) { return !l.options.empty(); });
+    const bool correction = any([](const ComparisonLine& l) { return !l.correction.empty() && l.correction != "off"; });
+    const bool repeated = any([](const ComparisonLine& l) { return l.num_runs > 1; });
+    TextTable out;
+    if (table.scene.empty() && table.dataset.empty())
+        out.title = "scene not stated";
+    else if (table.scene.empty())
+        out.title = fmt::format("{}: mean of {} scenes", table.dataset, table.num_scenes);
+    else
+        out.title = table.dataset.empty() ? table.scene : fmt::format("{} ({})", table.scene, table.dataset);
+    out.header = {"run", "model", "strategy"};
+    if (options) out.header.push_back("options");
+    if (correction) out.header.push_back("ppisp");
+    if (repeated) out.header.push_back("worst run, PSNR");
+    out.num_labels = out.header.size();
+    std::vector<std::size_t> shown;
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+        if (columns[c].cost && !any([&](const ComparisonLine& l) { return l.values[c].has_value(); })) continue;
+        shown.push_back(c);
+        out.header.push_back(columns[c].title);
+    }
+    for (const ComparisonLine& line : table.lines) {
+        std::vector<TextCell> cells = {{or_dash(line.label), "", 0}, {or_dash(line.model), "", 0}, {or_dash(line.strategy), "", 0}};
+        if (options) cells.push_back({or_dash(line.options), "", 0});
+        if (correction) cells.push_back({or_dash(line.correction), "", 0});
+        if (repeated) cells.push_back(worst_cell(line, columns[0], line.values[0]));
+        for (const std::size_t c : shown) cells.push_back(cell_of(line, columns[c], line.values[c]));
+        out.lines.push_back(std::move(cells));
+    }
+    return out;
+}
+
+std::string format_comparison(const Comparison& comparison, TableFormat format) {
+    if (format == TableFormat::kCsv) return comparison_csv(comparison);
+    if (format == TableFormat::kJson) return comparison_json(comparison);
+    std::string text;
+    for (const ComparisonTable& table : comparison.tables) {
+        if (!text.empty()) text += "\n";
+        const TextTable cells = text_table(table, comparison.columns);
+        text += format == TableFormat::kLatex ? latex(cells, comparison.protocol) : markdown_table(cells) + "\n" + comparison.protocol + "\n";
+    }
+    return text;
+}
+
+}  // namespace gs

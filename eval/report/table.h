@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// A row of a table, made from a run folder's files alone.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "eval/bench/frame_times.h"
+#include "lib/core/train_options.h"
+
+namespace gs {
+
+/// One evaluated model. Fields that the files do not know stay empty.
+struct TableRow {
+    std::filesystem::path folder;  ///< of the results
+    std::string run, dataset, scene, model, strategy;
+    std::int64_t iteration = 0;
+    std::optional<std::int64_t> num_gaussians;
+    double psnr = 0, ssim = 0;  ///< psnr may be infinite
+    std::map<std::string, double> further_metrics;  ///< by their names in results.json
+    std::map<std::string, std::string> not_measured;  ///< why a metric that was asked for has no value, by its name
+    std::optional<double> train_seconds;
+    std::optional<double> frame_seconds;
+    std::optional<FrameTimes> frame_times;  ///< of `gsapp bench --frames`
+    std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
+    std::optional<std::int64_t> bytes_per_gaussian;  ///< of the appearance
+    std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
+    std::string protocol_name;  ///< one of protocols(); empty: the file does not say
+    std::string protocol;       ///< protocol_line; rows with different ones do not compare
+    std::uint64_t seed = 0;
+    std::map<std::string, std::string> training;  ///< training_options of its config.yaml; empty where there is none
+};
+
+/// Scores of the given iteration of a run, of the last evaluated one when `iteration` is empty. Files of other programs
+/// that have the 3DGS keys are read as well. Throws DataError naming file and field.
+TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
+
+/// Adds seed and training options out of the run's config.yaml, where it has one that can be read.
+void read_training(TableRow& row, const std::filesystem::path& run_folder);
+
+/// Whether the folder options.model holds a run of the same training options and seed.
+bool holds_same_run(const TrainOptions& options);
+
+/// The row of that run if it has ended; empty otherwise.
+std::optional<TableRow> finished_run(const TrainOptions& options);
+
+/// Throws UsageError naming runs and protocols unless all rows are of one protocol (or all of files that state none).
+void require_one_protocol(const std::vector<TableRow>& rows);
+
+}  // namespace gs

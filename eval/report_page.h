@@ -1,9 +1,0 @@
-// SPDX-License-Identifier: Apache-2.0
-#pragma once
-
-namespace gs {
-
-/// eval/report_page.html: the body of write_report's page, with {{tables}}, {{plots}}, {{program}} and {{pictures}}, in this order, to be filled in.
-extern const char* const kReportPage;
-
-}  // namespace gs

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// Camera paths from JSON and from the training cameras.
+#include "eval/runs/camera_path.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+Camera camera_from_json(const nlohmann::json& json, const std::string& where) {
+    const auto positive = [&](const char* key) {
+        const double value = json.at(key).get<double>();
+        if (!(value > 0 && value < 1e6)) throw DataError(fmt::format("{}: {} is {}", where, key, value));
+        return value;
+    };
+    try {
+        Camera camera;
+        camera.width = int(positive("width"));
+        camera.height = int(positive("height"));
+        if (camera.width < 1 || camera.height < 1 || camera.width > 65536 || camera.height > 65536)
+            throw DataError(fmt::format("{}: {}x{} is no image size", where, camera.width, camera.height));
+        camera.fy = positive("fy");
+        camera.fx = json.contains("fx") ? positive("fx") : camera.fy;
+        camera.cx = 0.5 * camera.width;
+        camera.cy = 0.5 * camera.height;
+        Matrix3d world_from_camera;
+        Vector3d position;
+        for (int r = 0; r < 3; ++r) {
+            position[r] = json.at("position").at(r).get<double>();
+            for (int c = 0; c < 3; ++c) world_from_camera(r, c) = json.at("rotation").at(r).at(c).get<double>();
+        }
+        const double error = (world_from_camera * world_from_camera.transpose() - Matrix3d::Identity()).norm();
+        if (!(error < 1e-3) || !position.allFinite())
+            throw DataError(fmt::format("{}: 'rotation' is no rotation, or 'position' is not finite", where));
+        camera.rotation = world_from_camera.transpose();
+        camera.translation = -camera.rotation * position;
+        return camera;
+    } catch (const nlohmann::json::exception& e) {
+        throw DataError(fmt::format("{}: {}", where, e.what()));
+    }
+}
+
+/// The point nearest to all optical axes in the least-squares sense. The small pull towards the cameras' mean decides
+/// when all look in one direction and the axes never meet.
+Vector3d common_target(const std::vector<View>& views) {
+    Matrix3d a = Matrix3d::Zero();
+    Vector3d b = Vector3d::Zero();
+    for (const View& view : views) {
+        const Vector3d axis = view.camera.rotation.row(2);
+        const Matrix3d off_axis = Matrix3d::Identity() - axis * axis.transpose() + 1e-6 * Matrix3d::Identity();
+        a += off_axis;
+        b += off_axis * view.camera.center();
+    }
+    return a.ldlt().solve(b);
+}
+
+}  // namespace
+
+std::vector<Camera> read_camera_path(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    if (!file) throw DataError(fmt::format("{}: cannot be read", path.string()));
+    const auto json = nlohmann::json::parse(file, nullptr, false);
+    if (!json.is_array() || json.empty()) throw DataError(fmt::format("{}: not a JSON list of cameras", path.string()));
+    std::vector<Camera> cameras;
+    for (std::size_t i = 0; i < json.size(); ++i)
+        cameras.push_back(camera_from_json(json[i], fmt::format("{}: entry {}", path.string(), i)));
+    return cameras;
+}
+
+std::vector<Camera> orbit_path(const std::vector<View>& views, int count) {
+    if (views.empty()) throw UsageError("an orbit needs the cameras of at least one view");
+    if (count < 1) throw UsageError(fmt::format("--orbit: {} is below 1", count));
+    const Vector3d target = common_target(views);
+    Vector3d up = Vector3d::Zero();
+    for (const View& view : views) up -= view.camera.rotation.row(1).transpose();
+    up = up.norm() > 1e-9 ? up.normalized() : Vector3d::UnitZ();
+    double height = 0, radius = 0;
+    for (const View& view : views) {
+        const Vector3d offset = view.camera.center() - target;
+        height += offset.dot(up) / double(views.size());
+        radius += (offset - offset.dot(up) * up).norm() / double(views.size());
+    }
+    // Start where the first camera stands; one on the axis itself starts anywhere.
+    Vector3d start = views[0].camera.center() - target;
+    start -= start.dot(up) * up;
+    if (start.norm() < 1e-9) start = up.unitOrthogonal();
+    const Vector3d e0 = start.normalized(), e1 = up.cross(e0);
+    if (radius < 1e-6) radius = 1;  // all cameras above the target: an orbit of radius 0 would have no direction
+    std::vector<Camera> cameras;
+    for (int i = 0; i < count; ++i) {
+        const double angle = 2 * M_PI * i / count;
+        const Vector3d offset = radius * (std::cos(angle) * e0 + std::sin(angle) * e1) + height * up;
+        const Vector3d forward = -offset.normalized(), right = forward.cross(up).normalized();
+        Camera camera = views[0].camera;
+        camera.rotation.row(0) = right;
+        camera.rotation.row(1) = forward.cross(right);
+        camera.rotation.row(2) = forward;
+        camera.translation = -camera.rotation * (target + offset);
+        cameras.push_back(camera);
+    }
+    return cameras;
+}
+
+}  // namespace gs

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/runs/packing_loss.h"
+
+#include "eval/runs/evaluate.h"
+#include "lib/export/pack_ppisp.h"
+#include "lib/export/packed_model.h"
+#include "lib/scene/camera_params.h"
+#include "lib/train/choose_backend.h"
+
+namespace gs {
+
+PackingLoss packing_loss(SavedRun& run, const PackedScene& scene) {
+    const std::vector<View>& views = run.scene.test;
+    EvalOptions options;
+    options.correction = run.correction;
+    PackingLoss loss;
+    loss.psnr = evaluate_views(*run.backend, views, run.background, options).psnr;
+    Gaussians model = packed_geometry(scene);
+    model.ppisp = run.backend->download_ppisp();
+    const auto backend = choose_backend(run.options.device, model.appearance, backend_options(run.options));
+    for (const View& view : views) {
+        set_packed_colors(scene, camera_params<double>(view.camera).position, model);
+        backend->upload(model);
+        loss.packed_psnr += evaluate_views(*backend, {view}, run.background, options).psnr / double(views.size());
+    }
+    return loss;
+}
+
+PackedPpisp packed_correction(SavedRun& run) {
+    const PpispState state = run.backend->download_ppisp();
+    PackedPpisp packed = pack_ppisp(state);
+    for (const View& view : run.scene.test) {
+        RenderRequest request;
+        request.camera = camera_params(view.camera);
+        request.background = run.background;
+        RenderedImage image;
+        run.backend->render(request, image);
+        packed.views.push_back(packed_frame(state, view_isp(view, run.correction), image));
+    }
+    return packed;
+}
+
+}  // namespace gs

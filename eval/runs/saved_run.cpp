@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a run folder back to a model on a backend.
+#include "eval/runs/saved_run.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
+
+#include <fstream>
+
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/ply.h"
+#include "lib/model/ppisp_json.h"
+#include "lib/model/run_folder.h"
+#include "lib/train/choose_backend.h"
+#include "lib/train/scene_options.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+
+namespace fs = std::filesystem;
+namespace {
+
+SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> iteration) {
+    std::error_code ignored;
+    if (iteration) {
+        if (fs::exists(folder.point_cloud(*iteration), ignored)) return {read_ply(folder.point_cloud(*iteration)), *iteration};
+        if (fs::exists(folder.checkpoint(*iteration), ignored)) return {read_checkpoint(folder.checkpoint(*iteration)).state, *iteration};
+        throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
+                                    folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(), *iteration));
+    }
+    if (fs::exists(folder.root / "point_cloud", ignored)) {
+        const std::int64_t latest = latest_point_cloud(folder.root);
+        return {read_ply(folder.point_cloud(latest)), latest};
+    }
+    Checkpoint checkpoint = read_checkpoint(latest_checkpoint(folder.root));
+    return {std::move(checkpoint.state), checkpoint.iteration};
+}
+
+}  // namespace
+
+bool holds_model(const fs::path& run_folder) {
+    std::error_code ignored;
+    if (run_folder.empty()) return false;
+    return fs::exists(run_folder / "point_cloud", ignored) || fs::exists(run_folder / "checkpoints", ignored);
+}
+
+SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
+    const RunFolder folder{run_folder};
+    SavedModel model = read_gaussians(folder, iteration);
+    std::error_code ignored;
+    if (fs::exists(folder.ppisp(), ignored)) {
+        PpispFile file = read_ppisp_json(folder.ppisp());
+        if (file.iteration != model.iteration) spdlog::warn("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
+        model.correction.exif = file.exif, model.correction.mean_exif = file.mean_exif;
+        model.state.ppisp = std::move(file.state);
+    }
+    model.correction.mode = best_correction(model.state.ppisp);
+    return model;
+}
+
+SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead) {
+    SavedRun run;
+    run.folder = run_folder;
+    run.options = load_run_options(run_folder);
+    run.options.model = run_folder.string(); // which may have been moved
+    if (!instead.source.empty()) run.options.source = instead.source;
+    if (!instead.device.empty()) run.options.device = instead.device;
+    const SavedModel model = read_saved_model(run_folder, iteration);
+    run.iteration = model.iteration;
+    run.correction = model.correction;
+    run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
+    run.backend->upload(model.state);
+    run.scene = load_scene(scene_options(run.options));
+    const Background background = parse_background(run.options.background);
+    run.background = {background.rgb[0], background.rgb[1], background.rgb[2]};
+    return run;
+}
+
+nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
+    const fs::path path = RunFolder{run_folder}.appearance_choice();
+    std::error_code ignored;
+    if (!fs::exists(path, ignored)) return nullptr;
+    std::ifstream file(path, std::ios::binary);
+    auto json = nlohmann::ordered_json::parse(file, nullptr, false);
+    if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", path.string()));
+    return json;
+}
+
+RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians) {
+    RunFacts facts;
+    facts.dataset = dataset_name(options.source);
+    facts.scene = scene_name(options.source);
+    facts.model = options.appearance;
+    if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
+    facts.appearance_choice = read_appearance_choice(options.model);
+    if (!facts.appearance_choice.is_null()) facts.model += " by auto";
+    facts.strategy = options.strategy + (options.speedy_splat ? " + speedy-splat" : "");
+    facts.split_rule = scene.split_rule;
+    facts.background = background;
+    facts.num_gaussians = num_gaussians;
+    const AppearanceSpec appearance = appearance_spec(options);
+    facts.bytes_per_gaussian = std::int64_t(sizeof(float)) * (group_width(Group::kBase, appearance) + group_width(Group::kResidual, appearance));
+    return facts;
+}
+
+}  // namespace gs

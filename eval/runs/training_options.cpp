@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/runs/training_options.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <vector>
+
+#include "lib/core/options.h"
+
+namespace gs {
+namespace {
+
+/// What a run may differ in and still have made the same figures, but for the seed.
+bool is_immaterial(const Option& option) {
+    static const std::vector<std::string> keys = {"source", "model",           "image-cache",     "overwrite",             "resume",
+                                                  "seed",   "auto-tolerance", "test-iterations", "save-iterations", "checkpoint-iterations", "preview-every"};
+    return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
+}
+
+}  // namespace
+
+std::map<std::string, std::string> training_options(const TrainOptions& options) {
+    std::map<std::string, std::string> texts;
+    for (const Option& option : train_option_table())
+        if (!is_immaterial(option)) texts[option.key] = option_text(option, options);
+    const bool builtin = options.source.starts_with("builtin:");
+    std::error_code error;
+    const auto resolved = std::filesystem::weakly_canonical(options.source, error);
+    texts["source"] = builtin || error ? options.source : resolved.string();
+    return texts;
+}
+
+}  // namespace gs

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Picks the backend of a model from the generated lists.
+#include <utility>
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "kernels/core/error.h"
+#include "kernels/cuda/cuda_device.h"
+#include "kernels/reference_image.h"
+#include "kernels/tensors/tensor_engine.h"
+
+#include "backends.inc"
+
+namespace gs {
+
+namespace {
+
+/// The entry of the model in one of the lists.
+template <class List> auto of_model(const List& list, const AppearanceSpec& appearance) {
+    const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
+    for (const auto& [name, entry] : list)
+        if (info.name == name) return entry;
+    throw UsageError("appearance model '" + appearance.model + "' has no backend of this kind");
+}
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) { return of_model(kCpuBackends, appearance)(options); }
+
+std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request) { return of_model(kReferences, model.appearance)(model, request); }
+
+std::string cuda_architectures() { return GSAPP_CUDA_ARCHITECTURES; }
+
+#ifdef GSAPP_WITH_CUDA
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
+    if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason() + "; use --device cpu");
+    return of_model(kCudaBackends, appearance)(options);
+}
+#else
+bool cuda_available() { return false; }
+int cuda_device_count() { return 0; }
+std::string cuda_driver_description() { throw DeviceError(cuda_unavailable_reason()); }
+Ceilings cuda_ceilings() { throw DeviceError(cuda_unavailable_reason()); }
+std::string cuda_unavailable_reason() { return "this gsapp was built without CUDA"; }
+std::unique_ptr<TensorEngine> make_cuda_tensor_engine() { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
+#endif
+
+}  // namespace gs

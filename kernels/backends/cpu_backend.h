@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CPU backend of one appearance model: the rasterizer, the loss, and a fused backward + Adam + noise per Gaussian.
+#pragma once
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "kernels/backends/cpu_rasterizer.h"
+#include "kernels/core/ceilings.h"
+#include "kernels/densify/densify.h"
+#include "kernels/loss/loss.h"
+#include "kernels/optimizer/update_device.h"
+#include "kernels/ppisp/ppisp.h"
+
+namespace gs {
+
+template <class Model> class CpuBackend final : public Backend {
+  public:
+    /// Every sum has a fixed order here, and images stay where they are.
+    explicit CpuBackend(const BackendOptions& options) : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
+
+    std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
+
+    void upload(const Gaussians& state) override {
+        state_ = state;
+        for (auto& group : state_.groups) {
+            group.m.resize(group.param.size(), 0.0f);
+            group.v.resize(group.param.size(), 0.0f);
+        }
+        state_.shared.m.resize(state_.shared.param.size(), 0.0f);
+        state_.shared.v.resize(state_.shared.param.size(), 0.0f);
+        allocate_moments(state_.ppisp);
+    }
+    Gaussians download(bool with_moments) override {
+        if (with_moments) return state_;
+        Gaussians out;
+        out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree, out.step = state_.step;
+        for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
+        out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
+        out.ppisp = download_ppisp();
+        return out;
+    }
+    std::int64_t count() const override { return state_.count; }
+    void set_active_degree(int degree) override { state_.active_degree = degree; }
+    void upload_ppisp(const PpispState& state) override {
+        state_.ppisp = state;
+        allocate_moments(state_.ppisp);
+    }
+
+    PpispState download_ppisp() override {
+        PpispState out = state_.ppisp;
+        drop_moments(out);
+        return out;
+    }
+
+    void render(const RenderRequest& request, RenderedImage& out) override {
+        const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
+        out.width = request.camera.width, out.height = request.camera.height;
+        out.rgb.resize(3 * pixels);
+        out.alpha.resize(pixels);
+        raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree, request.mode, out.rgb.data(),
+                        out.alpha.data());
+        for (float& t : out.alpha) t = 1 - t;
+        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp)) // a residual is no colour
+            correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
+    }
+
+    void step(const StepRequest& r) override {
+        const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.isp_rate > 0;
+        const LossValues loss = view_loss(r, corrected);
+        ++state_.step; // counts steps that are then skipped, too: a device learns about those too late to count otherwise
+        if (corrects) ++state_.ppisp.step;
+        if (!note_loss(loss)) return;
+        if (corrected) {
+            const StageTimer timer(correction_seconds_);
+            correction_.backward(image_.data(), dL_dimage_.data());
+        }
+        raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+        update(r, ParameterView<float>::of(state_));
+        if (corrects) {
+            const StageTimer timer(correction_seconds_);
+            if (!correction_.step_parameters(state_.ppisp, r.isp_rate)) ++stats_.num_nonfinite_gradients;
+        }
+        count_work(transmittance_.size());
+    }
+
+    void distill(const StepRequest& r) override {
+        check_distillation(state_.ppisp, r.isp);
+        const LossValues loss = view_loss(r, true);
+        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
+        if (!note_loss(loss) || r.isp_rate <= 0) return;
+        const StageTimer timer(correction_seconds_);
+        correction_.backward(image_.data(), dL_dimage_.data());
+        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) ++stats_.num_nonfinite_gradients;
+    }
+
+    StepStats take_stats() override {
+        const StepStats out = stats_;
+        stats_.steps = 0;
+        stats_.num_nonfinite_gradients = 0;
+        return out;
+    }
+
+    void synchronize() override {}
+
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+        RenderedImage image;
+        double seconds = 0;
+        for (int round = 0; round <= repeats; ++round) {
+            if (round == 1) seconds = 0;
+            const StageTimer timer(seconds);
+            for (const RenderRequest& view : views) render(view, image);
+        }
+        return seconds / (double(repeats) * double(views.size()));
+    }
+
+    void measure_stages(bool) override {} // reading the clock costs nothing here
+
+    std::vector<StageCost> take_stage_costs() override {
+        auto& s = raster_.seconds;
+        const double gaussians = work_.gaussians, pairs = work_.pairs;
+        const ModelInfo& info = appearance_model(state_.appearance.model);
+        const bool residual = state_.active_degree > 0;
+        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0); // parameters of a Gaussian that are used
+        const double operations = residual ? info.operations : 0, operations_backward = residual ? info.operations_backward : 0;
+        // Instructions are counted in the templates: fragment_alpha 17 (of these 10 for exp2) + blend_fragment 10;
+        // backward fragment_alpha 17 + blend_fragment_backward 34. A splat is 40 bytes, its sums 36.
+        std::vector<StageCost> costs = {
+            {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
+             work_.visible * (260 + operations),
+             "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles", true},
+            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
+             "a comparison sort of 8-byte keys, the floor assumes streaming"},
+            {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27, ""},
+            {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70),
+             "each image row is read eleven times from the cache"},
+            {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
+            {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
+             work_.visible * (500 + operations_backward) + gaussians * 10 * values,
+             "one Gaussian at a time in scalar code, the floor assumes full vectors", true}};
+        // Instructions per pixel: forward 235 (six powers of 25 each), backward those again and 300.
+        if (work_.corrected_pixels > 0)
+            costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel", work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
+                             "powers and logarithms in scalar code, the floor assumes full vectors"});
+        s = {};
+        loss_seconds_ = update_seconds_ = correction_seconds_ = 0;
+        work_ = {};
+        return costs;
+    }
+
+    Ceilings measure_ceilings() override { return cpu_ceilings(); }
+
+    MemoryUse memory() override { return {}; } // the process's memory is the operating system's to tell
+
+    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
+        return mcmc_densify(state_, params, iteration, seed);
+    }
+    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override {
+        return adc_densify(state_, params, iteration, seed);
+    }
+    void reset_opacity() override { adc_reset_opacity(state_); }
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override {
+        std::vector<double> sums(state_.count, 0.0);
+        for (const RenderRequest& view : views) {
+            const std::size_t pixels = std::size_t(view.camera.width) * view.camera.height;
+            image_.resize(3 * pixels);
+            transmittance_.resize(pixels);
+            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree, RenderMode::kFull, image_.data(),
+                            transmittance_.data());
+            raster_.add_scores(image_.data(), transmittance_.data(), sums);
+        }
+        return {sums.begin(), sums.end()};
+    }
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override {
+        return remove_lowest_scores(state_, scores(views), ratio);
+    }
+    void morton_sort() override { gather_rows(state_, morton_order(state_)); }
+
+    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return remove_nonfinite(state_, by_group); }
+    std::int64_t prune_invisible() override { return remove_invisible(state_); }
+
+  private:
+    /// Renders the view into image_, corrects it into corrected_ on request, and leaves the gradient of either in dL_dimage_.
+    LossValues view_loss(const StepRequest& r, bool corrected) {
+        const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
+        image_.resize(3 * pixels);
+        transmittance_.resize(pixels);
+        dL_dimage_.resize(3 * pixels);
+        raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree, RenderMode::kFull, image_.data(), transmittance_.data());
+        if (corrected) {
+            const StageTimer timer(correction_seconds_);
+            work_.corrected_pixels += double(pixels);
+            corrected_.resize(3 * pixels);
+            correction_.apply(state_.ppisp, r.isp, image_.data(), r.camera.width, r.camera.height, corrected_.data());
+        }
+        const StageTimer timer(loss_seconds_);
+        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
+    }
+
+    /// False: the step is to be skipped, for the loss is not finite.
+    bool note_loss(const LossValues& loss) {
+        stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
+        stats_.num_instances = raster_.num_instances();
+        ++stats_.steps;
+        const bool finite = std::isfinite(loss.loss);
+        stats_.consecutive_skips = finite ? 0 : stats_.consecutive_skips + 1;
+        return finite;
+    }
+
+    void count_work(std::size_t pixels) {
+        work_.gaussians += double(state_.count);
+        work_.visible += double(raster_.num_visible());
+        work_.instances += double(raster_.num_instances());
+        work_.pixels += double(pixels);
+        work_.pairs += double(kLanes) * double(raster_.num_lane_operations());
+    }
+
+    void update(const StepRequest& r, const ParameterView<float>& params) {
+        const StageTimer timer(update_seconds_);
+        const UpdateArgs args = update_args(r, state_.step, state_.count);
+        const int width = state_[Group::kResidual].width;
+        if (r.gather_gradient_stats) {
+            state_.gradient_sum.resize(state_.count, 0.0f);
+            state_.gradient_count.resize(state_.count, 0.0f);
+        }
+        ModelArrays arrays{};
+        for (int g = 0; g < kNumGroups; ++g) {
+            auto& group = state_.groups[g];
+            arrays.param[g] = group.param.data(), arrays.m[g] = group.m.data(), arrays.v[g] = group.v.data(), arrays.width[g] = group.width;
+        }
+        if (r.gather_gradient_stats) arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
+        const std::int64_t parts = num_parts(state_.count);
+        nonfinite_.assign(parts, 0);
+        dL_dshared_.assign(parts * kNumSharedOf<Model>, 0.0f);
+        parallel_for(parts, [&](std::int64_t part) {
+            typename CpuRasterizer<float, Model>::FullGradient gradient;
+            for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
+                raster_.gaussian_gradient(params, i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>);
+                if (!drop_nonfinite(gradient, gradient.residual, width)) ++nonfinite_[part];
+                update_gaussian(arrays, args, i, gradient);
+                update_residual(arrays, args, i, gradient.residual);
+            }
+        });
+        for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
+        for (int k = 0; k < kNumSharedOf<Model>; ++k) {
+            double sum = 0;
+            for (std::int64_t part = 0; part < parts; ++part) sum += dL_dshared_[part * kNumSharedOf<Model> + k];
+            auto& shared = state_.shared;
+            if (!update_shared(shared.param[k], shared.m[k], shared.v[k], float(sum), args.shared_step)) ++stats_.num_nonfinite_gradients;
+        }
+    }
+
+    /// One step of the residual of Gaussian i.
+    static void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, const float* dL_dresidual) {
+        const int k = int(Group::kResidual), width = a.width[k];
+        float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
+        if (u.per_column) {
+            for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c]);
+            return;
+        }
+        const AdamStep<float> t = u.steps[k];
+#pragma omp simd
+        for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], t);
+    }
+
+    Gaussians state_;
+    CpuRasterizer<float, Model> raster_;
+    ImageLoss<float> loss_;
+    ViewCorrection correction_;
+    std::vector<float> image_, transmittance_, dL_dimage_;
+    std::vector<float> corrected_;  ///< image_ after PPISP, where that is active
+    std::vector<float> dL_dshared_; ///< a row for each part, so that the sum has a fixed order
+    std::vector<std::int64_t> nonfinite_;
+    StepStats stats_;
+    double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
+    struct {
+        double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
+    } work_; ///< of the steps since the last take_stage_costs
+};
+
+}  // namespace gs

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+// The render pipeline on the CPU, forward and backward: preprocess, sort, blend and the same way back.
+//
+// A template over the scalar (float in production, double as the tests' reference) and the appearance model. Results
+// do not depend on the number of threads: parts and tiles have fixed sizes, instance gradients have a slot each, and
+// sums run in a fixed order.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <vector>
+
+#include "kernels/blend/blend_cpu.h"
+#include "kernels/blend/score_cpu.h"
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "kernels/preprocess/gaussian_device.h"
+#include "kernels/sort/binning.h"
+#include "kernels/splat/depth_key.h"
+
+namespace gs {
+
+/// Adds the time of a scope to a sum.
+class StageTimer {
+  public:
+    explicit StageTimer(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}
+    ~StageTimer() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+  private:
+    double& seconds_;
+    std::chrono::steady_clock::time_point start_;
+};
+
+template <class Real, class Model> class CpuRasterizer {
+  public:
+    explicit CpuRasterizer(std::int64_t max_instances = default_max_instances(), const Cutoffs<Real>& cutoffs = {}) : max_instances_(max_instances), cutoffs_(cutoffs) {}
+
+    /// image: planar (3,H,W); transmittance: (H,W). Keeps what backward() needs.
+    void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background, int degree,
+                 RenderMode mode, Real* image, Real* transmittance) {
+        camera_ = camera;
+        depth_key_ = DepthKey::of(float(camera.near_plane), float(camera.far_plane));
+        background_ = background;
+        degree_ = Model::kDirectional ? degree : 0;
+        tiles_x_ = (camera.width + kCpuTile - 1) / kCpuTile;
+        tiles_y_ = (camera.height + kCpuTile - 1) / kCpuTile;
+        {
+            const StageTimer timer(seconds.preprocess);
+            preprocess(params, mode);
+        }
+        {
+            const StageTimer timer(seconds.sort);
+            binning_.build(bins_, std::uint32_t(tiles_x_) * tiles_y_, max_instances_);
+        }
+        const StageTimer timer(seconds.blend);
+        block_masks_.resize(binning_.instances().size());
+        processed_.resize(std::size_t(tiles_x_) * tiles_y_);
+        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
+            processed_[tile] = blend_tile(tile_input(tile), block_masks_.data() + binning_.offsets()[tile], image, transmittance);
+        });
+    }
+
+    /// Blend backward for the last forward() of RenderMode::kFull; then gaussian_gradient() may be called.
+    void backward(const Real* image, const Real* transmittance, const Real* dL_dimage) {
+        const StageTimer timer(seconds.blend_backward);
+        sums_.resize(binning_.instances().size());
+        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
+            blend_tile_backward(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image, transmittance,
+                                dL_dimage, sums_.data());
+        });
+    }
+
+    struct FullGradient : GaussianGradient<Real> {
+        Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
+    };
+
+    /// Gradients of Gaussian i; those of shared weights are added. `params` are those of forward(). Thread-safe.
+    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out, Real* dL_dshared) const {
+        out = {};
+        if (bins_.count[i] == 0) return;
+        SplatSums<Real> sum{};
+        const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
+        for (std::uint32_t k = 0; k < bins_.count[i]; ++k) {
+            sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy, sum.hyy += s[k].hyy;
+            sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
+        }
+        gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
+    }
+
+    /// Adds the scores of the last forward() of RenderMode::kFull to `scores`, one a Gaussian.
+    void add_scores(const Real* image, const Real* transmittance, std::vector<double>& scores) {
+        score_sums_.resize(binning_.instances().size());
+        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
+            score_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image, transmittance, score_sums_.data());
+        });
+        parallel_for_rows(std::int64_t(scores.size()), [&](std::int64_t i) {
+            if (bins_.count[i] == 0) return;
+            const Real* s = &score_sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
+            for (std::uint32_t k = 0; k < bins_.count[i]; ++k) scores[i] += s[k];
+        });
+    }
+
+    std::int64_t num_visible() const { return binning_.num_visible(); }
+    std::int64_t num_instances() const { return static_cast<std::int64_t>(binning_.instances().size()); }
+
+    /// Lane operations (16 pixels x 1 Gaussian) the last forward() evaluated: the unit of the cost model.
+    std::int64_t num_lane_operations() const {
+        std::int64_t n = 0;
+        for (std::size_t tile = 0; tile < processed_.size(); ++tile)
+            for (std::int64_t k = 0; k < processed_[tile]; ++k) n += __builtin_popcount(block_masks_[binning_.offsets()[tile] + k]);
+        return n;
+    }
+
+    /// Time spent so far, for the cost model.
+    struct Seconds {
+        double preprocess = 0, sort = 0, blend = 0, blend_backward = 0;
+    } seconds;
+
+  private:
+    void preprocess(const ParameterView<Real>& params, RenderMode mode) {
+        const std::int64_t parts = num_parts(params.count);
+        bins_.parts.resize(parts);
+        bins_.first.resize(params.count);
+        bins_.count.resize(params.count);
+        splats_.resize(params.count);
+        std::atomic<std::int64_t> instances{0};
+        parallel_for(parts, [&](std::int64_t part) {
+            BinningInput::Part& bin = bins_.parts[part];
+            bin.depth_keys.clear();
+            bin.tiles.clear();
+            for (std::int64_t i = part * kPartSize, end = std::min(params.count, i + kPartSize); i < end; ++i) {
+                bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
+                preprocess_one(params, i, mode, bin);
+                bins_.count[i] = static_cast<std::uint32_t>(bin.tiles.size()) - bins_.first[i];
+                // Stop before memory runs out; build() then reports it.
+                if (bins_.count[i] > 0 && instances.load(std::memory_order_relaxed) + std::int64_t(bin.tiles.size()) > max_instances_) break;
+            }
+            instances += static_cast<std::int64_t>(bin.tiles.size());
+        });
+    }
+
+    void preprocess_one(const ParameterView<Real>& params, std::int64_t i, RenderMode mode, BinningInput::Part& bin) {
+        const GaussianGeometry<Real> g = params.geometry(i);
+        Splat<Real>& s = splats_[i];
+        PixelBounds b;
+        Real z;
+        if (!make_splat(g, camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, b, z, cutoffs_)) return;
+        const std::size_t before = bin.tiles.size();
+        for (int ty = b.y_min / kCpuTile; ty * kCpuTile < b.y_max; ++ty)
+            for (int tx = b.x_min / kCpuTile; tx * kCpuTile < b.x_max; ++tx) {
+                const Real power = min_power_in_rectangle(s, Real(tx * kCpuTile), Real(ty * kCpuTile), Real(kCpuTile - 1), Real(kCpuTile - 1));
+                if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
+            }
+        if (bin.tiles.size() == before) return;
+        const Vec3<Real> direction = params.direction(i, camera_.position).unit;
+        const int degree = mode == RenderMode::kBaseOnly ? 0 : degree_;
+        s.color = gaussian_color(params.activation, params.base(i), model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
+        bin.depth_keys.push_back(std::uint64_t(depth_key_(float(z))) << 32 | std::uint32_t(i));
+    }
+
+    TileInput<Real> tile_input(std::int64_t tile) const {
+        const std::uint32_t first = binning_.offsets()[tile], last = binning_.offsets()[tile + 1];
+        return {int(tile % tiles_x_) * kCpuTile, int(tile / tiles_x_) * kCpuTile, camera_.width, camera_.height,
+                binning_.instances().data() + first, std::int64_t(last - first), splats_.data(), background_, cutoffs_};
+    }
+
+    std::int64_t max_instances_;
+    Cutoffs<Real> cutoffs_;
+    CameraParams<Real> camera_{};
+    DepthKey depth_key_{};
+    Vec3<Real> background_{};
+    int degree_ = 0, tiles_x_ = 0, tiles_y_ = 0;
+    BinningInput bins_;
+    TileBinning binning_;
+    std::vector<Splat<Real>> splats_;
+    std::vector<std::uint16_t> block_masks_;
+    std::vector<std::int64_t> processed_;
+    std::vector<SplatSums<Real>> sums_;
+    std::vector<Real> score_sums_; ///< by slot; only where scores are asked for
+};
+
+}  // namespace gs

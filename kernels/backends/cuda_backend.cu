@@ -1,0 +1,585 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "kernels/backends/cuda_backend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+
+#include "appearance/model_info.h"
+#include "kernels/cuda/cuda_device.h"
+
+namespace gs {
+namespace {
+
+/// The index of an instance is a signed 32-bit integer for the sort.
+constexpr unsigned long long kMaxInstances = 0x7fffffff;
+/// Largest side: pixel bounds are 16-bit, padded to whole tiles.
+constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
+/// Threads of a block that rounds parameters, and where they saturate.
+constexpr int kHalfBlock = 256;
+constexpr float kLargestHalf = 65504;
+
+std::uint32_t bits_of(float x) {
+    std::uint32_t bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+__global__ void report_step(const StepControl* control, StepStatus* status) {
+    status->num_instances = control->num_instances;
+    status->num_pairs = control->num_pairs;
+    status->l1 = control->l1, status->ssim = control->ssim;
+    status->num_visible = control->num_visible;
+    status->num_nonfinite = control->num_nonfinite;
+    status->stopped = control->stopped;
+}
+
+cudaStream_t make_stream() {
+    cudaStream_t stream;
+    GS_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+    return stream;
+}
+
+/// A group's moments as words of both (packed_moments.h), to nearest.
+template <class Group> std::vector<float> packed(const Group& group) {
+    std::vector<float> words(group.m.size());
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        const std::uint32_t word = pack_moments(bits_of(group.m[i]), bits_of(group.v[i]), 0x8000);
+        std::memcpy(&words[i], &word, sizeof word);
+    }
+    return words;
+}
+
+/// Back: m holds the words.
+template <class Group> void unpack(Group& group) {
+    group.v.resize(group.m.size());
+    for (std::size_t i = 0; i < group.m.size(); ++i) {
+        const std::uint32_t word = bits_of(group.m[i]), m = first_moment_bits(word), v = second_moment_bits(word);
+        std::memcpy(&group.m[i], &m, sizeof m);
+        std::memcpy(&group.v[i], &v, sizeof v);
+    }
+}
+
+__global__ void round_to_half(std::size_t n, const float* values, __half* out) {
+    const std::size_t i = std::size_t(blockIdx.x) * kHalfBlock + threadIdx.x;
+    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -kLargestHalf, kLargestHalf));
+}
+
+int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
+
+}  // namespace
+
+CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& options)
+    : kernels_(kernels), options_(options), cutoffs_(Cutoffs<float>::of(options.min_alpha, options.min_transmittance)), stream_(make_stream()), lazy_(model_, stream_), images_(options.image_budget, kInFlight) {
+    model_.packed_moments = options.packed_moments;
+    GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
+    for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
+    GS_CUDA(cudaMemsetAsync(control_.reserve(1), 0, sizeof(StepControl), stream_));
+}
+
+CudaBackend::~CudaBackend() {
+    cudaStreamSynchronize(stream_);
+    for (cudaEvent_t e : done_) cudaEventDestroy(e);
+    cudaFreeHost(statuses_);
+    cudaStreamDestroy(stream_);
+}
+
+std::string CudaBackend::describe() const {
+    cudaDeviceProp p;
+    int device = 0;
+    GS_CUDA(cudaGetDevice(&device));
+    GS_CUDA(cudaGetDeviceProperties(&p, device));
+    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "") + (options_.separate_appearance ? ", separate appearance" : "");
+}
+
+// --- the model ------------------------------------------------------------------------------------------------------
+
+void CudaBackend::upload(const Gaussians& state) {
+    abandon_steps(); // of the model that goes
+    stats_ = {};
+    model_.count = 0; // stays so if there is no memory
+    meta_ = Gaussians{};
+    meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
+    for (int g = 0; g < kNumGroups; ++g) {
+        const auto& group = state.groups[g];
+        meta_.groups[g].width = model_.width[g] = group.width;
+        model_.param[g].upload(group.param);
+        if (model_.moments(g).size() == 1) {
+            model_.m[g].upload_or_zero(group.m.empty() ? group.m : packed(group), group.param.size());
+            continue;
+        }
+        model_.m[g].upload_or_zero(group.m, group.param.size());
+        model_.v[g].upload_or_zero(group.v, group.param.size());
+    }
+    meta_.shared.width = state.shared.width;
+    if (state.shared.width != kernels_.shared.count)
+        throw UsageError("the model holds " + std::to_string(state.shared.width) + " shared weights, its appearance has " + std::to_string(kernels_.shared.count));
+    if (kernels_.shared.count > 0) {
+        const std::size_t n = std::size_t(kernels_.shared.count);
+        model_.shared_param.upload(state.shared.param);
+        model_.shared_m.upload_or_zero(state.shared.m, n);
+        model_.shared_v.upload_or_zero(state.shared.v, n);
+        const std::size_t words = std::size_t(kernels_.shared.prepared_words);
+        GS_CUDA(cudaMemsetAsync(model_.shared_prepared.reserve(words), 0, words * sizeof(unsigned), stream_));
+        kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
+    }
+    model_.has_statistic = !state.gradient_sum.empty();
+    model_.gradient_sum.upload(state.gradient_sum);
+    model_.gradient_count.upload(state.gradient_count);
+    ppisp_.upload(state.ppisp);
+    sizes_ = {}; // it takes some of the scratch block
+    model_.count = state.count;
+    half_residuals_current_ = false;
+    lazy_.reset(meta_.step);
+    GS_CUDA(cudaDeviceSynchronize());
+}
+
+Gaussians CudaBackend::download(bool with_moments) {
+    settle();
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    Gaussians out = meta_;
+    out.count = model_.count;
+    for (int g = 0; g < kNumGroups; ++g) {
+        const std::size_t n = model_.floats(g);
+        out.groups[g].param = model_.param[g].download(n);
+        if (!with_moments) continue;
+        out.groups[g].m = model_.m[g].download(n);
+        if (model_.moments(g).size() == 1)
+            unpack(out.groups[g]);
+        else
+            out.groups[g].v = model_.v[g].download(n);
+    }
+    const std::size_t shared = std::size_t(kernels_.shared.count);
+    out.shared.param = model_.shared_param.download(shared);
+    if (with_moments) out.shared.m = model_.shared_m.download(shared), out.shared.v = model_.shared_v.download(shared);
+    out.ppisp = ppisp_.download(with_moments);
+    if (with_moments && model_.has_statistic) {
+        out.gradient_sum = model_.gradient_sum.download(model_.count);
+        out.gradient_count = model_.gradient_count.download(model_.count);
+    }
+    return out;
+}
+
+void CudaBackend::set_active_degree(int degree) {
+    if (degree == meta_.active_degree) return;
+    synchronize(); // a step that has to be repeated must see the degree it began with
+    meta_.active_degree = degree;
+}
+
+void CudaBackend::upload_ppisp(const PpispState& state) {
+    synchronize(); // a step that has to be repeated must see what it began with
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    ppisp_.upload(state);
+    sizes_ = {}; // it takes some of the scratch block
+    GS_CUDA(cudaDeviceSynchronize());
+}
+
+// --- one forward pass -----------------------------------------------------------------------------------------------
+
+void CudaBackend::take(Carver& c, const Sizes& sizes) {
+    const std::size_t pixels = std::size_t(sizes.width) * sizes.height;
+    const int tiles = padded(sizes.width, kCudaTileX) / kCudaTileX * (padded(sizes.height, kCudaTileY) / kCudaTileY);
+    splats_ = c.take<PackedSplat>(sizes.n);
+    separate_ = {};
+    if (options_.separate_appearance && kernels_.directional) separate_.residuals = c.take<Vec3<float>>(sizes.n);
+    image_ = c.take<float>(3 * pixels);
+    transmittance_ = c.take<float>(pixels);
+    ppisp_.take(c, sizes.width, sizes.height, sizes.for_step);
+    binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
+    if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
+    // What only binning uses, and what only comes after it, share their place.
+    const std::size_t at = c.at();
+    binning_.take_temporaries(c);
+    if (!sizes.for_step) return;
+    c.rewind(at);
+    sums_ = c.take<PackedSums>(sizes.n);
+    if (kernels_.shared.count > 0) shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) * std::size_t(kernels_.shared.count));
+    if (options_.separate_appearance && kernels_.directional) {
+        separate_.dL_dresiduals = c.take<float>(std::size_t(sizes.n) * model_.width[int(Group::kResidual)]);
+        separate_.dL_dmeans = c.take<Vec3<float>>(sizes.n);
+    }
+    dL_dimage_ = c.take<float>(3 * pixels);
+    loss_.take(c, sizes.width, sizes.height);
+    if (options_.deterministic) blend_.take_partial_sums(c, sizes.capacity);
+}
+
+void CudaBackend::lay_out(const Sizes& sizes) {
+    if (sizes == sizes_) return;
+    sizes_ = {}; // stays so if there is no memory
+    scratch_.carve([&](Carver& c) { take(c, sizes); });
+    sizes_ = sizes;
+}
+
+PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const {
+    const auto p = [&](Group g) { return model_.param[int(g)].get(); };
+    const ParameterView<float> view{model_.count,       p(Group::kMean), p(Group::kScale),    p(Group::kRotation),
+                                    p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation,
+                                    model_.shared_param.get()};
+    return {view, camera, kernels_.directional ? meta_.active_degree : 0, padded(camera.width, kCudaTileX), padded(camera.height, kCudaTileY), mode,
+            DepthKey::of(camera.near_plane, camera.far_plane), cutoffs_, lazy, {}, {}, nullptr};
+}
+
+PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
+    PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+    if (!options_.half_residuals || model_.floats(int(Group::kResidual)) == 0) return args;
+    if (!half_residuals_current_) {
+        const std::size_t n = model_.floats(int(Group::kResidual));
+        round_to_half<<<num_blocks(n, kHalfBlock), kHalfBlock, 0, stream_>>>(n, model_.param[int(Group::kResidual)].get(), half_residuals_.reserve(n));
+        GS_CUDA_LAUNCHED("round_to_half");
+        half_residuals_current_ = true;
+    }
+    args.half_residuals = half_residuals_.get();
+    return args;
+}
+
+BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<float> background) const {
+    return {camera.width, camera.height, background, image_, transmittance_, cutoffs_};
+}
+
+CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
+    const CameraParams<float>& camera = args.camera;
+    if (std::max(camera.width, camera.height) > kMaxSide)
+        throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) + " pixels: the CUDA backend takes up to " +
+                          std::to_string(kMaxSide) + " a side");
+    if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * model_.count, 1 << 16);
+    try {
+        lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    } catch (const DeviceError&) {
+        if (needed_ >= capacity_) throw;
+        capacity_ = std::max<std::int64_t>(needed_, 1); // room ahead of need was too much to ask
+        lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+    }
+    args.shared = {model_.shared_prepared.get(), shared_sums_};
+    args.separate = separate_;
+    largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
+    times_.begin(stream_);
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
+    if (model_.count > 0) kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
+    times_.end(CudaStage::kPreprocess, stream_);
+    const CudaBins bins = binning_.build(splats_, control_.get(), stream_);
+    times_.end(CudaStage::kSort, stream_);
+    blend_.forward(bins, splats_, blend_image(camera, background), control_.get(), for_backward, stream_);
+    times_.end(CudaStage::kBlend, stream_);
+    return bins;
+}
+
+void CudaBackend::make_room(unsigned long long num_instances) {
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
+    if (num_instances > kMaxInstances)
+        throw DeviceError("more than " + std::to_string(kMaxInstances) + " Gaussian-tile instances in one view (" + std::to_string(num_instances) +
+                          "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower --resolution");
+    needed_ = std::max(needed_, std::int64_t(num_instances));
+    capacity_ = std::int64_t(std::min(kMaxInstances, num_instances + num_instances / 4 + 1024));
+}
+
+void CudaBackend::forget(const Step& s) {
+    if (s.adam_step) lazy_.rewind(--meta_.step);
+    ppisp_.rewind(s.isp_step > 0, s.controller_step > 0);
+}
+
+void CudaBackend::abandon_steps() {
+    cudaStreamSynchronize(stream_);
+    for (const Step& s : in_flight_) forget(s);
+    in_flight_.clear();
+    cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
+}
+
+CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
+    settle();
+    const std::int64_t for_steps = capacity_;
+    CudaBins bins;
+    do {
+        if (statuses_->stopped) make_room(statuses_->num_instances);
+        PreprocessArgs args = frame_args(r);
+        bins = enqueue_forward(args, r.background, false);
+        report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
+        GS_CUDA_LAUNCHED("report_step");
+        GS_CUDA(cudaStreamSynchronize(stream_));
+    } while (statuses_->stopped);
+    if (for_steps) capacity_ = for_steps; // a single close view must not slow down the training that goes on
+    return bins;
+}
+
+void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
+    forward_whole(r);
+    if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) { // a residual is no colour
+        ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
+        GS_CUDA(cudaStreamSynchronize(stream_));
+    }
+    const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
+    out.width = r.camera.width, out.height = r.camera.height;
+    out.rgb.resize(3 * pixels), out.alpha.resize(pixels);
+    GS_CUDA(cudaMemcpy(out.rgb.data(), image_, 3 * pixels * sizeof(float), cudaMemcpyDeviceToHost));
+    GS_CUDA(cudaMemcpy(out.alpha.data(), transmittance_, pixels * sizeof(float), cudaMemcpyDeviceToHost));
+    for (float& t : out.alpha) t = 1 - t;
+}
+
+double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
+    RenderedImage image;
+    const std::int64_t for_steps = capacity_;
+    std::int64_t most = 1;
+    for (const RenderRequest& view : views) {
+        render(view, image); // warms up, and tells how much room a view needs
+        most = std::max(most, std::int64_t(statuses_->num_instances));
+    }
+    capacity_ = most;
+    cudaEvent_t begin, end;
+    GS_CUDA(cudaEventCreate(&begin));
+    GS_CUDA(cudaEventCreate(&end));
+    GS_CUDA(cudaEventRecord(begin, stream_));
+    for (int k = 0; k < repeats; ++k)
+        for (const RenderRequest& view : views) {
+            PreprocessArgs args = frame_args(view);
+            enqueue_forward(args, view.background, false);
+            if (ppisp_.corrects(view.isp)) ppisp_.apply(view.isp, image_, view.camera.width, view.camera.height, image_, stream_);
+        }
+    GS_CUDA(cudaEventRecord(end, stream_));
+    GS_CUDA(cudaEventSynchronize(end));
+    float ms = 0;
+    GS_CUDA(cudaEventElapsedTime(&ms, begin, end));
+    cudaEventDestroy(begin);
+    cudaEventDestroy(end);
+    capacity_ = for_steps;
+    return 1e-3 * ms / (double(repeats) * double(views.size()));
+}
+
+// --- steps ----------------------------------------------------------------------------------------------------------
+
+void CudaBackend::step(const StepRequest& r) {
+    while (in_flight_.size() >= kInFlight) finish_oldest();
+    const bool lazily = r.residual_rates.empty();
+    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) { // not before it is known that no step in flight has to be repeated
+        settle();
+        lazy_.reset(meta_.step);
+    }
+    lazily_ = lazily;
+    Step s;
+    s.request = r;
+    s.adam_step = ++meta_.step;
+    half_residuals_current_ = false;
+    s.lazy = lazy_.begin_step(s.adam_step, lazily, r.rates[int(Group::kResidual)]);
+    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) s.isp_step = ppisp_.begin_step();
+    launch(std::move(s), r.target);
+    if (!times_.on) return;
+    synchronize();
+    times_.add();
+}
+
+PpispState CudaBackend::download_ppisp() {
+    synchronize();
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    return ppisp_.download(false);
+}
+
+void CudaBackend::distill(const StepRequest& r) {
+    check_distillation(ppisp_.host(), r.isp);
+    while (in_flight_.size() >= kInFlight) finish_oldest();
+    if (in_flight_.empty() || in_flight_.back().adam_step) settle(); // residuals as they are at the end of training
+    Step s;
+    s.request = r;
+    if (r.isp_rate > 0) s.controller_step = ppisp_.begin_controller_step();
+    launch(std::move(s), r.target);
+}
+
+void CudaBackend::launch(Step s, const TargetImage& target) {
+    in_flight_.push_back(std::move(s));
+    Step& step = in_flight_.back();
+    step.slot = next_slot_;
+    step.request.target = {};
+    try {
+        step.target = images_.get(target, step.slot, stream_);
+        enqueue(step);
+    } catch (...) {
+        forget(step);
+        in_flight_.pop_back();
+        throw;
+    }
+    next_slot_ = (next_slot_ + 1) % kInFlight;
+}
+
+void CudaBackend::enqueue(const Step& s) {
+    const StepRequest& r = s.request;
+    StepControl* control = control_.get();
+    PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
+    const CudaBins bins = enqueue_forward(args, r.background, true);
+    const bool corrected = ppisp_.corrects(r.isp);
+    if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
+    times_.end(CudaStage::kCorrect, stream_);
+    loss_.compute({corrected ? ppisp_.corrected() : image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
+    times_.end(CudaStage::kLoss, stream_);
+    if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
+    if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
+    times_.end(CudaStage::kCorrectBackward, stream_);
+    if (s.controller_step) ppisp_.step_controller(image_, r.isp_rate, s.controller_step, control, stream_);
+    if (s.adam_step) enqueue_gaussians(s, args, bins);
+    report_step<<<1, 1, 0, stream_>>>(control, statuses_ + s.slot);
+    GS_CUDA_LAUNCHED("report_step");
+    GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
+}
+
+void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins) {
+    const StepRequest& r = s.request;
+    const std::int64_t n = model_.count;
+    StepControl* control = control_.get();
+    if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
+    const SlotMap slots = binning_.slots();
+    blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
+    times_.end(CudaStage::kBlendBackward, stream_);
+    if (n > 0) {
+        ModelArrays arrays = model_.arrays();
+        if (r.gather_gradient_stats) {
+            if (!model_.has_statistic) { // the first step of a statistic
+                GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
+                GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
+                model_.has_statistic = true;
+            }
+            arrays.gradient_sum = model_.gradient_sum.get(), arrays.gradient_count = model_.gradient_count.get();
+        }
+        kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
+    }
+    times_.end(CudaStage::kUpdate, stream_);
+}
+
+void CudaBackend::finish_oldest() {
+    const Step& s = in_flight_.front();
+    GS_CUDA(cudaEventSynchronize(done_[s.slot]));
+    const StepStatus status = statuses_[s.slot];
+    if (status.stopped) {
+        // This step and all behind it changed nothing.
+        GS_CUDA(cudaStreamSynchronize(stream_));
+        try {
+            make_room(status.num_instances);
+            for (const Step& again : in_flight_) enqueue(again);
+        } catch (...) {
+            abandon_steps();
+            throw;
+        }
+        return;
+    }
+    needed_ = std::max(needed_, std::int64_t(status.num_instances));
+    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances)); // ahead of need
+    const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
+    stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
+    stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;
+    stats_.num_instances = std::int64_t(status.num_instances);
+    stats_.num_nonfinite_gradients += status.num_nonfinite;
+    stats_.consecutive_skips = std::isfinite(stats_.loss) ? 0 : stats_.consecutive_skips + 1;
+    ++stats_.steps;
+    if (times_.on)
+        times_.count(double(model_.count), status.num_visible, double(status.num_instances), 32.0 * double(status.num_pairs),
+                     double(s.request.camera.width) * s.request.camera.height, ppisp_.corrects(s.request.isp));
+    in_flight_.pop_front();
+}
+
+void CudaBackend::synchronize() {
+    while (!in_flight_.empty()) finish_oldest();
+    statuses_->stopped = 0;
+}
+
+void CudaBackend::settle() {
+    synchronize();
+    lazy_.catch_up();
+}
+
+StepStats CudaBackend::take_stats() {
+    const StepStats out = stats_;
+    stats_.steps = 0;
+    stats_.num_nonfinite_gradients = 0;
+    return out;
+}
+
+void CudaBackend::measure_stages(bool on) {
+    synchronize();
+    times_.on = on;
+}
+
+std::vector<StageCost> CudaBackend::take_stage_costs() {
+    synchronize();
+    const ModelInfo& info = appearance_model(meta_.appearance.model);
+    const bool residual = meta_.active_degree > 0;
+    return times_.take(residual ? model_.width[int(Group::kResidual)] : 0, residual ? info.operations : 0, residual ? info.operations_backward : 0);
+}
+
+Ceilings CudaBackend::measure_ceilings() {
+    synchronize();
+    return cuda_ceilings();
+}
+
+MemoryUse CudaBackend::memory() {
+    synchronize();
+    sizes_ = {}; // counting leaves null pointers behind
+    MemoryUse use;
+    use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
+    use.rows = {{"parameters, Adam moments, indices", model_.bytes() + half_residuals_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
+                {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
+                {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
+    if (ppisp_.host().active()) use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
+    // The scratch block of a step: how much of it goes with what. Stages share places, so the parts need not add up to it.
+    const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1), std::max(largest_width_, 1), std::max(largest_height_, 1), true};
+    const auto bytes = [&](const Sizes& sizes) {
+        Carver count(nullptr);
+        take(count, sizes);
+        return std::int64_t(count.most());
+    };
+    Sizes no_gaussians = all, no_instances = all, no_pixels = all;
+    no_gaussians.n = 0, no_instances.capacity = 1, no_pixels.width = no_pixels.height = 1;
+    use.rows.push_back({"scratch with the Gaussians", bytes(all) - bytes(no_gaussians), "Gaussian", double(all.n)});
+    use.rows.push_back({"scratch with the instances", bytes(all) - bytes(no_instances), "instance", double(all.capacity)});
+    use.rows.push_back({"scratch with the view", bytes(all) - bytes(no_pixels), "pixel", double(all.width) * all.height});
+    use.rows.push_back({"scratch block", scratch_.bytes(), "block", 1});
+    return use;
+}
+
+// --- densification --------------------------------------------------------------------------------------------------
+
+template <class Fn> auto CudaBackend::densify(Fn fn) {
+    settle();
+    sizes_ = {}; // it may use all of the scratch block
+    half_residuals_current_ = false;
+    CudaDensify densify(model_, scratch_, stream_);
+    const auto result = fn(densify);
+    lazy_.reset(meta_.step);
+    return result;
+}
+
+DensifyStats CudaBackend::densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
+    return densify([&](CudaDensify& d) { return d.mcmc(params, iteration, seed); });
+}
+DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
+    return densify([&](CudaDensify& d) { return d.adc(params, iteration, seed); });
+}
+void CudaBackend::reset_opacity() {
+    densify([](CudaDensify& d) { return d.reset_opacity(), 0; });
+}
+void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores) {
+    for (RenderRequest view : views) {
+        view.mode = RenderMode::kFull;
+        const CudaBins bins = forward_whole(view);
+        const SlotMap slots = binning_.slots();
+        scores.add(bins, splats_, blend_image(view.camera, view.background), options_.deterministic ? &slots : nullptr, std::int64_t(statuses_->num_instances));
+    }
+}
+std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) {
+    CudaScores scores(model_.count, stream_);
+    gather_scores(views, scores);
+    return scores.download();
+}
+std::int64_t CudaBackend::prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) {
+    CudaScores scores(model_.count, stream_);
+    gather_scores(views, scores);
+    return densify([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), ratio); });
+}
+void CudaBackend::morton_sort() {
+    densify([](CudaDensify& d) { return d.morton_sort(), 0; });
+}
+std::int64_t CudaBackend::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
+    return densify([&](CudaDensify& d) { return d.prune_nonfinite(by_group); });
+}
+std::int64_t CudaBackend::prune_invisible() {
+    return densify([](CudaDensify& d) { return d.prune_invisible(); });
+}
+
+std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) { return std::make_unique<CudaBackend>(kernels, options); }
+
+}  // namespace gs

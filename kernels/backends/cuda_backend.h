@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CUDA backend: one stream of steps that the host runs ahead of. Included by .cu files only.
+//
+// The host never waits inside a step. Sizes it cannot know (how many instances a view has) are bounded by a capacity; a step
+// that does not fit changes nothing and neither do those after it, until the host, up to three steps later, reads so in the
+// step's status, makes room and repeats them.
+#pragma once
+
+#include <deque>
+
+#include "kernels/backends/images_cuda.h"
+#include "kernels/backends/model_kernels_cuda.h"
+#include "kernels/backends/stage_times_cuda.h"
+#include "kernels/blend/score_cuda.h"
+#include "kernels/densify/densify_cuda.h"
+#include "kernels/loss/loss_cuda.h"
+#include "kernels/optimizer/lazy_cuda.h"
+#include "kernels/ppisp/ppisp_cuda.h"
+
+namespace gs {
+
+/// What a step reports, written by the device into the host's memory.
+struct StepStatus {
+    unsigned long long num_instances, num_pairs;
+    double l1, ssim;
+    unsigned num_visible, num_nonfinite, stopped;
+};
+
+/// The backend of one model on the current device. Used by one thread.
+class CudaBackend final : public Backend {
+  public:
+    CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
+    ~CudaBackend() override;
+
+    std::string describe() const override;
+    void upload(const Gaussians& state) override;
+    Gaussians download(bool with_moments) override;
+    std::int64_t count() const override { return model_.count; }
+    void set_active_degree(int degree) override;
+    void upload_ppisp(const PpispState& state) override;
+    PpispState download_ppisp() override;
+
+    void render(const RenderRequest& request, RenderedImage& out) override;
+    void step(const StepRequest& request) override;
+    void distill(const StepRequest& request) override;
+    StepStats take_stats() override;
+    void synchronize() override;
+
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
+    void measure_stages(bool on) override;
+    std::vector<StageCost> take_stage_costs() override;
+    MemoryUse memory() override;
+    Ceilings measure_ceilings() override;
+
+    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
+    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override;
+    void reset_opacity() override;
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
+    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override;
+    void morton_sort() override;
+    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override;
+    std::int64_t prune_invisible() override;
+
+  private:
+    /// Steps whose status has not been read. Three: the device is never idle while the host prepares the next.
+    static constexpr int kInFlight = 3;
+
+    struct Step {
+        StepRequest request; ///< its target points to nothing; `target` does
+        DeviceTarget target;
+        std::int64_t adam_step = 0;       ///< 0: the Gaussians stay
+        std::int64_t isp_step = 0;        ///< of PPISP's parameters; 0: they stay
+        std::int64_t controller_step = 0; ///< of a controller; 0: it stays
+        LazyArgs lazy{};
+        int slot = 0;
+    };
+    /// What the scratch block is laid out for.
+    struct Sizes {
+        std::int64_t n = 0, capacity = 0;
+        int width = 0, height = 0;
+        bool for_step = false;
+        bool operator==(const Sizes&) const = default;
+    };
+
+    /// Takes all of a step from the scratch block.
+    void take(Carver& c, const Sizes& sizes);
+    void lay_out(const Sizes& sizes);
+    void enqueue(const Step& step);
+    /// What follows the loss: the way back to the Gaussians, and their optimizer's step.
+    void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins);
+    /// Puts a step in flight, where it stays if it could be enqueued.
+    void launch(Step step, const TargetImage& target);
+    /// Completes `args` with what it lays out.
+    CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
+    /// Makes room until the view fits, and waits.
+    CudaBins forward_whole(const RenderRequest& request);
+    void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
+    /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
+    void finish_oldest();
+    void make_room(unsigned long long num_instances);
+    /// Takes back what a step that never took place was counted as.
+    void forget(const Step& step);
+    /// Forgets all steps in flight, none of which has changed anything.
+    void abandon_steps();
+    PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
+    /// Of a frame: all steps are taken.
+    PreprocessArgs frame_args(const RenderRequest& request);
+    BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
+    /// Runs a densification; rows have then taken all steps.
+    template <class Fn> auto densify(Fn fn);
+    /// Waits, and takes the steps that residuals have missed.
+    void settle();
+
+    const ModelKernels kernels_;
+    const BackendOptions options_;
+    const Cutoffs<float> cutoffs_;
+    cudaStream_t stream_ = nullptr;
+    CudaModel model_;
+    CudaLazyResiduals lazy_;
+    DeviceBuffer<__half> half_residuals_; ///< only with options.half_residuals
+    bool half_residuals_current_ = false;
+    CudaPpisp ppisp_;
+    Gaussians meta_; ///< all but count, arrays and PPISP
+
+    Scratch scratch_;
+    Sizes sizes_;
+    std::int64_t capacity_ = 0, needed_ = 0; ///< instances: laid out for, and seen
+    int largest_width_ = 0, largest_height_ = 0; ///< of any view so far
+    PackedSplat* splats_ = nullptr;
+    PackedSums* sums_ = nullptr;
+    SeparateArgs separate_{};
+    float *shared_sums_ = nullptr, *image_ = nullptr, *transmittance_ = nullptr, *dL_dimage_ = nullptr;
+    CudaBinning binning_;
+    CudaBlend blend_;
+    CudaLoss loss_;
+
+    DeviceBuffer<StepControl> control_;
+    StepStatus* statuses_ = nullptr; ///< kInFlight, in pinned memory
+    cudaEvent_t done_[kInFlight] = {};
+    std::deque<Step> in_flight_;
+    int next_slot_ = 0;
+    CudaImages images_;
+    bool lazily_ = true; ///< how the last step treated residuals
+    StepStats stats_;
+    StageTimes times_;
+};
+
+}  // namespace gs

@@ -1,0 +1,446 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernels that know the appearance model: projection with colour, and its way back fused with the optimizer; and the same
+// with the appearance in kernels of its own, for comparison.
+#pragma once
+
+#include "appearance/warp_appearance_cuda.cuh"
+#include "kernels/backends/model_kernels_cuda.h"
+#include "kernels/backends/row_copies_cuda.cuh"
+
+namespace gs {
+
+inline constexpr int kForwardBlock = 128;
+
+/// The tiles a lane's splat reaches. Up to 32 candidates each lane looks at its own; the rows of larger ones are shared by
+/// the warp.
+struct TileTest {
+    unsigned mask;  ///< of up to 32 candidates
+    unsigned count;
+};
+__device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid) {
+    const TileRectangle r(b);
+    TileTest out{0, 0};
+    const bool large = valid && r.size() > 32;
+    if (valid && !large) {
+        const TileRows rows(s, r);
+        for (int y = 0; y < r.height; ++y) {
+            const TileRows::Span span = rows.row(r.y0 + y);
+            if (span.size() > 0) out.mask |= (~0u >> (32 - span.size())) << (y * r.width + span.x0 - r.x0);
+        }
+        out.count = __popc(out.mask);
+    }
+    __syncwarp();
+    for (unsigned owners = __ballot_sync(~0u, large); owners; owners &= owners - 1) {
+        const int owner = __ffs(owners) - 1;
+        const auto of_owner = [&](auto x) { return __shfl_sync(~0u, x, owner); };
+        Splat<float> t{};
+        t.mean = {of_owner(s.mean.x), of_owner(s.mean.y)};
+        t.a = of_owner(s.a), t.b = of_owner(s.b), t.c = of_owner(s.c), t.threshold = of_owner(s.threshold);
+        const PackedSplat p = PackedSplat::of(t, {of_owner(b.x_min), of_owner(b.x_max), of_owner(b.y_min), of_owner(b.y_max)});
+        const TileRectangle q(p.bounds());
+        unsigned count = 0;
+        for (int y = q.y0; y < q.y0 + q.height; y += 32) count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
+        if (int(threadIdx.x & 31) == owner) out.count = count;
+    }
+    return out;
+}
+
+/// A warp's rows of residual parameters in shared memory.
+template <class Model> struct RowMemory {
+    static constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
+    alignas(16) float rows[32 * kWidth];
+    float sums[32]; ///< of the steps that a row has missed
+    std::uint8_t list[32];
+
+    /// Loads the rows in `mask` and takes the steps they have missed, here only. `first`: the warp's first Gaussian; `lag`: steps
+    /// that this lane's row has missed. Returns the rows that had.
+    __device__ unsigned load(const PreprocessArgs& a, std::int64_t first, unsigned mask, int lag) {
+        const int width = a.params.residual_width;
+        if (a.half_residuals) { // of frames, which come after all steps
+            load_rows(mask, width, list, a.half_residuals + first * width, rows);
+            return 0;
+        }
+        load_rows(mask, width, list, a.params.residual(first), rows);
+        const unsigned stale = __ballot_sync(~0u, lag > 0);
+        if (stale) {
+            sums[threadIdx.x & 31] = a.lazy.table.sums[lag];
+            catch_up_rows(stale, width, list, sums, a.lazy.table.epsilon, a.lazy.moments.at(first * width), rows);
+        }
+        return stale;
+    }
+};
+
+/// The residual of this lane's Gaussian, 0 where the mode or the degree leaves it out. All lanes call.
+template <class Model>
+__device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory, typename WarpAppearance<Model>::Memory& scratch) {
+    if constexpr (Model::kDirectional) {
+        const unsigned mask = __ballot_sync(~0u, visible);
+        if (mask && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
+            memory.load(a, i - (threadIdx.x & 31), mask, visible ? a.lazy.lag(i) : 0);
+            const Vec3<float> direction = visible ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
+            return WarpAppearance<Model>(scratch, a.shared.prepared).residual(memory.rows, a.params.residual_width, direction, a.degree, visible);
+        }
+    }
+    return {0, 0, 0};
+}
+
+/// kFused: with the colour. Otherwise evaluate_colors adds it.
+template <class Model, bool kFused>
+__global__ void __launch_bounds__(kForwardBlock, 7)
+    preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out, StepControl* __restrict__ control) {
+    __shared__ RowMemory<Model> memory[kFused ? kForwardBlock / 32 : 1];
+    __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kForwardBlock / 32 : 1];
+    __shared__ unsigned long long block_instances;
+    __shared__ unsigned block_visible;
+    if (threadIdx.x == 0) block_instances = 0, block_visible = 0;
+    __syncthreads();
+    const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    Splat<float> s{};
+    PixelBounds b{0, 0, 0, 0};
+    float depth = 0;
+    bool valid = i < a.params.count;
+    if (valid) valid = make_splat(a.params.geometry(i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
+    const TileTest tiles = test_tiles(s, b, valid);
+    const bool visible = tiles.count > 0;
+    const unsigned warp_visible = __ballot_sync(~0u, visible);
+    if constexpr (kFused) {
+        const Vec3<float> residual = warp_residual<Model>(a, i, visible, memory[warp], scratch[warp]);
+        if (visible) s.color = gaussian_color(a.params.activation, a.params.base(i), residual, a.mode);
+    }
+    if (visible) {
+        splats[i] = PackedSplat::of(s, b);
+        out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
+    }
+    if (i < a.params.count) {
+        out.counts[i] = tiles.count;
+        out.depth_keys[i] = visible ? a.depth_key(depth) : kCulledKey;
+    }
+    const unsigned instances = __reduce_add_sync(~0u, min(tiles.count, 1u << 26)); // 32 of these fit; more are beyond any capacity
+    if (lane == 0 && warp_visible) {
+        atomicAdd(&block_instances, (unsigned long long)instances);
+        atomicAdd(&block_visible, unsigned(__popc(warp_visible)));
+    }
+    __syncthreads();
+    if (threadIdx.x == 0 && block_visible) {
+        atomicAdd(&control->num_instances, block_instances);
+        atomicAdd(&control->num_visible, block_visible);
+    }
+}
+
+/// The separate pass: residuals and colours of the visible Gaussians.
+template <class Model> __global__ void __launch_bounds__(kForwardBlock, 7) evaluate_colors(PreprocessArgs a, const std::uint32_t* __restrict__ counts, PackedSplat* __restrict__ splats) {
+    __shared__ RowMemory<Model> memory[kForwardBlock / 32];
+    __shared__ typename WarpAppearance<Model>::Memory scratch[kForwardBlock / 32];
+    const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
+    const int warp = threadIdx.x >> 5;
+    const bool visible = i < a.params.count && counts[i] > 0;
+    const Vec3<float> residual = warp_residual<Model>(a, i, visible, memory[warp], scratch[warp]);
+    if (!visible) return;
+    a.separate.residuals[i] = residual;
+    splats[i].set_color(gaussian_color(a.params.activation, a.params.base(i), residual, a.mode));
+}
+
+/// From this many visible Gaussians in a warp on, the step is taken for all 32 of them: whole rows in a row move faster.
+constexpr int kManyVisible = 12;
+
+/// Adam's step for each residual column: one for all, or in shared memory one for each. (Lanes need those of different columns
+/// at a time, which kernel parameters give out one after another.)
+struct ColumnSteps {
+    AdamStep<float> all;
+    const AdamStep<float>* each; ///< or null
+    __device__ AdamStep<float> of(int column) const { return each ? each[column] : all; }
+};
+
+/// Adam on the selected residual rows of a warp, whose parameters (caught up) and gradients are in shared memory; the moments
+/// are multiplied by the factors of their row first.
+__device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list, const float* parameters, const float* gradients, const float* decay_m,
+                                   const float* decay_v, const ColumnSteps& steps, float* __restrict__ p, const MomentRows& moments, std::uint32_t seed) {
+    RowElements elements(mask, width, list);
+    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
+        int at[kRowUnroll], row[kRowUnroll], column[kRowUnroll];
+        float mm[kRowUnroll], vv[kRowUnroll];
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            at[u] = elements.next(row[u], column[u]);
+            if (at[u] >= 0) moments.load(at[u], mm[u], vv[u]);
+        }
+#pragma unroll
+        for (int u = 0; u < kRowUnroll; ++u) {
+            if (at[u] < 0) continue;
+            float x = parameters[at[u]];
+            mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
+            adam_update(x, mm[u], vv[u], gradients[at[u]], steps.of(column[u]));
+            p[at[u]] = x;
+            moments.store(at[u], mm[u], vv[u], seed);
+        }
+    }
+}
+
+/// The same for all 32 rows, none of which has missed a step: four values at a time.
+__device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const ColumnSteps& steps, float* __restrict__ p,
+                                       const MomentRows& moments, std::uint32_t seed) {
+    constexpr int kUnroll = 3;
+    const int lane = threadIdx.x & 31, size = 8 * width;
+    for (int e = lane; e < size; e += 32 * kUnroll) {
+        float4 mm[kUnroll], vv[kUnroll];
+#pragma unroll
+        for (int u = 0; u < kUnroll; ++u)
+            if (e + 32 * u < size) moments.load4(e + 32 * u, mm[u], vv[u]);
+#pragma unroll
+        for (int u = 0; u < kUnroll; ++u) {
+            const int at = e + 32 * u;
+            if (at >= size) break;
+            float4 x = reinterpret_cast<const float4*>(parameters)[at];
+            const float4 g = reinterpret_cast<const float4*>(gradients)[at];
+            const auto step = [&](int k) { return steps.each ? steps.each[(4 * at + k) % width] : steps.all; };
+            adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0)), adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1));
+            adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2)), adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3));
+            reinterpret_cast<float4*>(p)[at] = x;
+            moments.store4(at, mm[u], vv[u], seed);
+        }
+    }
+}
+
+/// The gradient of the loss for y = base + residual of this lane's Gaussian, from its sums; false: it is not finite.
+__device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, const Vec3<float>& residual, const SplatSums<float>& sums, Vec3<float>& out) {
+    out = color_backward(a.params.activation, a.params.base(i), residual, {sums.r, sums.g, sums.b});
+    return is_finite(out);
+}
+
+/// Shared memory of a warp in the backward pass. At the end of its work its sums of the shared weights' gradient take this place.
+template <class Model> struct WarpSpace {
+    RowMemory<Model> memory;
+    alignas(16) float gradients[32 * RowMemory<Model>::kWidth];
+    float decays[2][32]; ///< of the moments m and v of a row that has missed steps
+    typename WarpAppearance<Model>::Memory scratch;
+};
+template <class Model> struct alignas(16) WarpBytes {
+    static constexpr std::size_t kSums = sizeof(float) * kNumSharedOf<Model>;
+    unsigned char bytes[sizeof(WarpSpace<Model>) > kSums ? sizeof(WarpSpace<Model>) : kSums];
+    __device__ WarpSpace<Model>& space() { return *reinterpret_cast<WarpSpace<Model>*>(bytes); }
+    __device__ float* sums() { return reinterpret_cast<float*>(bytes); }
+};
+
+/// Gaussians of a block of the backward pass. With shared weights many, since each block writes a row of sums: as many as shared
+/// memory has room for.
+template <class Model> constexpr int update_block() {
+    if constexpr (kNumSharedOf<Model> == 0) return 64;
+    return 8 * sizeof(WarpBytes<Model>) <= 47 * 1024 ? 256 : 128;
+}
+/// Blocks that a multiprocessor should hold: 16 warps at least, with 128 registers; 18 with 113.
+template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> > 0 ? 512 / update_block<Model>() : 9; }
+
+/// Adds up what the warps of a block have for the gradient of the shared weights, in their order. Ends the use of `warps`.
+template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps, float* out) {
+    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
+    float* own = warps[threadIdx.x >> 5].sums();
+    __syncwarp();
+    if (any)
+        appearance.store_sums(own);
+    else
+        for (int k = threadIdx.x & 31; k < kShared; k += 32) own[k] = 0;
+    __syncthreads();
+    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) {
+        float sum = 0;
+#pragma unroll
+        for (int warp = 0; warp < kWarps; ++warp) sum += warps[warp].sums()[k];
+        out[k] = sum;
+    }
+}
+
+/// The separate pass: gradients of the residual parameters, of the means through the direction, and of the shared weights.
+template <class Model>
+__global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
+    appearance_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, StepControl* __restrict__ control) {
+    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
+    __shared__ WarpBytes<Model> warps[kWarps];
+    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
+    const bool visible = i < a.params.count && counts[i] > 0;
+    const unsigned seen = __ballot_sync(~0u, visible);
+    WarpSpace<Model>& space = warps[warp].space();
+    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
+    if (seen) {
+        float *parameters = space.memory.rows, *gradients = space.gradients;
+        space.memory.load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
+        for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+        __syncwarp();
+        const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+        const Vec3<float> residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
+        Vec3<float> dL_dy{0, 0, 0}, dL_ddirection;
+        const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), dL_dy);
+        appearance.backward(parameters, width, direction.unit, a.degree, finite, dL_dy, gradients, dL_ddirection);
+        if (visible) a.separate.dL_dmeans[i] = direction_pullback(direction, dL_ddirection);
+        __syncwarp();
+        store_rows(seen, width, space.memory.list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
+    }
+    if constexpr (kShared > 0) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+}
+
+/// kFused: with the gradients of the appearance. Otherwise they are where appearance_backward left them.
+template <class Model, bool kFused>
+__global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
+    preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
+                        StepControl* __restrict__ control) {
+    constexpr int kShared = kFused ? kNumSharedOf<Model> : 0, kWarps = update_block<Model>() / 32;
+    __shared__ WarpBytes<Model> warps[kWarps];
+    __shared__ AdamStep<float> column_steps[RowMemory<Model>::kWidth];
+    if (control->stopped) return;
+    if (update.per_column) {
+        for (int k = threadIdx.x; k < RowMemory<Model>::kWidth; k += update_block<Model>()) column_steps[k] = update.residual_steps[k];
+        __syncthreads();
+    }
+    const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
+    if (!isfinite(control->l1 + control->ssim)) { // a skipped step moves nothing, residuals that are behind no more than others
+        if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
+        return;
+    }
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 there is no gradient
+    const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
+    WarpSpace<Model>& space = warps[warp].space();
+    float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0], *decay_v = space.decays[1];
+    const unsigned seen = with_residual ? __ballot_sync(~0u, visible) : 0;
+    unsigned rows = 0, stale = 0;
+    GaussianGradient<float> gradient{};
+    Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
+    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
+    if (with_residual) {
+        rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, valid) : seen;
+        const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
+        if (rows) {
+            stale = space.memory.load(a, i - lane, rows, lag);
+            for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+        }
+        if (stale) decay_m[lane] = first_moment_decay(lag), decay_v[lane] = second_moment_decay(lag);
+        __syncwarp();
+        if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
+        if (seen) {
+            if constexpr (kFused) {
+                const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+                residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
+                const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
+                Vec3<float> dL_ddirection;
+                appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients, dL_ddirection);
+                dL_dmean = direction_pullback(direction, dL_ddirection);
+            } else {
+                load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
+                if (visible) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
+            }
+        }
+    }
+    if (valid) {
+        if (visible) {
+            const SplatSums<float> s = sums[i].sums();
+            if (!(kFused && with_residual)) color_gradient(a, i, residual, s, gradient.base);
+            geometry_backward(a.params.geometry(i), a.camera, s, gradient);
+            gradient.geometry.mean += dL_dmean;
+            if (!drop_nonfinite(gradient, gradients + lane * width, width)) atomicAdd(&control->num_nonfinite, 1u);
+        }
+        update_gaussian(arrays, update, i, gradient);
+    }
+    if (rows) {
+        __syncwarp();
+        constexpr int k = int(Group::kResidual);
+        const std::int64_t first = (i - lane) * width;
+        float* p = arrays.param[k] + first;
+        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
+        const std::uint32_t seed = mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step)); // of the warp and the step
+        const ColumnSteps steps{update.steps[k], update.per_column ? column_steps : nullptr};
+        if (rows == ~0u && !stale) {
+            update_all_rows(width, parameters, gradients, steps, p, moments, seed);
+        } else {
+            if (!stale) decay_m[lane] = decay_v[lane] = 1;
+            update_rows(rows, width, space.memory.list, parameters, gradients, decay_m, decay_v, steps, p, moments, seed);
+        }
+    }
+    if constexpr (kShared > 0) {
+        if (with_residual) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+    }
+}
+
+/// Rows of threads of update_shared_weights, and weights of one of its blocks: 32 bytes, what a read moves at least.
+inline constexpr int kSumThreads = 64, kSumWeights = 8;
+
+/// Adds up the blocks' gradients of the shared weights in a fixed order, and takes the optimizer's step.
+template <class Model>
+__global__ void __launch_bounds__(kSumThreads* kSumWeights)
+    update_shared_weights(const float* __restrict__ sums, int rows, ModelArrays arrays, AdamStep<float> step, unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
+    constexpr int kShared = kNumSharedOf<Model>;
+    __shared__ float partial[kSumThreads][kSumWeights];
+    if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
+    const int k = blockIdx.x * kSumWeights + threadIdx.x;
+    float sum = 0;
+    if (k < kShared)
+        for (int row = threadIdx.y; row < rows; row += kSumThreads) sum += sums[std::int64_t(row) * kShared + k];
+    partial[threadIdx.y][threadIdx.x] = sum;
+    for (int half = kSumThreads / 2; half > 0; half /= 2) {
+        __syncthreads();
+        if (threadIdx.y < half) partial[threadIdx.y][threadIdx.x] += partial[threadIdx.y + half][threadIdx.x];
+    }
+    if (threadIdx.y > 0 || k >= kShared) return;
+    float p = arrays.shared_param[k], m = arrays.shared_m[k], v = arrays.shared_v[k];
+    if (!update_shared(p, m, v, partial[0][threadIdx.x], step)) atomicAdd(&control->num_nonfinite, 1u);
+    arrays.shared_param[k] = p, arrays.shared_m[k] = m, arrays.shared_v[k] = v;
+    WarpAppearance<Model>::prepare(prepared, k, p);
+}
+
+template <class Model> __global__ void prepare_shared_weights(const float* weights, unsigned* prepared) {
+    const int k = blockIdx.x * 256 + threadIdx.x;
+    if (k < kNumSharedOf<Model>) WarpAppearance<Model>::prepare(prepared, k, weights[k]);
+}
+
+template <class Model>
+void launch_preprocess(const PreprocessArgs& args, PackedSplat* splats, const CudaBinningInput& out, StepControl* control, cudaStream_t stream) {
+    const unsigned blocks = num_blocks(args.params.count, kForwardBlock);
+    if (!args.separate.residuals) {
+        preprocess_forward<Model, true><<<blocks, kForwardBlock, 0, stream>>>(args, splats, out, control);
+        GS_CUDA_LAUNCHED("preprocess_forward");
+        return;
+    }
+    preprocess_forward<Model, false><<<blocks, kForwardBlock, 0, stream>>>(args, splats, out, control);
+    GS_CUDA_LAUNCHED("preprocess_forward");
+    evaluate_colors<Model><<<blocks, kForwardBlock, 0, stream>>>(args, out.counts, splats);
+    GS_CUDA_LAUNCHED("evaluate_colors");
+}
+
+template <class Model>
+void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums, const ModelArrays& arrays, const UpdateArgs& update,
+                   StepControl* control, cudaStream_t stream) {
+    constexpr int kBlock = update_block<Model>();
+    const unsigned blocks = num_blocks(args.params.count, kBlock);
+    const bool with_residual = Model::kMaxResidual > 0 && args.degree > 0;
+    if (!args.separate.residuals) {
+        preprocess_backward<Model, true><<<blocks, kBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
+        GS_CUDA_LAUNCHED("preprocess_backward");
+    } else {
+        if (with_residual) {
+            appearance_backward<Model><<<blocks, kBlock, 0, stream>>>(args, counts, sums, control);
+            GS_CUDA_LAUNCHED("appearance_backward");
+        }
+        preprocess_backward<Model, false><<<blocks, kBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
+        GS_CUDA_LAUNCHED("preprocess_backward");
+    }
+    if constexpr (kNumSharedOf<Model> > 0) {
+        if (!with_residual) return; // no gradient, and none before
+        update_shared_weights<Model><<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(args.shared.sums, int(blocks), arrays,
+                                                                                                                                 update.shared_step, args.shared.prepared, control);
+        GS_CUDA_LAUNCHED("update_shared_weights");
+    }
+}
+
+template <class Model> void launch_prepare(const float* weights, unsigned* prepared, cudaStream_t stream) {
+    prepare_shared_weights<Model><<<num_blocks(kNumSharedOf<Model>, 256), 256, 0, stream>>>(weights, prepared);
+    GS_CUDA_LAUNCHED("prepare_shared_weights");
+}
+
+template <class Model> ModelKernels model_kernels() {
+    ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, {}};
+    if constexpr (kNumSharedOf<Model> > 0) kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>, update_block<Model>()};
+    return kernels;
+}
+
+}  // namespace gs

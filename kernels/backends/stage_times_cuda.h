@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Marks between the stages of a step on the device's clock, and what the stages worked on.
+#pragma once
+
+#include "kernels/cuda/cuda.h"
+#include "kernels/requests.h"
+
+namespace gs {
+
+enum class CudaStage : int { kPreprocess, kSort, kBlend, kCorrect, kLoss, kCorrectBackward, kBlendBackward, kUpdate };
+inline constexpr int kNumCudaStages = 8;
+
+class StageTimes {
+  public:
+    ~StageTimes() {
+        for (cudaEvent_t e : marks_)
+            if (e) cudaEventDestroy(e);
+    }
+    bool on = false;
+
+    void begin(cudaStream_t stream) {
+        if (on) record(0, stream);
+    }
+    void end(CudaStage stage, cudaStream_t stream) {
+        if (on) record(int(stage) + 1, stream);
+    }
+    /// Adds the times between the marks of one step, which is done.
+    void add() {
+        for (int k = 0; k < kNumCudaStages; ++k) {
+            float ms = 0;
+            GS_CUDA(cudaEventElapsedTime(&ms, marks_[k], marks_[k + 1]));
+            seconds_[k] += 1e-3 * ms;
+        }
+    }
+    /// What that step worked on; a pair is one pixel and one Gaussian.
+    void count(double gaussians, double visible, double instances, double pairs, double pixels, bool corrected) {
+        gaussians_ += gaussians, visible_ += visible, instances_ += instances, pairs_ += pairs, pixels_ += pixels;
+        if (corrected) corrected_pixels_ += pixels;
+    }
+    /// Costs since the last call, for a model with this many active residual parameters, whose residual takes so many operations.
+    std::vector<StageCost> take(double residual_width, double operations, double operations_backward);
+
+  private:
+    void record(int mark, cudaStream_t stream) {
+        if (!marks_[mark]) GS_CUDA(cudaEventCreate(&marks_[mark]));
+        GS_CUDA(cudaEventRecord(marks_[mark], stream));
+    }
+    cudaEvent_t marks_[kNumCudaStages + 1] = {};
+    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0, corrected_pixels_ = 0;
+};
+
+}  // namespace gs

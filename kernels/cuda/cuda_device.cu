@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "kernels/cuda/cuda_device.h"
+
+#include <algorithm>
+
+#include "kernels/cuda/cuda.h"
+
+namespace gs {
+namespace {
+
+constexpr int kBlock = 256;
+/// FMA chains a thread works on side by side, and links of each between two looks at the loop counter. An FMA answers after
+/// 4 cycles; 8 chains times the warps of a full multiprocessor hide that many times over.
+constexpr int kChains = 8, kUnrolled = 16;
+constexpr int kRounds = 512;
+
+__global__ void __launch_bounds__(kBlock) copy_float4(const float4* __restrict__ from, float4* __restrict__ to, std::size_t n) {
+    const std::size_t stride = std::size_t(gridDim.x) * kBlock;
+#pragma unroll 4 // four loads under way in each thread
+    for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < n; i += stride) to[i] = from[i];
+}
+
+/// The factors come as arguments, so that the compiler cannot work the chains out beforehand.
+__global__ void __launch_bounds__(kBlock) chain_fmas(float factor, float term, float* __restrict__ out) {
+    float x[kChains];
+    for (int c = 0; c < kChains; ++c) x[c] = float(threadIdx.x + c);
+    for (int r = 0; r < kRounds; ++r) {
+#pragma unroll
+        for (int k = 0; k < kUnrolled; ++k)
+#pragma unroll
+            for (int c = 0; c < kChains; ++c) x[c] = fmaf(x[c], factor, term);
+    }
+    float sum = 0;
+    for (int c = 0; c < kChains; ++c) sum += x[c];
+    if (sum == -1.0f) *out = sum; // never: but then the chains have a reader
+}
+
+class Event {
+  public:
+    Event() { GS_CUDA(cudaEventCreate(&event_)); }
+    Event(const Event&) = delete;
+    Event& operator=(const Event&) = delete;
+    ~Event() { cudaEventDestroy(event_); }
+    operator cudaEvent_t() const { return event_; }
+
+  private:
+    cudaEvent_t event_ = nullptr;
+};
+
+/// Not a DeviceBuffer: what is only measured with must not show in the peak that runs report.
+class Memory {
+  public:
+    explicit Memory(std::size_t bytes) { GS_CUDA(cudaMalloc(&data_, bytes)); }
+    Memory(const Memory&) = delete;
+    Memory& operator=(const Memory&) = delete;
+    ~Memory() { cudaFree(data_); }
+    template <class T> T* as() const { return static_cast<T*>(data_); }
+
+  private:
+    void* data_ = nullptr;
+};
+
+/// Best of five, after one launch to warm up: a ceiling is what is possible.
+template <class Launch> double best_seconds(const char* name, Launch&& launch) {
+    const Event begin, end;
+    float best = 1e30f;
+    for (int k = 0; k < 6; ++k) {
+        GS_CUDA(cudaEventRecord(begin));
+        launch();
+        GS_CUDA_LAUNCHED(name);
+        GS_CUDA(cudaEventRecord(end));
+        GS_CUDA(cudaEventSynchronize(end));
+        float milliseconds = 0;
+        GS_CUDA(cudaEventElapsedTime(&milliseconds, begin, end));
+        if (k > 0) best = std::min(best, milliseconds);
+    }
+    return 1e-3 * double(best);
+}
+
+cudaDeviceProp current_device() {
+    int device = 0;
+    cudaDeviceProp properties;
+    GS_CUDA(cudaGetDevice(&device));
+    GS_CUDA(cudaGetDeviceProperties(&properties, device));
+    return properties;
+}
+
+/// 12080 -> "12.8"
+std::string cuda_version(int number) { return std::to_string(number / 1000) + "." + std::to_string(number % 1000 / 10); }
+
+}  // namespace
+
+std::string cuda_unavailable_reason() {
+    int count = 0;
+    const cudaError_t error = cudaGetDeviceCount(&count);
+    if (error != cudaSuccess) return cudaGetErrorString(error);
+    return count > 0 ? "" : "no device";
+}
+
+int cuda_device_count() {
+    int count = 0;
+    return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
+}
+
+bool cuda_available() { return cuda_unavailable_reason().empty(); }
+
+std::string cuda_driver_description() {
+    if (!cuda_available()) throw DeviceError("no CUDA device: " + cuda_unavailable_reason());
+    int driver = 0, runtime = 0;
+    GS_CUDA(cudaDriverGetVersion(&driver));
+    GS_CUDA(cudaRuntimeGetVersion(&runtime));
+    const cudaDeviceProp p = current_device();
+    return std::string(p.name) + " (sm_" + std::to_string(10 * p.major + p.minor) + ", " + std::to_string(p.totalGlobalMem >> 20) + " MiB), driver for CUDA " +
+           cuda_version(driver) + ", runtime " + cuda_version(runtime);
+}
+
+Ceilings cuda_ceilings() {
+    const unsigned blocks = unsigned(8 * current_device().multiProcessorCount); // 2048 threads on each: full
+    std::size_t free = 0, total = 0;
+    GS_CUDA(cudaMemGetInfo(&free, &total));
+    const std::size_t bytes = std::min<std::size_t>(std::size_t(1) << 30, free / 4), n = bytes / sizeof(float4);
+    if (n == 0) throw DeviceError("no free device memory to measure the copy bandwidth with");
+    double copy = 0;
+    {
+        const Memory from(n * sizeof(float4)), to(n * sizeof(float4));
+        GS_CUDA(cudaMemset(from.as<void>(), 0, n * sizeof(float4)));
+        copy = best_seconds("copy_float4", [&] { copy_float4<<<blocks, kBlock>>>(from.as<float4>(), to.as<float4>(), n); });
+    }
+    const Memory out(sizeof(float));
+    const double fma = best_seconds("chain_fmas", [&] { chain_fmas<<<blocks, kBlock>>>(0.999f, 0.001f, out.as<float>()); });
+    const double operations = double(blocks) * kBlock * kRounds * kUnrolled * kChains;
+    return {2.0 * double(n) * sizeof(float4) / copy, operations / fma};
+}
+
+}  // namespace gs

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// Device memory: buffers that grow, one scratch block carved anew for every use, and what all of it adds up to.
+// Included by .cu files only.
+#pragma once
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "kernels/cuda/cuda.h"
+
+namespace gs {
+
+/// Bytes that all buffers of the process hold now, and the most they ever held. Used by one thread.
+struct DeviceMemoryCount {
+    std::int64_t now = 0, peak = 0;
+};
+inline DeviceMemoryCount& device_memory_count() {
+    static DeviceMemoryCount count;
+    return count;
+}
+
+/// Device memory that grows geometrically and never shrinks.
+template <class T> class DeviceBuffer {
+  public:
+    DeviceBuffer() = default;
+    DeviceBuffer(const DeviceBuffer&) = delete;
+    DeviceBuffer& operator=(const DeviceBuffer&) = delete;
+    ~DeviceBuffer() { release(); }
+
+    /// At least n elements; growing drops the contents. Throws DeviceError naming what was asked and what was free.
+    T* reserve(std::size_t n) {
+        if (n > capacity_) {
+            const std::size_t wanted = std::max(n, capacity_ + capacity_ / 4);
+            release();
+            if (wanted == n || !try_allocate(wanted)) allocate(n);
+        }
+        return data_;
+    }
+    /// As reserve, keeping the first `used` elements, and not a byte more than n elements.
+    T* grow(std::size_t n, std::size_t used) {
+        if (n <= capacity_) return data_;
+        DeviceBuffer bigger;
+        bigger.allocate(n);
+        // Ordered with the streams that use the old memory by its release, which waits for the device.
+        if (used) GS_CUDA(cudaMemcpy(bigger.data_, data_, used * sizeof(T), cudaMemcpyDeviceToDevice));
+        std::swap(data_, bigger.data_);
+        std::swap(capacity_, bigger.capacity_);
+        return data_;
+    }
+    T* get() const { return data_; }
+    std::int64_t bytes() const { return std::int64_t(capacity_ * sizeof(T)); }
+    std::size_t capacity() const { return capacity_; }
+
+    /// Blocking copies.
+    void upload(const std::vector<T>& host) {
+        if (!host.empty()) GS_CUDA(cudaMemcpy(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice));
+    }
+    /// Moments that the host may have dropped: `n` of them, zeros if it has none.
+    void upload_or_zero(const std::vector<T>& host, std::size_t n) {
+        upload(host);
+        if (host.empty() && n > 0) GS_CUDA(cudaMemset(reserve(n), 0, n * sizeof(T)));
+    }
+    std::vector<T> download(std::size_t n) const {
+        std::vector<T> host(n);
+        if (n) GS_CUDA(cudaMemcpy(host.data(), data_, n * sizeof(T), cudaMemcpyDeviceToHost));
+        return host;
+    }
+
+  private:
+    void release() {
+        cudaFree(data_);
+        device_memory_count().now -= bytes();
+        data_ = nullptr, capacity_ = 0;
+    }
+    bool try_allocate(std::size_t n) {
+        if (cudaMalloc(&data_, n * sizeof(T)) != cudaSuccess) {
+            cudaGetLastError();
+            data_ = nullptr;
+            return false;
+        }
+        capacity_ = n;
+        auto& count = device_memory_count();
+        count.now += bytes();
+        count.peak = std::max(count.peak, count.now);
+        return true;
+    }
+    void allocate(std::size_t n) {
+        if (!try_allocate(n)) {
+            std::size_t free = 0, total = 0;
+            cudaMemGetInfo(&free, &total);
+            throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) + " MiB, free " + std::to_string(free >> 20) + " of " +
+                              std::to_string(total >> 20) + " MiB; lower --cap-max, --resolution or --image-cache");
+        }
+    }
+
+    T* data_ = nullptr;
+    std::size_t capacity_ = 0;
+};
+
+/// Hands out consecutive pieces of a block; with a null block it only counts.
+class Carver {
+  public:
+    explicit Carver(unsigned char* block) : block_(block) {}
+    /// n elements of T on a 256-byte boundary.
+    template <class T> T* take(std::size_t n) {
+        T* piece = block_ ? reinterpret_cast<T*>(block_ + at_) : nullptr;
+        at_ += (n * sizeof(T) + 255) / 256 * 256;
+        most_ = std::max(most_, at_);
+        return piece;
+    }
+    std::size_t at() const { return at_; }
+    /// Goes back to an earlier at(): what was taken since is dead, and its place is given out again.
+    void rewind(std::size_t at) { at_ = at; }
+    std::size_t most() const { return most_; }
+
+  private:
+    unsigned char* block_;
+    std::size_t at_ = 0, most_ = 0;
+};
+
+/// One block for what lives no longer than an iteration or a densification.
+class Scratch {
+  public:
+    /// layout(Carver&) runs twice: to count, and to take. It must ask for the same both times. Invalidates what was taken
+    /// before.
+    template <class Layout> void carve(Layout&& layout) {
+        Carver count(nullptr);
+        layout(count);
+        Carver c(block_.reserve(count.most()));
+        layout(c);
+    }
+    std::int64_t bytes() const { return block_.bytes(); }
+
+  private:
+    DeviceBuffer<unsigned char> block_;
+};
+
+}  // namespace gs

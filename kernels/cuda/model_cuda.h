@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// The model on the device: the rows of all groups with their moments.
+#pragma once
+
+#include <vector>
+
+#include "kernels/cuda/device_memory.h"
+#include "kernels/model/model_arrays.h"
+
+namespace gs {
+
+struct CudaModel {
+    std::int64_t count = 0;
+    int width[kNumGroups] = {};
+    DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups]; ///< (count, width)
+    bool packed_moments = false; ///< of the residuals: m holds words of both, v nothing (packed_moments.h)
+    bool has_statistic = false;                                          ///< the two below hold `count` values
+    DeviceBuffer<float> gradient_sum, gradient_count;
+    DeviceBuffer<float> shared_param, shared_m, shared_v; ///< weights of all Gaussians
+    DeviceBuffer<unsigned> shared_prepared;               ///< the same as kernels read them
+
+    std::size_t floats(int group) const { return std::size_t(count) * width[group]; }
+    /// The arrays that hold a group's moments. Zeros in them are moments of 0.
+    std::vector<DeviceBuffer<float>*> moments(int group) {
+        if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
+        return {&m[group], &v[group]};
+    }
+    ModelArrays arrays() const {
+        ModelArrays a{};
+        for (int g = 0; g < kNumGroups; ++g) a.param[g] = param[g].get(), a.m[g] = m[g].get(), a.v[g] = v[g].get(), a.width[g] = width[g];
+        a.shared_param = shared_param.get(), a.shared_m = shared_m.get(), a.shared_v = shared_v.get();
+        return a;
+    }
+    /// Room for n rows in every group, keeping the present ones.
+    void reserve_rows(std::int64_t n) {
+        for (int g = 0; g < kNumGroups; ++g) {
+            param[g].grow(std::size_t(n) * width[g], floats(g));
+            for (auto* moment : moments(g)) moment->grow(std::size_t(n) * width[g], floats(g));
+        }
+    }
+    std::int64_t bytes() const {
+        std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes();
+        for (int g = 0; g < kNumGroups; ++g) sum += param[g].bytes() + m[g].bytes() + v[g].bytes();
+        for (const auto* buffer : {&shared_param, &shared_m, &shared_v}) sum += buffer->bytes();
+        return sum + shared_prepared.bytes();
+    }
+};
+
+}  // namespace gs

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// The arrays of a model under training, as kernels take them.
+#pragma once
+
+#include "kernels/model/gaussian_state.h"
+
+namespace gs {
+
+/// Where the rows of all groups are.
+struct ModelArrays {
+    float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
+    int width[kNumGroups];
+    float *gradient_sum, *gradient_count; ///< ADC statistic, or null
+    float *shared_param, *shared_m, *shared_v; ///< weights of all Gaussians, or null
+};
+
+}  // namespace gs

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// What crosses the Backend interface: views and targets on the way in, images, statistics and costs on the way out.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "kernels/core/vec.h"
+#include "kernels/model/gaussian_state.h"
+#include "kernels/splat/camera.h"
+#include "kernels/splat/raster_config.h"
+
+namespace gs {
+
+/// A training target. Pointers stay valid until the call returns.
+struct TargetImage {
+    int width = 0, height = 0;
+    int channels = 3;                    ///< 3 (rgb) or 4 (rgb + straight alpha, composited on the background)
+    const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
+    const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
+    const std::uint8_t* mask = nullptr;  ///< (H,W) loss weight/255, or null for weight 1
+    std::int64_t id = -1;                ///< equal ids mean equal pixels, so that a device may keep its copy; -1 = unknown
+};
+
+/// Which colour is composited (appearance spec section 1.4).
+enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
+
+/// Where the photometric correction of a view comes from.
+enum class IspMode {
+    kNone,       ///< the image is left as the Gaussians make it
+    kFrame,      ///< exposure and colour of a training image
+    kController, ///< exposure and colour predicted from the image itself; neutral if the model has no controller
+};
+
+/// How PPISP treats a view. Ignored by a model without PPISP.
+struct IspView {
+    IspMode mode = IspMode::kNone;
+    int frame = -1;           ///< of kFrame; -1 = neutral
+    int camera = 0;           ///< whose vignetting and response apply
+    float prior_exposure = 0; ///< of kController: exposure in stops that is known beforehand, e.g. from EXIF
+};
+
+struct RenderRequest {
+    CameraParams<float> camera;
+    Vec3<float> background{0, 0, 0};
+    RenderMode mode = RenderMode::kFull;
+    IspView isp = {};
+};
+
+struct RenderedImage {
+    int width = 0, height = 0;
+    std::vector<float> rgb;   ///< planar (3,H,W), not clamped
+    std::vector<float> alpha; ///< (H,W), 1 - final transmittance
+};
+
+/// One optimizer step on one view.
+struct StepRequest {
+    CameraParams<float> camera;
+    Vec3<float> background{0, 0, 0};
+    TargetImage target;
+    std::int64_t iteration = 0;          ///< 0-based
+    float lambda_dssim = 0.2f;
+    float opacity_reg = 0.01f;           ///< weight of mean(opacity)
+    float scale_reg = 0.01f;             ///< weight of mean(exp(raw_scale))
+    float noise = 0;                     ///< SGLD factor 5e5*lr_means; 0 = no noise
+    std::uint64_t seed = 0;
+    bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm, per view in which a tile is touched
+    double rates[kNumGroups] = {};       ///< learning rate of this step per group
+    std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
+    double shared_rate = 0;              ///< learning rate of the shared weights
+    IspView isp = {};                         ///< kFrame or kNone; of `distill`: kController
+    double isp_rate = 0;                 ///< learning rate of PPISP's parameters; of `distill`: of the controller's weights; 0 = they stay
+};
+
+/// What happened since the last call of `take_stats`.
+struct StepStats {
+    std::int64_t steps = 0;
+    double loss = 0, l1 = 0, ssim = 0;   ///< of the last step
+    std::int64_t num_instances = 0;      ///< Gaussian-tile pairs of the last step
+    std::int64_t num_nonfinite_gradients = 0; ///< Gaussians that sat a step out, summed
+    std::int64_t consecutive_skips = 0;       ///< steps in a row skipped because the loss was not finite
+};
+
+/// What a backend holds in its device's memory.
+struct MemoryUse {
+    struct Row {
+        std::string what;
+        std::int64_t bytes = 0;
+        std::string item;  ///< what the bytes grow with: "Gaussian", "instance", "pixel", "image"
+        double items = 0;
+    };
+    std::vector<Row> rows;
+    std::int64_t bytes = 0, peak = 0;
+};
+
+struct BackendOptions {
+    bool deterministic = false;                      ///< fixed order of all sums: bitwise repeatable on one device, slower
+    bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, through memory; for comparison
+    std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
+    double min_alpha = kMinAlpha;                    ///< fainter fragments are skipped; at least kMinAlpha
+    double min_transmittance = kMinTransmittance;    ///< a pixel below this is finished
+    bool half_residuals = false;                     ///< CUDA: frames read residual parameters rounded to half precision
+    bool packed_moments = false;                     ///< CUDA: Adam's two moments of a residual parameter in 32 bits (bfloat16)
+};
+
+struct McmcParams {
+    std::int64_t cap = 1000000;
+    float min_opacity = 0.005f;
+    double growth = 1.05;
+};
+
+struct AdcParams {
+    float grad_threshold = 0.0002f;
+    float extent = 1;                    ///< scene extent E, world units
+    float dense_fraction = 0.01f;        ///< clone below, split above dense_fraction*E
+    float min_opacity = 0.005f;
+    bool prune_large = false;            ///< remove Gaussians larger than 0.1*E
+    std::int64_t cap = 0;                ///< 0 = unlimited; growth stops at the cap
+};
+
+struct DensifyStats {
+    std::int64_t relocated = 0, added = 0, cloned = 0, split = 0, pruned = 0, count = 0;
+};
+
+/// Time of one stage and what it worked on, summed since the last `take_stage_costs`.
+struct StageCost {
+    std::string stage;
+    double seconds = 0;
+    double items = 0;
+    std::string item;     ///< what an item is, e.g. "pixel x Gaussian"
+    double bytes = 0;     ///< least memory traffic of all items
+    double operations = 0; ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
+    std::string note;     ///< why the stage takes longer than that, where it is known to; may be empty
+    bool evaluates_appearance = false; ///< part of it is the appearance model's
+};
+
+}  // namespace gs

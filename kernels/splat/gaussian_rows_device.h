@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// One Gaussian as it is stored in rows, and the gradient of its row.
+#pragma once
+
+#include "appearance/contract.h"
+#include "kernels/model/gaussian_state.h"
+#include "kernels/splat/projection_device.h"
+
+namespace gs {
+
+/// Parameters of all Gaussians, row-major, as in GaussianState.
+template <class Real> struct ParameterView {
+    std::int64_t count;
+    const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
+    int residual_width;
+    ColorActivation activation;
+    const Real* shared; ///< weights of all Gaussians, or null
+
+    static ParameterView of(const GaussianState<Real>& s) {
+        const auto p = [&](Group g) { return s[g].param.data(); };
+        return {s.count,         p(Group::kMean),     p(Group::kScale),          p(Group::kRotation),     p(Group::kOpacity),
+                p(Group::kBase), p(Group::kResidual), s[Group::kResidual].width, s.appearance.activation, s.shared.param.data()};
+    }
+    GS_HD GaussianGeometry<Real> geometry(std::int64_t i) const {
+        return {{means[3 * i], means[3 * i + 1], means[3 * i + 2]},
+                {log_scales[3 * i], log_scales[3 * i + 1], log_scales[3 * i + 2]},
+                {rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2], rotations[4 * i + 3]},
+                raw_opacities[i]};
+    }
+    GS_HD ViewDirection<Real> direction(std::int64_t i, const Vec3<Real>& camera_position) const {
+        return view_direction(Vec3<Real>{means[3 * i], means[3 * i + 1], means[3 * i + 2]}, camera_position);
+    }
+    GS_HD Vec3<Real> base(std::int64_t i) const { return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]}; }
+    GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
+};
+
+/// What the backward pass knows about one Gaussian, but for its residual. For an invisible one `visible` is false and all
+/// is zero.
+template <class Real> struct GaussianGradient {
+    bool visible;
+    GeometryGradient<Real> geometry;
+    Vec3<Real> base;
+    Vec2<Real> mean2d; ///< pixels; for the densification statistic
+};
+
+}  // namespace gs

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Projecting one Gaussian to the image and back: forward, exact tile test, backward (rasterizer spec sections 4, 5, 9).
+#pragma once
+
+#include "kernels/core/lanes.h"
+#include "kernels/splat/camera.h"
+#include "kernels/splat/raster_config.h"
+#include "kernels/splat/splat_device.h"
+
+namespace gs {
+
+/// Geometry of one Gaussian as stored (raw).
+template <class T> struct GaussianGeometry {
+    Vec3<T> mean;      ///< world
+    Vec3<T> log_scale;
+    Vec4<T> rotation;  ///< (w,x,y,z) in fields (x,y,z,w): x holds w. Unnormalised.
+    T raw_opacity;     ///< logit
+};
+
+/// Half-open pixel rectangle.
+struct PixelBounds {
+    int x_min, x_max, y_min, y_max;
+};
+
+/// Intermediate results that forward and backward share; recomputed in the backward pass instead of stored.
+template <class T> struct Projection {
+    Vec3<T> cam;                ///< mean in camera space
+    T u, v, uc, vc;             ///< normalised image coordinates, and the same clipped for the Jacobian
+    bool u_inside, v_inside;
+    Mat3<T> rotation;           ///< R(q)
+    Vec3<T> variance;           ///< exp(2 s)
+    Sym3<T> covariance;         ///< R diag(variance) R^T, world
+    T j11, j22;                 ///< fx/z, fy/z
+    Vec3<T> a1, a2;             ///< rows of J W
+    Sym2<T> cov2d;              ///< dilated
+    T det;
+};
+
+/// R(q) for unnormalised q = (w,x,y,z).
+template <class T> GS_HD Mat3<T> rotation_matrix(const Vec4<T>& q) {
+    const T r = q.x, x = q.y, y = q.z, z = q.w;
+    const T s = T(2) / (r * r + x * x + y * y + z * z);
+    return {{T(1) - s * (y * y + z * z), s * (x * y - r * z), s * (x * z + r * y)},
+            {s * (x * y + r * z), T(1) - s * (x * x + z * z), s * (y * z - r * x)},
+            {s * (x * z - r * y), s * (y * z + r * x), T(1) - s * (x * x + y * y)}};
+}
+
+template <class T> GS_HD T norm2(const Vec4<T>& q) { return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w; }
+
+/// False where a rotation has no direction: too short, too long for float, or NaN.
+template <class T> GS_HD bool usable_rotation(const Vec4<T>& q) { return norm2(q) >= T(kMinQuaternionNorm2) && norm2(q) <= T(kMaxQuaternionNorm2); }
+
+template <class T> GS_HD Sym3<T> world_covariance(const Mat3<T>& r, const Vec3<T>& var) {
+    const Vec3<T> m0 = r.r0 * var, m1 = r.r1 * var, m2 = r.r2 * var;
+    return {dot(m0, r.r0), dot(m0, r.r1), dot(m0, r.r2), dot(m1, r.r1), dot(m1, r.r2), dot(m2, r.r2)};
+}
+
+template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
+    const T m = T(kMaxLogScale);
+    return {gs_exp(T(2) * gs_min(s.x, m)), gs_exp(T(2) * gs_min(s.y, m)), gs_exp(T(2) * gs_min(s.z, m))};
+}
+
+/// Steps 2 and 4 to 8 of the forward pass. False: culled. Every test is written positively, so that NaN fails it.
+template <class T> GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
+    p.cam = cam.rotation * g.mean + cam.translation;
+    const T z = p.cam.z;
+    if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
+    if (!usable_rotation(g.rotation)) return false;
+    p.rotation = rotation_matrix(g.rotation);
+    p.variance = activated_variance(g.log_scale);
+    p.covariance = world_covariance(p.rotation, p.variance);
+
+    const T inv_z = T(1) / z;
+    p.u = p.cam.x * inv_z;
+    p.v = p.cam.y * inv_z;
+    const T w = T(cam.width), h = T(cam.height), m = T(kFrustumMargin);
+    p.uc = gs_clamp(p.u, (-m * w - cam.cx) / cam.fx, ((T(1) + m) * w - cam.cx) / cam.fx);
+    p.vc = gs_clamp(p.v, (-m * h - cam.cy) / cam.fy, ((T(1) + m) * h - cam.cy) / cam.fy);
+    p.u_inside = p.uc == p.u;
+    p.v_inside = p.vc == p.v;
+    p.j11 = cam.fx * inv_z;
+    p.j22 = cam.fy * inv_z;
+    const Vec3<T>& r3 = cam.rotation.r2;
+    p.a1 = (cam.rotation.r0 - r3 * p.uc) * p.j11;
+    p.a2 = (cam.rotation.r1 - r3 * p.vc) * p.j22;
+    const Vec3<T> sa1 = p.covariance * p.a1, sa2 = p.covariance * p.a2;
+    p.cov2d = {dot(p.a1, sa1) + T(kDilation), dot(p.a1, sa2), dot(p.a2, sa2) + T(kDilation)};
+    p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
+    return p.det >= T(kMinDeterminant) && p.cov2d.xx <= T(kMaxVariance2d) && p.cov2d.yy <= T(kMaxVariance2d);
+}
+
+/// Pixel rectangle of the alpha >= 1/255 ellipse, clamped to [0, width_padded] x [0, height_padded]. Clamped as
+/// floating point first: means far off axis exceed the range of int.
+template <class T>
+GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width_padded, int height_padded) {
+    const T hx = gs_max(gs_sqrt(T(2) * threshold * cov2d.xx) - T(0.5), T(0));
+    const T hy = gs_max(gs_sqrt(T(2) * threshold * cov2d.yy) - T(0.5), T(0));
+    const T w = T(width_padded), h = T(height_padded);
+    return {int(gs_clamp(gs_floor(m.x - hx), T(0), w)), int(gs_clamp(gs_ceil(m.x + hx), T(0), w)),
+            int(gs_clamp(gs_floor(m.y - hy), T(0), h)), int(gs_clamp(gs_ceil(m.y + hy), T(0), h))};
+}
+
+/// Smallest power 1/2 d^T Q d over the pixel centres' rectangle [x0+.5, x0+.5+extent_x] x [y0+.5, y0+.5+extent_y]; 0 if
+/// the mean lies inside. P is a scalar, or lanes that test one rectangle each. extent_x, extent_y > 0.
+template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P x0, P y0, T extent_x, T extent_y) {
+    const P zero(T(0)), one(T(1)), mx(s.mean.x - T(0.5)), my(s.mean.y - T(0.5)), ax(s.a), bx(s.b), cx(s.c), wx(extent_x), wy(extent_y);
+    const P x1 = x0 + wx, y1 = y0 + wy;
+    const P left = select(at_least(x0, mx), one, zero), right = select(at_least(x1, mx), zero, one);
+    const P above = select(at_least(y0, my), one, zero), below = select(at_least(y1, my), zero, one);
+    const P out_x = left + right, out_y = above + below;
+    // Corner nearest to the mean; the minimum lies on one of the two edges that meet there (StopThePop).
+    const P ex = mx - x1 + left * wx, ey = my - y1 + above * wy;
+    const P dx = (left + left - one) * wx, dy = (above + above - one) * wy;
+    const P tx = out_y * lane_min(lane_max((ax * ex + bx * ey) * reciprocal(ax * dx), zero), one);
+    const P ty = out_x * lane_min(lane_max((bx * ex + cx * ey) * reciprocal(cx * dy), zero), one);
+    const P fx = ex - tx * dx, fy = ey - ty * dy;
+    const P half(T(0.5));
+    return lane_max(out_x, out_y) * (half * (ax * fx * fx + cx * fy * fy) + bx * fx * fy);
+}
+
+/// Gradients of the raw geometry.
+template <class T> struct GeometryGradient {
+    Vec3<T> mean, log_scale;
+    Vec4<T> rotation;
+    T raw_opacity;
+};
+
+/// Steps 1 and 3 to 9 of the backward pass: everything but the colour.
+template <class T>
+GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam, const Projection<T>& p, T opacity,
+                                           const SplatGradient<T>& d) {
+    GeometryGradient<T> out;
+    out.raw_opacity = d.opacity * opacity * (T(1) - opacity);
+
+    // Inverse of the 2-D covariance: G2 = -Q Gq Q.
+    const T a = p.cov2d.xx, b = p.cov2d.xy, c = p.cov2d.yy, k = T(1) / (p.det * p.det);
+    const T ga = d.conic.xx, gb = d.conic.xy, gc = d.conic.yy;
+    const T g_xx = k * (T(2) * b * c * gb - c * c * ga - b * b * gc);
+    const T g_xy = k * (b * c * ga - (a * c + b * b) * gb + a * b * gc);
+    const T g_yy = k * (T(2) * a * b * gb - b * b * ga - a * a * gc);
+
+    // World covariance: G3 = A^T G2 A; J W: 2 G2 A Sigma.
+    const Vec3<T> q1 = p.a1 * g_xx + p.a2 * g_xy, q2 = p.a1 * g_xy + p.a2 * g_yy;
+    const Sym3<T> g3{p.a1.x * q1.x + p.a2.x * q2.x, p.a1.x * q1.y + p.a2.x * q2.y, p.a1.x * q1.z + p.a2.x * q2.z,
+                     p.a1.y * q1.y + p.a2.y * q2.y, p.a1.y * q1.z + p.a2.y * q2.z, p.a1.z * q1.z + p.a2.z * q2.z};
+    const Vec3<T> g1 = (p.covariance * q1) * T(2), g2 = (p.covariance * q2) * T(2);
+    const T dj11 = dot(cam.rotation.r0, g1), dj13 = dot(cam.rotation.r2, g1);
+    const T dj22 = dot(cam.rotation.r1, g2), dj23 = dot(cam.rotation.r2, g2);
+
+    // Camera-space mean, through the pixel position and through the Jacobian.
+    const T inv_z = T(1) / p.cam.z;
+    Vec3<T> dp{p.j11 * d.mean.x, p.j22 * d.mean.y, -p.j11 * p.u * d.mean.x - p.j22 * p.v * d.mean.y};
+    if (p.u_inside) dp.x = dp.x - p.j11 * dj13 * inv_z;
+    if (p.v_inside) dp.y = dp.y - p.j22 * dj23 * inv_z;
+    const T nu = p.u_inside ? T(2) : T(1), nv = p.v_inside ? T(2) : T(1);
+    dp.z = dp.z + (p.j11 * (nu * p.uc * dj13 - dj11) + p.j22 * (nv * p.vc * dj23 - dj22)) * inv_z;
+    out.mean = cam.rotation.transposed_times(dp);
+
+    // Scales: dL/dvar_k = r_k^T G3 r_k with r_k the k-th column of R. Rotation matrix: 2 G3 R diag(var).
+    const Mat3<T>& r = p.rotation;
+    const Vec3<T> c0{r.r0.x, r.r1.x, r.r2.x}, c1{r.r0.y, r.r1.y, r.r2.y}, c2{r.r0.z, r.r1.z, r.r2.z};
+    const Vec3<T> h0 = g3 * c0, h1 = g3 * c1, h2 = g3 * c2;
+    const Vec3<T>& var = p.variance;
+    out.log_scale = {T(2) * var.x * dot(c0, h0), T(2) * var.y * dot(c1, h1), T(2) * var.z * dot(c2, h2)};
+    const Vec3<T> m0 = h0 * (T(2) * var.x), m1 = h1 * (T(2) * var.y), m2 = h2 * (T(2) * var.z);
+
+    // Quaternion of the unnormalised q.
+    const T w = g.rotation.x, x = g.rotation.y, y = g.rotation.z, z = g.rotation.w;
+    const T gxx = m1.y + m2.z, gyy = m0.x + m2.z, gzz = m0.x + m1.y;
+    const T gxy = m0.y + m1.x, gxz = m2.x + m0.z, gyz = m1.z + m2.y;
+    const T grx = m1.z - m2.y, gry = m2.x - m0.z, grz = m0.y - m1.x;
+    const T s = T(2) / norm2(g.rotation);
+    const T t = s * (x * y * gxy + x * z * gxz + y * z * gyz + w * x * grx + w * y * gry + w * z * grz - x * x * gxx - y * y * gyy - z * z * gzz);
+    out.rotation = {s * (x * grx + y * gry + z * grz - w * t), s * (w * grx - T(2) * x * gxx + y * gxy + z * gxz - x * t),
+                    s * (w * gry + x * gxy - T(2) * y * gyy + z * gyz - y * t), s * (w * grz + x * gxz + y * gyz - T(2) * z * gzz - z * t)};
+    return out;
+}
+
+}  // namespace gs

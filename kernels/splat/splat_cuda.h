@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// What preprocessing hands to sorting and blending on the device.
+#pragma once
+
+#include "kernels/cuda/cuda.h"
+#include "kernels/splat/projection_device.h"
+
+namespace gs {
+
+/// Tiles of the CUDA blend: 16x12 pixels, six warps of 8x4 pixels each.
+inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
+
+/// A splat in three 16-byte pieces, so that it is read with three instructions and shares no sector needlessly.
+struct alignas(16) PackedSplat {
+    float4 a; ///< mean x, mean y, conic a, conic b
+    float4 b; ///< conic c, opacity, threshold, red
+    float4 c; ///< green, blue, and the pixel bounds: x_min | x_max << 16, y_min | y_max << 16
+
+    static __device__ PackedSplat of(const Splat<float>& s, const PixelBounds& p) {
+        return {make_float4(s.mean.x, s.mean.y, s.a, s.b), make_float4(s.c, s.opacity, s.threshold, s.color.x),
+                make_float4(s.color.y, s.color.z, __uint_as_float(p.x_min | p.x_max << 16), __uint_as_float(p.y_min | p.y_max << 16))};
+    }
+    __device__ void set_color(const Vec3<float>& color) { b.w = color.x, c.x = color.y, c.y = color.z; }
+    __device__ Splat<float> splat() const { return {{a.x, a.y}, a.z, a.w, b.x, b.y, {b.w, c.x, c.y}, b.z}; }
+    __device__ PixelBounds bounds() const {
+        const unsigned x = __float_as_uint(c.z), y = __float_as_uint(c.w);
+        return {int(x & 0xffff), int(x >> 16), int(y & 0xffff), int(y >> 16)};
+    }
+};
+
+/// Tiles that a pixel rectangle meets.
+struct TileRectangle {
+    int x0, y0, width, height;
+    __device__ explicit TileRectangle(const PixelBounds& b)
+        : x0(b.x_min / kCudaTileX), y0(b.y_min / kCudaTileY), width((b.x_max + kCudaTileX - 1) / kCudaTileX - x0),
+          height((b.y_max + kCudaTileY - 1) / kCudaTileY - y0) {}
+    __device__ int size() const { return width * height; }
+};
+
+/// The tiles a Gaussian touches, found once: up to 32 candidate tiles as bits, row by row. Larger ones (width 0) are tested
+/// again when their instances are written.
+struct TileSpan {
+    std::uint32_t where; ///< x0 | y0 << 13 | width << 26
+    std::uint32_t mask;
+
+    static __device__ TileSpan of(const TileRectangle& r, unsigned mask) {
+        return {std::uint32_t(r.x0) | std::uint32_t(r.y0) << 13 | std::uint32_t(r.size() <= 32 ? r.width : 0) << 26, mask};
+    }
+    __device__ int x0() const { return where & 0x1fff; }
+    __device__ int y0() const { return where >> 13 & 0x1fff; }
+    __device__ int width() const { return where >> 26; }
+};
+
+/// The tiles of one row that a splat's ellipse {power <= touch threshold} meets: tiles [x0, x1). Over the row's height the
+/// right-hand boundary is concave, so its largest value lies at the ellipse's rightmost point or at the nearer end of the
+/// row; likewise on the left.
+class TileRows {
+  public:
+    __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
+        : mx_(s.mean.x), my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_), x0_(r.x0), x1_(r.x0 + r.width) {
+        // In double: for needles ac - b^2 cancels, and what counts is the conic as blending will use it.
+        curvature_ = float(double(s.a) * s.c - double(s.b) * s.b) * inverse_a_;
+        reach_ = 2 * touch_threshold(s);
+        const bool bounded = curvature_ > 0;
+        half_height_ = bounded ? sqrtf(reach_ / curvature_) : 3e38f;
+        extreme_ = bounded ? slope_ * sqrtf(reach_ * s.a / (curvature_ * s.c)) : copysignf(3e38f, slope_);
+    }
+    struct Span {
+        int x0, x1;
+        __device__ int size() const { return x1 - x0; }
+    };
+    __device__ Span row(int ty) const {
+        const float low = ty * kCudaTileY + 0.5f - my_, high = low + (kCudaTileY - 1);
+        const float from = fmaxf(low, -half_height_), to = fminf(high, half_height_);
+        if (!(from <= to)) return {0, 0};
+        const float y_right = fminf(fmaxf(extreme_, from), to), y_left = fminf(fmaxf(-extreme_, from), to);
+        const float right = mx_ + slope_ * y_right + half_width(y_right), left = mx_ + slope_ * y_left - half_width(y_left);
+        // Clamped as floating point: an ellipse may reach beyond the range of int.
+        const int x0 = int(fmaxf(ceilf((left - (kCudaTileX - 0.5f)) * (1.0f / kCudaTileX)), float(x0_)));
+        const int x1 = int(fminf(floorf((right - 0.5f) * (1.0f / kCudaTileX)), float(x1_ - 1))) + 1;
+        return {x0, x1 > x0 ? x1 : x0};
+    }
+
+  private:
+    __device__ float half_width(float dy) const { return sqrtf(fmaxf(reach_ - dy * dy * curvature_, 0.0f) * inverse_a_); }
+    float mx_, my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
+    int x0_, x1_;
+};
+
+/// The spans of up to 32 rows from row y on, one a lane. One copy of the code: counting and writing the instances of large
+/// Gaussians must agree bit for bit, or slots stay unwritten.
+__device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p, int y, int y_end) {
+    const TileRectangle r(p.bounds());
+    const int ty = y + int(threadIdx.x & 31);
+    return ty < y_end ? TileRows(p.splat(), r).row(ty) : TileRows::Span{0, 0};
+}
+
+}  // namespace gs

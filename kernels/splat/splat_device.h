@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A splat: what blending needs of a Gaussian on screen, and what it gives back.
+#pragma once
+
+#include "kernels/core/lanes.h"
+#include "kernels/core/vec.h"
+
+namespace gs {
+
+/// What blending needs of a Gaussian on screen.
+template <class T> struct Splat {
+    Vec2<T> mean;   ///< pixels
+    T a, b, c;      ///< conic: inverse of the dilated 2-D covariance [[a,b],[b,c]]
+    T opacity;      ///< activated
+    Vec3<T> color;  ///< after the colour activation
+    T threshold;    ///< ln(opacity / cutoff) >= 0: the power at which alpha falls to the cutoff, 1/255
+};
+
+/// Widening of the touch tests: above the rounding of the power in float, below what costs time.
+template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
+
+/// Gradients of the loss with respect to what blending used of one Gaussian.
+template <class T> struct SplatGradient {
+    Vec2<T> mean;   ///< pixels
+    Sym2<T> conic;  ///< matrix gradient (half convention)
+    T opacity;      ///< activated opacity
+    Vec3<T> color;  ///< after the colour activation
+};
+
+/// Sums over pixels of one splat. h = -alpha dL/dalpha.
+template <class P> struct SplatSums {
+    P h, hx, hy, hxx, hxy, hyy, r, g, b;
+};
+
+/// From the sums over pixels to gradients of the splat.
+template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, const SplatSums<T>& k) {
+    SplatGradient<T> d;
+    d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};
+    d.conic = {T(0.5) * k.hxx, T(0.5) * k.hxy, T(0.5) * k.hyy};
+    d.opacity = -k.h / s.opacity; // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, as alpha had to be
+    d.color = {k.r, k.g, k.b};
+    return d;
+}
+
+}  // namespace gs

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "eval/auto/appearance_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "eval/auto/find_appearance.h"
+#include "lib/core/options.h"
+#include "lib/train/rehearsal.h"
+#include "lib/train/scene_options.h"
+
+namespace gs {
+namespace {
+
+/// model, bytes, seconds, psnr
+const AppearanceTrial kNone{"none", 12, 1, 25};
+
+TEST(AppearanceChoice, KeepsTheSmallestWithinTheTolerance) {
+    const std::vector<AppearanceTrial> trials = {kNone, {"small", 44, 3, 26.91}, {"large", 200, 2, 27}};
+    EXPECT_EQ(choose_appearance(trials, 0.1).chosen, 1u);
+    EXPECT_EQ(choose_appearance(trials, 0.05).chosen, 2u);
+    EXPECT_EQ(choose_appearance(trials, 2).chosen, 0u);
+    EXPECT_EQ(choose_appearance(trials, 2).best, 2u);
+}
+
+TEST(AppearanceChoice, DecidesBetweenEqualBytesByTime) {
+    const std::vector<AppearanceTrial> trials = {kNone, {"slow", 44, 3, 27}, {"fast", 44, 2, 26.95}};
+    EXPECT_EQ(choose_appearance(trials, 0.1).chosen, 2u);
+    EXPECT_EQ(choose_appearance(trials, 0).chosen, 1u);
+}
+
+TEST(AppearanceChoice, PassesOverTrialsThatFailed) {
+    const AppearanceTrial failed{"failed", 10, 1, std::numeric_limits<double>::quiet_NaN()};
+    EXPECT_EQ(choose_appearance({kNone, failed}, 0.1).chosen, 0u);
+    EXPECT_EQ(choose_appearance({failed}, 0.1).chosen, 0u);
+    EXPECT_EQ(choose_appearance({failed, kNone}, 0.1).chosen, 1u);
+}
+
+TEST(AppearanceChoice, SaysWhatRemains) {
+    // photometric, direction, held-out direction
+    EXPECT_EQ(what_remains({0.05, 0.12, 0.08}, 0.1), Remainder::kReflectance);
+    EXPECT_EQ(what_remains({0.05, 0.12, 0.08}, 1), Remainder::kUnresolved) << "0.56 dB are less than what is allowed";
+    EXPECT_EQ(what_remains({0.05, 0.01, -0.02}, 0.1), Remainder::kUnresolved);
+    EXPECT_EQ(what_remains({0.05, 0.09, -0.4}, 0.1), Remainder::kInconsistency);
+    EXPECT_EQ(what_remains({0.7, 0.06, 0.09}, 0.1), Remainder::kPhotometric);
+}
+
+TEST(AppearanceChoice, ValuesDirectionInDecibels) {
+    EXPECT_NEAR(worth(0.9), 10, 1e-9);
+    EXPECT_EQ(worth(0), 0);
+    EXPECT_LT(worth(-0.1), 0);
+    EXPECT_TRUE(std::isfinite(worth(1)));
+}
+
+TrainOptions glossy(int width, std::int64_t iterations) {
+    TrainOptions options;
+    options.source = "builtin:glossy";
+    options.resolution = width;
+    options.iterations = iterations;
+    options.device = "cpu";
+    validate(options);
+    return options;
+}
+
+TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
+    TrainOptions options = glossy(32, 300);
+    options.auto_tolerance = 0;
+    Scene scene = load_scene(scene_options(options));
+    const AppearanceReport report = find_appearance(options, scene);
+    EXPECT_EQ(report.lines.size(), 5u);
+    EXPECT_EQ(report.json.at("model"), report.model);
+    EXPECT_EQ(report.json.at("warm_up_iterations"), 20);
+    EXPECT_EQ(report.lines[3].find("held out after 20 iterations of each: none "), 0u) << report.lines[3];
+    EXPECT_EQ(report.json.at("trials").at(0).at("model"), "none");
+    EXPECT_TRUE(std::isfinite(report.json.at("trials").at(0).at("PSNR").get<double>()));
+    options.auto_tolerance = 100;
+    const AppearanceReport lenient = find_appearance(options, scene);
+    EXPECT_EQ(lenient.model, "none");
+    EXPECT_TRUE(lenient.json.at("trials").empty()) << "direction cannot be worth that much";
+    scene.train.resize(7);
+    const AppearanceReport few = find_appearance(options, scene);
+    EXPECT_EQ(few.model, "none") << "no view can be held out";
+    EXPECT_EQ(few.json.at("lines"), few.lines);
+}
+
+TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
+    TrainOptions options = glossy(16, 60);
+    options.auto_tolerance = 0;
+    Scene scene = load_scene(scene_options(options));
+    View& away = scene.train[4]; // one that is held out
+    away.camera.translation.z() -= 1e6;
+    away.load = [load = away.load] {
+        ViewImage black = load();
+        std::fill(black.color.u8.begin(), black.color.u8.end(), std::uint8_t(0));
+        return black;
+    };
+    const AppearanceReport report = find_appearance(options, scene);
+    EXPECT_FALSE(report.json.at("trials").empty());
+    for (const auto& trial : report.json.at("trials")) EXPECT_TRUE(trial.at("PSNR").is_number()) << trial;
+}
+
+TEST(FindAppearance, TakesNoneWhereMasksLeaveNothing) {
+    const TrainOptions options = glossy(16, 15);
+    Scene scene = load_scene(scene_options(options));
+    for (View& view : scene.train)
+        view.load = [load = view.load] {
+            ViewImage image = load();
+            image.mask.emplace();
+            image.mask->width = image.color.width, image.mask->height = image.color.height, image.mask->channels = 1;
+            image.mask->u8.assign(std::size_t(image.color.width * image.color.height), 0);
+            return image;
+        };
+    const AppearanceReport report = find_appearance(options, scene);
+    EXPECT_EQ(report.model, "none");
+    EXPECT_NE(report.lines.front().find("masks"), std::string::npos) << report.lines.front();
+}
+
+TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
+    TrainOptions options;
+    options.source = "builtin:diffuse";
+    options.resolution = 16;
+    options.appearance = "none";
+    options.device = "cpu";
+    validate(options);
+    const Scene scene = load_scene(scene_options(options));
+    Rehearsal rehearsal(options, scene);
+    const Gaussians begun = rehearsal.begin(2).backend->download(false);
+    EXPECT_FALSE(rehearsal.go_on(begun, begun.appearance, 1000000000, 0.05));
+    EXPECT_TRUE(rehearsal.go_on(begun, begun.appearance, 2, 1e9));
+}
+
+}  // namespace
+}  // namespace gs

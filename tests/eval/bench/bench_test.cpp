@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is measured, in which order, and what the reader is told; and the generated sets.
+#include "eval/bench/bench.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "eval/bench/generated_set.h"
+#include "eval/metrics/quantize.h"
+#include "kernels/core/parallel.h"
+#include "lib/core/options.h"
+#include "lib/scene/camera_params.h"
+#include "tests/train/forwarding_backend.h"
+
+namespace gs {
+namespace {
+
+const AppearanceSpec kSh{"sh", 3, ColorActivation::kRelu};
+
+TrainOptions some_options() {
+    TrainOptions options;
+    options.source = "generated";
+    options.background = "0,0,1";
+    validate(options);
+    return options;
+}
+
+/// Generated views, seen in 24x16 pixels: the tests are about order, not about time.
+Scene small_scene(Backend& backend, const Gaussians& model) {
+    backend.upload(model);
+    Scene scene = generated_scene(backend, {0, 0, 1});
+    for (View& view : scene.train) {
+        view.camera.fx = view.camera.fy = 15;
+        view.camera = with_size(view.camera, 24, 16);
+        view.load = [] { return ViewImage{Image{24, 16, 3, std::vector<std::uint8_t>(24 * 16 * 3, 90), {}}, std::nullopt}; };
+    }
+    return scene;
+}
+
+/// Writes down what it is asked for.
+class WatchedBackend : public test::ForwardingBackend {
+  public:
+    using ForwardingBackend::ForwardingBackend;
+    void step(const StepRequest& request) override {
+        steps += "s";
+        ids.insert(request.target.id);
+        largest_rate = std::max(largest_rate, *std::max_element(request.rates, request.rates + kNumGroups));
+        noise = request.noise;
+        background = request.background;
+        ForwardingBackend::step(request);
+    }
+    void synchronize() override { steps += "."; }
+    void measure_stages(bool on) override { steps += on ? "(" : ")"; }
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+        frames.push_back(views.at(0).camera);
+        return repeats;
+    }
+    Ceilings measure_ceilings() override { return {1e9, 1e9}; }
+
+    std::string steps;
+    std::set<std::int64_t> ids;
+    double largest_rate = 0;
+    float noise = 0;
+    Vec3<float> background{};
+    std::vector<CameraParams<float>> frames;
+};
+
+TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
+    WatchedBackend backend(kSh);
+    const Gaussians model = generated_gaussians(60, 1, kSh);
+    const Scene scene = small_scene(backend, model);
+    const BenchResult result = run_bench(backend, some_options(), scene, model, {.repeat = 3, .frame_repeat = 7});
+    EXPECT_EQ(backend.steps, "sss." "sss." "s.s.s." "(s.sss.)" "(s.sss.)") << "warm-up, in a row, one by one, with marks, the same without residuals";
+    EXPECT_EQ(backend.ids, (std::set<std::int64_t>{0, 2, 5})) << "three of eight views, spread";
+    EXPECT_LT(backend.largest_rate, 1e-7);
+    EXPECT_GT(backend.noise, 0) << "with noise the device has more to do";
+    EXPECT_EQ(backend.background.z, 1);
+    ASSERT_EQ(backend.frames.size(), 2u);
+    EXPECT_EQ(backend.frames[0].width, 24);
+    EXPECT_EQ(backend.frames[1].width, 1280);
+    EXPECT_EQ(result.frames[1].seconds, 7);
+    EXPECT_EQ(result.num_gaussians, 60);
+    EXPECT_EQ(result.width, 24);
+    EXPECT_EQ(result.stages.size(), 6u);
+    EXPECT_EQ(result.stages[0].items, 60) << "per iteration";
+    ASSERT_EQ(result.without_residual.size(), 6u);
+    EXPECT_LT(result.without_residual[0].bytes, result.stages[0].bytes) << "preprocessing reads residuals";
+    EXPECT_EQ(appearance_share(result, 0).bytes, result.stages[0].bytes - result.without_residual[0].bytes);
+    EXPECT_EQ(result.without_residual[2].bytes, result.stages[2].bytes) << "blending does not";
+    EXPECT_EQ(backend.download(false).active_degree, model.active_degree);
+    const Gaussians after = backend.download(false);
+    for (int g = 0; g < kNumGroups; ++g)
+        for (std::size_t i = 0; i < after.groups[g].param.size(); ++i) ASSERT_NEAR(after.groups[g].param[i], model.groups[g].param[i], 1e-5f);
+}
+
+TEST(Bench, AnotherImageSizeKeepsScaleAndCentre) {
+    Camera camera;
+    camera.width = 800, camera.height = 801;
+    camera.fx = 700, camera.fy = 710, camera.cx = 390, camera.cy = 405;
+    const Camera wide = with_size(camera, 1280, 720);
+    EXPECT_EQ(wide.width, 1280);
+    EXPECT_EQ(wide.height, 720);
+    EXPECT_EQ(wide.fx, 700);
+    EXPECT_EQ(wide.fy, 710);
+    EXPECT_EQ(wide.cx - 640, camera.cx - 400);
+    EXPECT_EQ(wide.cy - 360, camera.cy - 400.5);
+}
+
+TEST(Bench, StagesFarAboveTheirFloorStandOutWithTheReason) {
+    BenchResult r;
+    r.subject = "a set";
+    r.device = "a device";
+    r.ceilings = {1e9, 2e9};
+    r.num_gaussians = 5;
+    r.frames = {{800, 600, 4, 0.002}};
+    r.repeat = 10;
+    r.iteration_seconds = 0.010, r.iteration_seconds_median = 0.011, r.marked_iteration_seconds = 0.0105;
+    r.stages = {{"far", 0.004, 2e6, "pixel", 1e6, 1e6, "it waits", true}, {"near", 0.003, 0, "pixel", 1e6, 4e6, "unused"}, {"bare", 0.001, 1, "pixel", 0, 0, ""}};
+    r.without_residual = {{"far", 0.003, 2e6, "pixel", 5e5, 1e6, "it waits"}, r.stages[1], r.stages[2]};
+    r.memory = {{{"model", 3 << 20, "Gaussian", 1 << 20}}, 3 << 20, 4 << 20};
+    r.default_seconds = 0.010, r.deterministic_seconds = 0.012;
+    const std::string text = format_bench(r);
+    for (const char* line :
+         {"a set\na device; 5 Gaussians; copy 1.0 GB/s, 2 G single-precision FMA/s\n", "| 800x600, 4 views | 2.000 | 500.0 |\n",
+          "10.000 ms (mean of 10 in a row), 11.000 ms (median of 10 that are each waited for)\n",
+          "with marks between the stages: 10.500 ms in a row, +5.0 %; the stages add up to 8.000 ms\n",
+          "with --deterministic 12.000 ms, without 10.000 ms: 1.20 times\n", "| far | 4.000 | 2 M pixel | 2.000 | 1.000 | copy | **4.0** | it waits |\n",
+          "| near | 3.000 | 0 M pixel | 0.000 | 2.000 | FMA | 1.5 |  |\n", "| bare | 1.000 | 1e-06 M pixel | 1000000.000 | 0.000 | - | - |  |\n",
+          "| appearance in | ms |", "| far | 1.000 | 2 M pixel | 0.500 | 0.500 | copy | 2.0 |  |\n", "device memory: peak 4.0 MiB, now 3.0 MiB: model 3.0 MiB (3 B a Gaussian)\n"})
+        EXPECT_NE(text.find(line), std::string::npos) << line << "is not in\n" << text;
+}
+
+TEST(CpuCeilings, AreThoseOfSomeMachine) {
+    const Ceilings c = cpu_ceilings();
+    EXPECT_GT(c.copy_bytes_per_second, 1e8);
+    EXPECT_GT(c.operations_per_second, 1e8);
+    EXPECT_LT(c.operations_per_second, 1e15);
+}
+
+TEST(GeneratedSet, DependsOnSeedAndIndexAlone) {
+    set_num_threads(1);
+    const Gaussians a = generated_gaussians(3000, 4, kSh);
+    set_num_threads(0);
+    const Gaussians same = generated_gaussians(3000, 4, kSh), other = generated_gaussians(3000, 5, kSh);
+    EXPECT_EQ(a.count, 3000);
+    EXPECT_EQ(a.active_degree, 3);
+    for (int g = 0; g < kNumGroups; ++g) {
+        EXPECT_EQ(a.groups[g].param, same.groups[g].param) << kGroupNames[g];
+        EXPECT_NE(a.groups[g].param, other.groups[g].param) << kGroupNames[g];
+        for (const float x : a.groups[g].param) ASSERT_TRUE(std::isfinite(x)) << kGroupNames[g];
+    }
+    double far = 0, log_scale = 0;
+    for (std::size_t i = 0; i < 3000; ++i) {
+        const float* p = &a[Group::kMean].param[3 * i];
+        far = std::max(far, double(std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])));
+        log_scale += a[Group::kScale].param[3 * i] / 3000;
+    }
+    EXPECT_LE(far, 1.01);
+    EXPECT_GT(far, 0.9);
+    EXPECT_NEAR(log_scale, std::log(0.5 / std::cbrt(3000.0)), 0.1);
+}
+
+TEST(GeneratedSet, ViewsShowTheSetItself) {
+    const auto backend = make_cpu_backend(kSh);
+    backend->upload(generated_gaussians(500, 0, kSh));
+    const Scene scene = generated_scene(*backend, {0, 0, 1});
+    ASSERT_EQ(scene.train.size(), 8u);
+    EXPECT_GT(scene.extent, 1);
+    RenderRequest request;
+    request.camera = camera_params(scene.train[3].camera);
+    request.background = {0, 0, 1};
+    RenderedImage rendered;
+    backend->render(request, rendered);
+    const ViewImage image = scene.train[3].load();
+    EXPECT_EQ(image.color.u8, quantized_render(rendered).u8);
+    const auto middle = std::size_t(360 * 1280 + 640);
+    EXPECT_GT(rendered.alpha[middle], 0.2f) << "the cameras look at the set";
+    EXPECT_LT(rendered.alpha[10 * 1280 + 5], 0.01f) << "and see past it";
+}
+
+}  // namespace
+}  // namespace gs

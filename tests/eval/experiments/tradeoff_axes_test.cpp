@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// Axes as users write them, the grid they span, and the rounds of a search.
+#include "eval/experiments/tradeoff_axes.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <set>
+
+#include "eval/experiments/tradeoff_rounds.h"
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+using Words = std::vector<std::string>;
+
+TrainOptions base_options() {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.model = "out";
+    o.iterations = 8000;
+    o.cap_max = 200000;
+    return o;
+}
+
+std::string error_of(const std::function<void()>& act) {
+    try {
+        act();
+    } catch (const UsageError& e) {
+        return e.what();
+    }
+    return "no error";
+}
+
+std::vector<TradeoffAxis> parse(const Words& words) { return parse_axes(words, base_options()); }
+
+TEST(TradeoffAxes, AreNamesWithValuesOrWithDefaults) {
+    const auto axes = parse({"appearance=none,sh", "budget,iterations", "speedy_splat", "color-activation"});
+    ASSERT_EQ(axes.size(), 5u);
+    EXPECT_EQ(axes[0].name, "appearance");
+    EXPECT_EQ(axes[0].values, (Words{"none", "sh"}));
+    EXPECT_EQ(axes[1].values, (Words{"0.1", "0.3", "1"}));
+    EXPECT_EQ(axes[2].values, (Words{"2000", "8000"}));
+    EXPECT_EQ(axes[3].name, "speedy-splat");
+    EXPECT_EQ(axes[3].values, (Words{"false", "true"}));
+    EXPECT_EQ(axes[4].values, (Words{"relu", "softplus", "sigmoid", "hardsigmoid"}));
+}
+
+TEST(TradeoffAxes, PrecisionHasNames) {
+    TrainOptions base = base_options();
+    base.device = "cpu";
+    const auto axes = parse_axes({"precision"}, base);
+    EXPECT_EQ(axes.at(0).values, (Words{"full", "cutoffs"}));
+    const Configuration c = make_configuration(axes, {"cutoffs"}, base);
+    EXPECT_EQ(c.options.alpha_cutoff, 2);
+    EXPECT_EQ(c.options.appearance_storage, "fp32");
+    EXPECT_NE(error_of([&] { make_configuration(axes, {"fast"}, base); }).find("of the GPU"), std::string::npos);
+    EXPECT_NE(error_of([&] { make_configuration(axes, {"fastest"}, base); }).find("'fastest' is not one of full"), std::string::npos);
+}
+
+TEST(TradeoffAxes, MistakesAreNamed) {
+    const auto error = [](const Words& words) { return error_of([&] { parse(words); }); };
+    EXPECT_NE(error({"apearance=sh"}).find("did you mean 'appearance'"), std::string::npos);
+    EXPECT_NE(error({"budgets"}).find("did you mean 'budget'"), std::string::npos);
+    EXPECT_NE(error({"budget", "budget=1"}).find("budget is given twice"), std::string::npos);
+    EXPECT_NE(error({"budget=,"}).find("budget has no values"), std::string::npos);
+    EXPECT_NE(error({"scaling-lr"}).find("scaling-lr=A,B"), std::string::npos);
+    for (const char* name : {"resolution=80,160", "source=a,b", "seed=0,1", "device=cpu,cuda", "background=black,white", "quiet", "test-iterations=5,6"})
+        EXPECT_NE(error({name}).find("cannot be an axis"), std::string::npos) << name;
+}
+
+TEST(TradeoffAxes, ValuesAreCheckedByTheirOptions) {
+    const auto error = [](const Words& words) { return error_of([&] { spread_grid(parse(words), base_options()); }); };
+    EXPECT_NE(error({"appearance=sh,shh"}).find("option appearance: 'shh'"), std::string::npos);
+    EXPECT_NE(error({"iterations=100,ten"}).find("--axes iterations: 'ten'"), std::string::npos);
+    EXPECT_NE(error({"sh-degree=0,9"}).find("option sh-degree: 9 is out of range"), std::string::npos);
+    for (const char* share : {"0", "2", "-0.1", "nan", "half"})
+        EXPECT_NE(error({std::string("budget=1,") + share}).find("'" + std::string(share) + "' is not a share"), std::string::npos) << share;
+    EXPECT_NE(error({"speedy-splat"}).find("goes with strategy adc"), std::string::npos);
+    EXPECT_NE(error({"appearance=sh,auto"}).find("appearance auto: every run that is compared"), std::string::npos);
+    EXPECT_NE(error({"appearance=sh"}).find("one configuration only"), std::string::npos);
+    EXPECT_NE(error({"budget=0.5,0.50"}).find("are the same training"), std::string::npos);
+    TrainOptions undecided = base_options();
+    undecided.appearance = "auto";
+    EXPECT_NE(error_of([&] { spread_grid(parse({"budget"}), undecided); }).find("appearance auto: every run that is compared"), std::string::npos);
+    std::string values = "1";
+    for (int i = 2; i <= 40; ++i) values += "," + std::to_string(i);
+    EXPECT_NE(error({"iterations=" + values, "cap-max=" + values}).find("more than 1000"), std::string::npos);
+}
+
+TEST(TradeoffAxes, AConfigurationIsItsValuesOnTopOfTheBase) {
+    const auto axes = parse({"budget=0.1,1", "cap-max=50000,90000", "strategy=mcmc,adc"});
+    const Configuration c = make_configuration(axes, {"0.1", "90000", "adc"}, base_options());
+    EXPECT_EQ(c.options.cap_max, 9000) << "a share of the cap, whichever axis comes first";
+    EXPECT_EQ(c.options.init_points, 9000);
+    EXPECT_EQ(c.options.densify_until_iter, 14900) << "decided by the configuration's own strategy";
+    EXPECT_TRUE(c.options.eval);
+    EXPECT_EQ(c.options.model, "out/budget-0.1_cap-max-90000_strategy-adc");
+    EXPECT_EQ(configuration_name(axes, c), "budget 0.1, cap-max 90000, strategy adc");
+}
+
+TEST(TradeoffAxes, TheGridBeginsCheapAndSpreads) {
+    const auto axes = parse({"appearance=none,sh", "budget=1,0.1,0.3", "iterations=8000,2000"});
+    const auto grid = spread_grid(axes, base_options());
+    ASSERT_EQ(grid.size(), 12u);
+    EXPECT_EQ(grid[0].values, (Words{"none", "0.1", "2000"})) << "fewest iterations and Gaussians";
+    EXPECT_EQ(grid[1].values, (Words{"sh", "1", "8000"})) << "differs in everything";
+    std::set<Words> all;
+    for (const Configuration& c : grid) all.insert(c.values);
+    EXPECT_EQ(all.size(), 12u);
+    // Any start of the list has all values of the short axes, and both ends of the others.
+    std::set<std::string> early[3];
+    for (std::size_t k = 0; k < 4; ++k)
+        for (std::size_t a = 0; a < 3; ++a) early[a].insert(grid[k].values[a]);
+    EXPECT_EQ(early[0].size(), 2u);
+    EXPECT_TRUE(early[1].contains("0.1") && early[1].contains("1"));
+    EXPECT_EQ(early[2].size(), 2u);
+}
+
+TEST(TradeoffRounds, AGridIsOneRoundWithThreeAxesByDefault) {
+    std::vector<TradeoffAxis> axes;
+    const Rounds rounds = plan_grid({}, base_options(), axes);
+    ASSERT_EQ(rounds.size(), 1u);
+    EXPECT_EQ(rounds[0].size(), 24u);
+    EXPECT_EQ(axes.size(), 3u);
+}
+
+TEST(TradeoffRounds, HalvingTrainsTheSameConfigurationsLongerEachTime) {
+    std::vector<TradeoffAxis> axes;
+    TrainOptions base = base_options();
+    base.iterations = 1001;
+    const Rounds rounds = plan_halving({"appearance=none,sh"}, base, axes);
+    ASSERT_EQ(rounds.size(), 3u);
+    ASSERT_EQ(axes.size(), 2u);
+    EXPECT_EQ(axes[1].name, "iterations");
+    EXPECT_EQ(axes[1].values, (Words{"251", "501", "1001"}));
+    for (std::size_t r = 0; r < 3; ++r) {
+        ASSERT_EQ(rounds[r].size(), 2u);
+        for (std::size_t i = 0; i < 2; ++i) {
+            EXPECT_EQ(rounds[r][i].values, (Words{rounds[0][i].values[0], axes[1].values[r]}));
+            EXPECT_EQ(std::to_string(rounds[r][i].options.iterations), axes[1].values[r]);
+        }
+    }
+    EXPECT_NE(error_of([&] { plan_halving({"appearance,iterations"}, base, axes); }).find("halving varies the iterations"), std::string::npos);
+    base.iterations = 3;
+    EXPECT_NE(error_of([&] { plan_halving({}, base, axes); }).find("at least 4"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace gs

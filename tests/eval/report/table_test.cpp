@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rows out of results.json, which of them are one experiment, means and places, and every format with odd names.
+#include "eval/report/table.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "eval/pages/escape.h"
+#include "eval/report/comparison_format.h"
+#include "eval/runs/protocol.h"
+#include "kernels/core/error.h"
+#include "tests/core/temporary_folder.h"
+
+namespace gs {
+namespace {
+
+using test::TemporaryFolder;
+
+const char* const kLine = "protocol paper: ...";
+
+/// A run of scene `scene` with the options that matter for grouping.
+TableRow row_of(const std::string& run, const std::string& scene, const std::string& model, double psnr, std::uint64_t seed = 0) {
+    TableRow row;
+    row.run = run, row.dataset = "set", row.scene = scene, row.model = model, row.strategy = "mcmc";
+    row.psnr = psnr, row.ssim = psnr / 100;
+    row.protocol_name = "paper", row.protocol = kLine, row.correction = "off";
+    row.seed = seed;
+    row.training = {{"appearance", model}, {"source", scene}, {"cap-max", "100"}};
+    return row;
+}
+
+TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
+    const TemporaryFolder folder;
+    folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}, "not_measured": {"ours_7": {"DISTS": "why"}}})");
+    const TableRow row = read_table_row(folder.path(), std::nullopt);
+    EXPECT_EQ(row.psnr, 20.25);
+    EXPECT_EQ(row.further_metrics, (std::map<std::string, double>{{"LPIPS", 0.1}}));
+    EXPECT_EQ(row.not_measured.at("DISTS"), "why");
+    EXPECT_FALSE(row.num_gaussians);
+    EXPECT_EQ(row.protocol, "");
+    for (const char* bad :
+         {R"({"ours_7": {"SSIM": 0.5}})", R"({"ours_7": {"SSIM": 0.5, "PSNR": "x"}})", R"({"other": 1})", "[]", "{", R"({"ours_7": 3})",
+          R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "protocol": {"ours_7": {"name": "later"}}})"}) {
+        folder.write("results.json", bad);
+        EXPECT_THROW(read_table_row(folder.path(), std::nullopt), DataError) << bad;
+    }
+}
+
+TEST(Table, FrameTimesAreReadWhereTheyAreWhole) {
+    const TemporaryFolder folder;
+    const auto read = [&](const std::string& times) {
+        folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
+        return read_table_row(folder.path(), std::nullopt).frame_times;
+    };
+    const auto times = read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
+    ASSERT_TRUE(times);
+    EXPECT_EQ(times->device, "d");
+    EXPECT_EQ(times->frames_per_view, 9);
+    EXPECT_EQ(times->median, 1.5);
+    EXPECT_FALSE(read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2})"));
+    EXPECT_FALSE(read("7"));
+}
+
+TEST(ColumnStats, HandComputed) {
+    const ColumnStats up = column_stats({1, 2, 3, 6}, Better::kHigher);
+    EXPECT_EQ(up.mean, 3);
+    EXPECT_NEAR(*up.deviation, std::sqrt((4 + 1 + 0 + 9) / 3.0), 1e-12) << "n - 1";
+    EXPECT_EQ(up.worst, 1);
+    EXPECT_EQ(up.worst_run, 0u);
+    EXPECT_EQ(column_stats({1, 2, 3, 6}, Better::kLower).worst, 6);
+    EXPECT_EQ(column_stats({1, 2, 3, 6}, Better::kLower).worst_run, 3u);
+    EXPECT_EQ(column_stats({1, 2, 3, 6}, Better::kNeither).worst, 3) << "no direction, no worst";
+    EXPECT_FALSE(column_stats({5}, Better::kHigher).deviation);
+    EXPECT_FALSE(column_stats({5, std::numeric_limits<double>::infinity()}, Better::kHigher).deviation);
+}
+
+TEST(Comparison, RunsThatDifferOnlyBySeedAreOneLine) {
+    TableRow other = row_of("d", "lego", "sh", 24);
+    other.training["cap-max"] = "50";
+    TableRow without = row_of("e", "lego", "sh", 25), without_too = row_of("f", "lego", "sh", 26);
+    without.training.clear(), without_too.training.clear();
+    TableRow later = row_of("g", "lego", "sh", 27);
+    later.iteration = 7;
+    const Comparison c = compare_runs({row_of("b", "lego", "sh", 22, 1), other, row_of("a", "lego", "sh", 20, 0), without, without_too, later});
+    ASSERT_EQ(c.tables.size(), 1u);
+    const auto& lines = c.tables[0].lines;
+    ASSERT_EQ(lines.size(), 5u);
+    EXPECT_EQ(lines[0].label, "a .. b (2 runs)") << "by seed";
+    EXPECT_EQ(lines[0].values[0]->mean, 21);
+    EXPECT_NEAR(*lines[0].values[0]->deviation, std::sqrt(2.0), 1e-12);
+    EXPECT_EQ(lines[0].values[0]->worst, 20);
+    EXPECT_EQ(lines[1].label, "d");
+    EXPECT_NE(lines[1].options.find("cap-max 50"), std::string::npos) << lines[1].options;
+    EXPECT_NE(lines[0].options.find("cap-max 100"), std::string::npos);
+    EXPECT_EQ(lines[2].num_runs, 1u) << "without options a run stands for itself";
+    EXPECT_EQ(lines[4].label, "g");
+}
+
+TEST(Comparison, AMetricThatOneRunLacksHasNoMean) {
+    TableRow a = row_of("a", "lego", "sh", 20, 0), b = row_of("b", "lego", "sh", 22, 1);
+    a.further_metrics["FLIP"] = 0.1;
+    const Comparison c = compare_runs({a, b});
+    const auto flip = std::find_if(c.columns.begin(), c.columns.end(), [](const Column& column) { return column.key == "FLIP"; });
+    ASSERT_NE(flip, c.columns.end());
+    EXPECT_FALSE(c.tables[0].lines[0].values[flip - c.columns.begin()]);
+}
+
+TEST(Comparison, DatasetsAverageTheirScenesRunByRun) {
+    const Comparison c = compare_runs({row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1), row_of("b1", "chair", "sh", 32, 1),
+                                       row_of("b0", "chair", "sh", 30, 0), row_of("n", "lego", "none", 10, 0)});
+    ASSERT_EQ(c.tables.size(), 3u);
+    EXPECT_EQ(c.tables[0].scene, "lego");
+    const ComparisonTable& dataset = c.tables[2];
+    EXPECT_EQ(dataset.scene, "");
+    EXPECT_EQ(dataset.dataset, "set");
+    ASSERT_EQ(dataset.lines.size(), 2u);
+    const ColumnStats& psnr = *dataset.lines[0].values[0];
+    EXPECT_EQ(psnr.mean, 26.5);
+    EXPECT_NEAR(*psnr.deviation, std::sqrt(4.5), 1e-12) << "of 25 and 28";
+    EXPECT_EQ(psnr.worst, 25);
+    EXPECT_EQ(psnr.place, 0) << "the other line misses a scene";
+    EXPECT_EQ(dataset.lines[1].num_scenes, 1u);
+    // Other seeds: the scenes' means, without deviation.
+    const Comparison odd = compare_runs({row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1), row_of("b", "chair", "sh", 30, 0)});
+    EXPECT_EQ(odd.tables[2].lines[0].values[0]->mean, 26);
+    EXPECT_FALSE(odd.tables[2].lines[0].values[0]->deviation);
+}
+
+TEST(Comparison, PlacesFollowTheDirectionOfTheColumn) {
+    std::vector<TableRow> rows;
+    const double psnr[] = {20, 25, 24, 25.001, 10}, flip[] = {0.3, 0.1, 0.2, 0.4, 0.5};
+    for (int i = 0; i < 5; ++i) {
+        rows.push_back(row_of(std::string(1, char('a' + i)), "lego", "m" + std::to_string(i), psnr[i]));
+        rows.back().further_metrics = {{"FLIP", flip[i]}, {"odd", 1.0 * i}};
+        rows.back().num_gaussians = i;
+        rows.back().train_seconds = 7;
+    }
+    const Comparison c = compare_runs(rows);
+    const auto places = [&](const std::string& key) {
+        const auto column = std::find_if(c.columns.begin(), c.columns.end(), [&](const Column& x) { return x.key == key; }) - c.columns.begin();
+        std::vector<int> out;
+        for (const ComparisonLine& line : c.tables[0].lines) out.push_back(line.values[column]->place);
+        return out;
+    };
+    EXPECT_EQ(places("PSNR"), (std::vector<int>{0, 1, 3, 1, 0})) << "what reads the same shares its place";
+    EXPECT_EQ(places("FLIP"), (std::vector<int>{3, 1, 2, 0, 0}));
+    EXPECT_EQ(places("odd"), (std::vector<int>(5, 0))) << "nobody knows what is better";
+    EXPECT_EQ(places("num_gaussians"), (std::vector<int>(5, 0)));
+    EXPECT_EQ(places("train_seconds"), (std::vector<int>(5, 0))) << "all equal";
+}
+
+TEST(Comparison, MixedProtocolsAreRefusedByName) {
+    TableRow a = row_of("first", "lego", "sh", 20), b = row_of("second", "lego", "sv", 21), c = row_of("third", "lego", "nasg", 21);
+    b.protocol = "protocol inria: ...", c.protocol.clear();
+    try {
+        compare_runs({a, b, c});
+        FAIL();
+    } catch (const UsageError& e) {
+        const std::string message = e.what();
+        for (const char* part : {"first: protocol paper", "second: protocol inria", "third: protocol not stated", "--protocol"})
+            EXPECT_NE(message.find(part), std::string::npos) << message;
+    }
+    EXPECT_NO_THROW(compare_runs({c, c}));
+    a.folder = "x/y";
+    EXPECT_THROW(compare_runs({a, a}), UsageError) << "named twice";
+}
+
+TEST(Columns, MetricsThatAreMissingSaySoWhereSomebodyWantsThem) {
+    TableRow row = row_of("a", "lego", "sh", 20);
+    const auto table = [](const std::vector<TableRow>& rows) { return format_comparison(compare_runs(rows), TableFormat::kMarkdown); };
+    for (const char* absent : {"| LPIPS", "| DISTS", "| MILO", "| FLIP", "not measured"}) EXPECT_EQ(table({row}).find(absent), std::string::npos) << table({row});
+    TableRow asked = row_of("b", "lego", "sv", 20), measured = row_of("c", "lego", "nasg", 20);
+    asked.not_measured["MILO"] = "not measured: no weights (see ...)";
+    EXPECT_NE(table({asked}).find("|       MILO |"), std::string::npos) << table({asked});
+    EXPECT_NE(table({asked}).find("| no weights |"), std::string::npos) << table({asked});
+    measured.further_metrics["LPIPS-VGG"] = 0.125;
+    EXPECT_NE(table({row, measured}).find(" 0.1250 |"), std::string::npos);
+    EXPECT_NE(table({row, measured}).find("| not measured |"), std::string::npos) << "the other one";
+}
+
+class Formats : public ::testing::Test {
+  protected:
+    Formats() {
+        TableRow odd = row_of("a_b|c", "x,\"y\"", "50%", 27.126), repeated = row_of("r0", "x,\"y\"", "<b>&", 20, 0), again = row_of("r1", "x,\"y\"", "<b>&", 21, 1);
+        odd.strategy.clear();
+        odd.not_measured["LPIPS-VGG"] = "not measured: no weights";
+        odd.num_gaussians = 10000, odd.ssim = 0.91234, odd.train_seconds = 125, odd.peak_device_bytes = std::int64_t(3) << 29;
+        comparison_ = compare_runs({odd, repeated, again});
+    }
+    std::string text(TableFormat format) const { return format_comparison(comparison_, format); }
+    Comparison comparison_;
+};
+
+TEST_F(Formats, Markdown) {
+    const std::string markdown = text(TableFormat::kMarkdown);
+    EXPECT_NE(markdown.find("### x,\"y\" (set)\n\n"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("| a_b\\|c "), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("&lt;b>&amp;"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find(" **27.13** | "), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find(" **0.9123** | "), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("<u>20.50</u> ± 0.71"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("| 20.00 (r0) "), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("2 min 05 s |    1.50 GiB |"), std::string::npos) << markdown;
+    EXPECT_NE(markdown.find("\n\nprotocol paper: ...\n"), std::string::npos) << markdown;
+    EXPECT_EQ(markdown.find("ppisp"), std::string::npos) << "nothing was corrected\n" << markdown;
+}
+
+TEST_F(Formats, Csv) {
+    const std::string csv = text(TableFormat::kCsv);
+    EXPECT_TRUE(csv.starts_with("run,dataset,scene,model,strategy,options,ppisp,runs,scenes,PSNR,PSNR_deviation,PSNR_worst,SSIM,")) << csv;
+    EXPECT_NE(csv.find("\na_b|c,set,\"x,\"\"y\"\"\",50%,,,off,1,1,27.126,,,0.91234,,,"), std::string::npos) << csv;
+    EXPECT_NE(csv.find(",2,1,20.5,0.7071067811865476,20,"), std::string::npos) << csv;
+    EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
+}
+
+TEST_F(Formats, Latex) {
+    const std::string latex = text(TableFormat::kLatex);
+    for (const char* part : {"\\toprule", "\\midrule", "\\bottomrule", "a\\_b|c & 50\\% & - & - & \\textbf{27.13} & \\textbf{0.9123} ", "\\textless{}b\\textgreater{}\\&",
+                             "\\underline{20.50} $\\pm$ 0.71", "\\#Gs", "{\\footnotesize protocol paper: ...}"})
+        EXPECT_NE(latex.find(part), std::string::npos) << part << "\n" << latex;
+}
+
+TEST_F(Formats, Json) {
+    const auto json = nlohmann::json::parse(text(TableFormat::kJson));
+    EXPECT_EQ(json["protocol"], kLine);
+    EXPECT_EQ(json["columns"][0], (nlohmann::json{{"key", "PSNR"}, {"title", "PSNR"}, {"better", "higher"}}));
+    const auto& lines = json["tables"][0]["lines"];
+    EXPECT_EQ(json["tables"][0]["scene"], "x,\"y\"");
+    EXPECT_EQ(lines[0]["values"]["PSNR"], (nlohmann::json{{"mean", 27.126}, {"place", 1}}));
+    EXPECT_TRUE(lines[0]["values"]["LPIPS-VGG"].is_null());
+    EXPECT_EQ(lines[1]["values"]["PSNR"]["worst"], 20.0);
+    EXPECT_EQ(lines[1]["runs"][1]["seed"], 1);
+}
+
+TEST_F(Formats, NamesThatAreNoUtf8OrHaveLineBreaksBreakNothing) {
+    Comparison c = compare_runs({row_of("bad\xff\nname", "s", "m", 20)});
+    EXPECT_NO_THROW(nlohmann::json::parse(format_comparison(c, TableFormat::kJson)));
+    const std::string markdown = format_comparison(c, TableFormat::kMarkdown);
+    EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 7);
+    EXPECT_NE(format_comparison(c, TableFormat::kCsv).find("\"bad\xff\nname\""), std::string::npos);
+    c.tables[0].lines[0].values[0]->mean = std::numeric_limits<double>::infinity();
+    EXPECT_TRUE(nlohmann::json::parse(format_comparison(c, TableFormat::kJson))["tables"][0]["lines"][0]["values"]["PSNR"]["mean"].is_null());
+    EXPECT_EQ(html_escaped("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
+}
+
+TEST(TableFormats, AreNamed) {
+    EXPECT_EQ(parse_table_format("json"), TableFormat::kJson);
+    EXPECT_THROW(parse_table_format("html"), UsageError);
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// How views are corrected when they are scored: what the renderer is asked for, colour fits, and what the results say.
+#include "eval/runs/eval_correction.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "eval/metrics/colour_fit.h"
+#include "eval/report/comparison_format.h"
+#include "eval/runs/decompose.h"
+#include "eval/runs/results.h"
+#include "eval/runs/saved_run.h"
+#include "kernels/core/error.h"
+#include "kernels/core/rng.h"
+#include "lib/core/options.h"
+#include "lib/model/ply.h"
+#include "tests/core/temporary_folder.h"
+#include "tests/eval/support/fake_backend.h"
+
+namespace gs {
+namespace {
+
+float random_value(int view, int k) { return uniform_from_bits(philox(5, RngStream::kScene, std::uint64_t(view), std::uint32_t(k)).v[0]); }
+
+/// Paints random colours that depend on the camera, and remembers how they were to be corrected.
+class RandomBackend : public test::FakeBackend {
+  public:
+    void render(const RenderRequest& request, RenderedImage& out) override {
+        out.width = request.camera.width, out.height = request.camera.height;
+        out.rgb.clear();
+        for (int k = 0; k < 3 * out.width * out.height; ++k) out.rgb.push_back(random_value(int(request.camera.translation.x), k));
+        out.alpha.assign(out.rgb.size() / 3, 1);
+        asked.push_back(request.isp);
+    }
+    std::vector<IspView> asked;
+};
+
+/// Photographs of what RandomBackend paints, dimmed by `factor(view)` and with 0.1 added to red.
+std::vector<View> dimmed_views(const std::function<float(int)>& factor) {
+    std::vector<View> views(3);
+    for (int v = 0; v < 3; ++v) {
+        View& view = views[std::size_t(v)];
+        view.name = std::to_string(v);
+        view.camera.width = 16, view.camera.height = 12;
+        view.camera.translation.x() = v;
+        view.load = [v, f = factor(v)] {
+            ViewImage image;
+            image.color = {16, 12, 3, {}, {}};
+            for (int i = 0; i < 16 * 12; ++i)
+                for (int c = 0; c < 3; ++c) image.color.f32.push_back(f * random_value(v, c * 16 * 12 + i) + (c == 0 ? 0.1f : 0.0f));
+            return image;
+        };
+    }
+    return views;
+}
+
+double score(const std::vector<View>& views, CorrectionMode mode) {
+    RandomBackend backend;
+    EvalOptions options;
+    options.correction.mode = mode;
+    return evaluate_views(backend, views, {0, 0, 0}, options).psnr;
+}
+
+TEST(EvalCorrection, ColourAlignedFitsEachViewAndSceneAlignedAllAtOnce) {
+    const auto same = dimmed_views([](int) { return 0.5f; }), different = dimmed_views([](int v) { return 0.2f + 0.35f * float(v); });
+    for (const CorrectionMode mode : {CorrectionMode::kOff, CorrectionMode::kNone, CorrectionMode::kController}) EXPECT_LT(score(same, mode), 15);
+    EXPECT_GT(score(same, CorrectionMode::kSceneAligned), 50);
+    EXPECT_GT(score(same, CorrectionMode::kColourAligned), 50);
+    EXPECT_LT(score(different, CorrectionMode::kSceneAligned), 25);
+    EXPECT_GT(score(different, CorrectionMode::kColourAligned), 50);
+}
+
+TEST(ColourFit, OneColourLeavesTheMapOpenButNotTheResult) {
+    RenderedImage render{2, 1, {0.5f, 0.5f, 0.25f, 0.25f, 0.f, 0.f}, {1, 1}};
+    ColourFit fit;
+    fit.add(render, {2, 1, 3, {51, 102, 0, 51, 102, 0}, {}});
+    apply_colours(fit.solve(), render);
+    EXPECT_NEAR(render.rgb[0], 0.2, 1e-6);
+    EXPECT_NEAR(render.rgb[3], 0.4, 1e-6);
+    EXPECT_NEAR(render.rgb[5], 0, 1e-6);
+}
+
+TEST(EvalCorrection, RendererIsAskedForWhatTheModeSays) {
+    View view;
+    view.camera_id = 2;
+    view.exif_exposure = -6;
+    EXPECT_EQ(view_isp(view, {}).mode, IspMode::kNone);
+    for (const CorrectionMode mode : {CorrectionMode::kNone, CorrectionMode::kColourAligned, CorrectionMode::kSceneAligned}) {
+        EXPECT_EQ(view_isp(view, {mode}).mode, IspMode::kFrame);
+        EXPECT_EQ(view_isp(view, {mode}).frame, -1) << "neutral";
+        EXPECT_EQ(view_isp(view, {mode}).camera, 2);
+    }
+    const IspView controlled = view_isp(view, {CorrectionMode::kController, true, -7.5});
+    EXPECT_EQ(controlled.mode, IspMode::kController);
+    EXPECT_EQ(controlled.prior_exposure, 1.5f);
+    EXPECT_EQ(view_isp(view, {CorrectionMode::kController, false, -7.5}).prior_exposure, 0);
+    view.exif_exposure.reset();
+    view.camera_id = -1;
+    EXPECT_EQ(view_isp(view, {CorrectionMode::kController, true, -7.5}).prior_exposure, 0) << "unknown: as the mean";
+    EXPECT_EQ(view_isp(view, {CorrectionMode::kController, true, -7.5}).camera, 0) << "unknown: the first";
+}
+
+TEST(EvalCorrection, BaseIsCorrectedAndResidualNot) {
+    const IspView isp{.mode = IspMode::kController};
+    EXPECT_EQ(part_request({}, {}, RenderMode::kFull, isp).isp.mode, IspMode::kController);
+    EXPECT_EQ(part_request({}, {}, RenderMode::kBaseOnly, isp).isp.mode, IspMode::kController);
+    EXPECT_EQ(part_request({}, {}, RenderMode::kResidualOnly, isp).isp.mode, IspMode::kNone);
+}
+
+TEST(EvalCorrection, WordsOfTheCommandLine) {
+    using M = CorrectionMode;
+    EXPECT_EQ(choose_correction("", M::kController), M::kController);
+    EXPECT_EQ(choose_correction("none", M::kController), M::kNone);
+    EXPECT_EQ(choose_correction("none", M::kOff), M::kOff);
+    EXPECT_EQ(choose_correction("colour-aligned", M::kOff), M::kColourAligned);
+    EXPECT_EQ(choose_correction("scene-aligned", M::kNone), M::kSceneAligned);
+    EXPECT_THROW(choose_correction("controller", M::kNone), UsageError);
+    EXPECT_THROW(choose_correction("off", M::kNone), UsageError);
+    EXPECT_THROW(choose_correction("best", M::kNone), UsageError);
+}
+
+TEST(EvalCorrection, StandsBesideTheScores) {
+    const test::TemporaryFolder folder;
+    EvalOptions options;
+    options.iteration = 3;
+    options.correction = {CorrectionMode::kController, true, 0};
+    EvalResult result;
+    result.views = {{"a.png", 30, 0.9, 0.1}};
+    RunFacts facts;
+    facts.controller_seconds = 2.5;
+    facts.photometric = "on: because";
+    write_results(RunFolder{folder.path()}, options, result, facts);
+    facts.controller_seconds.reset();
+    facts.photometric.clear();
+    const auto stored = [&] {
+        std::ifstream file(folder.path() / "results.json");
+        return nlohmann::json::parse(file);
+    };
+    write_results(RunFolder{folder.path()}, options, result, facts);
+    auto json = stored();
+    EXPECT_EQ(json["protocol"]["ours_3"]["ppisp_eval"], "controller");
+    EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("EXIF"), std::string::npos);
+    EXPECT_EQ(json["timing"]["ours_3"]["controller_seconds"], 2.5) << "an earlier value stays";
+    EXPECT_EQ(json["photometric"]["ours_3"]["decision"], "on: because");
+    EXPECT_EQ(read_table_row(folder.path(), 3).correction, "controller");
+    options.correction.mode = CorrectionMode::kColourAligned;
+    write_results(RunFolder{folder.path()}, options, result, facts);
+    json = stored();
+    EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("uses the test images"), std::string::npos);
+    EXPECT_EQ(json["protocol"]["ours_3"]["images"].get<std::string>().find("no colour alignment"), std::string::npos);
+    EXPECT_NE(format_comparison(compare_runs({read_table_row(folder.path(), 3)}), TableFormat::kMarkdown).find("| colour-aligned |"), std::string::npos);
+}
+
+TEST(EvalCorrection, ASavedModelComesWithItsCorrection) {
+    const test::TemporaryFolder folder;
+    Gaussians g;
+    g.count = 1;
+    g.appearance = {"none", 0, ColorActivation::kRelu};
+    g[Group::kMean] = {3, {0, 0, 0.3f}, {}, {}};
+    g[Group::kScale] = {3, {-1, -1, -1}, {}, {}};
+    g[Group::kRotation] = {4, {1, 0, 0, 0}, {}, {}};
+    g[Group::kOpacity] = {1, {5}, {}, {}};
+    g[Group::kBase] = {3, {0.4f, -0.5f, -0.5f}, {}, {}};
+    const RunFolder names{folder.path()};
+    write_ply(names.point_cloud(10), g, {});
+    EXPECT_EQ(read_saved_model(folder.path(), {}).correction.mode, CorrectionMode::kOff);
+    PpispFile file;
+    file.iteration = 10;
+    file.exif = true;
+    file.mean_exif = -3;
+    file.frames = {{"a.png", 0}};
+    file.state = identity_ppisp(1, 1);
+    file.state.param[0] = 0.75f;
+    write_ppisp_json(names.ppisp(), file);
+    SavedModel model = read_saved_model(folder.path(), {});
+    EXPECT_EQ(model.correction.mode, CorrectionMode::kNone) << "no controller was trained";
+    EXPECT_EQ(model.state.ppisp.param[0], 0.75f);
+    file.state.controller.resize(kControllerWeights);
+    write_ppisp_json(names.ppisp(), file);
+    model = read_saved_model(folder.path(), {});
+    EXPECT_EQ(model.correction.mode, CorrectionMode::kController);
+    EXPECT_EQ(model.correction.mean_exif, -3);
+    EXPECT_TRUE(model.correction.exif);
+}
+
+}  // namespace
+}  // namespace gs

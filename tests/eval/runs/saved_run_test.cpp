@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opening a run folder again, from its PLY and from its checkpoint.
+#include "eval/runs/saved_run.h"
+
+#include <gtest/gtest.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/ply.h"
+#include "lib/model/run_folder.h"
+#include "tests/core/temporary_folder.h"
+
+namespace gs {
+namespace {
+
+/// One opaque red ball of Gaussian shape in the middle of the built-in scenes.
+Gaussians one_gaussian() {
+    Gaussians g;
+    g.count = 1;
+    g.appearance = {"none", 0, ColorActivation::kRelu};
+    g[Group::kMean] = {3, {0, 0, 0.3f}, {}, {}};
+    g[Group::kScale] = {3, {-1.5f, -1.5f, -1.5f}, {}, {}};
+    g[Group::kRotation] = {4, {1, 0, 0, 0}, {}, {}};
+    g[Group::kOpacity] = {1, {5}, {}, {}};
+    g[Group::kBase] = {3, {0.4f, -0.5f, -0.5f}, {}, {}};
+    return g;
+}
+
+struct RunOnDisk {
+    test::TemporaryFolder folder;
+    RunOnDisk() {
+        TrainOptions options;
+        options.source = "builtin:diffuse";
+        options.model = folder.path();
+        options.resolution = 40;
+        options.eval = true;
+        options.appearance = "none";
+        options.background = "0,0,1";
+        validate(options);
+        folder.write("config.yaml", options_to_yaml(options));
+    }
+    RunFolder names() const { return {folder.path()}; }
+};
+
+TEST(SavedRun, OpensTheLastPointCloudAndItsScene) {
+    const RunOnDisk saved;
+    Gaussians other = one_gaussian();
+    other[Group::kBase].param = {-0.5f, 0.4f, -0.5f};
+    write_ply(saved.names().point_cloud(90), other, {});
+    write_ply(saved.names().point_cloud(100), one_gaussian(), {});
+    SavedRun run = open_saved_run(saved.folder.path(), std::nullopt);
+    EXPECT_EQ(run.iteration, 100);
+    EXPECT_EQ(run.backend->count(), 1);
+    EXPECT_EQ(run.background.z, 1);
+    ASSERT_EQ(run.scene.test.size(), 8u);
+    EvalOptions options;
+    options.run_folder = saved.folder.path();
+    options.iteration = run.iteration;
+    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
+    EXPECT_GT(result.psnr, 1);
+    const Image picture = read_image(saved.names().render("test", 100, 0));
+    EXPECT_GT(picture.value(20, 14, 0), 0.5f) << "the red Gaussian is in the middle";
+    EXPECT_LT(picture.value(20, 14, 2), 0.5f);
+    EXPECT_GT(picture.value(0, 0, 2), 0.99f) << "the background is that of the run";
+    EXPECT_EQ(open_saved_run(saved.folder.path(), 90).iteration, 90);
+    EXPECT_THROW(open_saved_run(saved.folder.path(), 95), DataError);
+}
+
+TEST(SavedRun, FallsBackToTheCheckpoint) {
+    const RunOnDisk saved;
+    EXPECT_THROW(open_saved_run(saved.folder.path(), std::nullopt), DataError);
+    EXPECT_FALSE(holds_model(saved.folder.path()));
+    EXPECT_FALSE(holds_model(""));
+    Checkpoint checkpoint;
+    checkpoint.state = one_gaussian();
+    checkpoint.iteration = 70;
+    write_checkpoint(saved.names().checkpoint(70), checkpoint);
+    const SavedRun run = open_saved_run(saved.folder.path(), std::nullopt);
+    EXPECT_EQ(run.iteration, 70);
+    EXPECT_TRUE(holds_model(saved.folder.path()));
+    EXPECT_EQ(read_saved_model(saved.folder.path(), 70).state.count, 1);
+    EXPECT_EQ(run.backend->count(), 1);
+    EXPECT_THROW(open_saved_run(saved.folder.path() / "nowhere", std::nullopt), DataError);
+}
+
+TEST(SavedRun, FactsNameModelAndStrategy) {
+    TrainOptions options;
+    options.source = "builtin:glossy";
+    Scene scene;
+    scene.split_rule = "every 8th";
+    const RunFacts facts = run_facts(options, scene, {0, 0, 0}, 12);
+    EXPECT_EQ(facts.model, "sh (degree 3)");
+    EXPECT_EQ(facts.strategy, "mcmc");
+    EXPECT_EQ(facts.split_rule, "every 8th");
+}
+
+}  // namespace
+}  // namespace gs
