@@ -24,7 +24,8 @@ OUTSIDE = re.compile(
     r"|\b(?:appearance|rasterizer|optimization|densification|ppisp|viewer|data[- ]formats) spec(?:ification)?\b"
     r"|\bof the spec(?:ification)?\b",
     re.IGNORECASE)
-CITATION = re.compile(r"(?<![\w/.-])(docs/[\w./-]+\.md)(?:#([\w-]+))?")
+# One anchor or several: docs/page.md#one, #two.
+CITATION = re.compile(r"(?<![\w/.-])(docs/[\w./-]+\.md)((?:#[\w-]+(?:, #[\w-]+)*)?)")
 FENCE = re.compile(r"^\s*(```|~~~)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*\s*$")
 NAMED = re.compile(r"<a\s+(?:id|name)=[\"']([^\"']+)[\"']")
@@ -102,7 +103,8 @@ class Checker:
             self.faults.append(f"{name}:{number}: cites a specification that is not here: {lines[number - 1].strip()}")
         for number, line in enumerate(lines, 1):
             for match in CITATION.finditer(line):
-                self.check_target(f"{name}:{number}", self.root / match[1], match[2], match[0])
+                for anchor in match[2].split(", "):
+                    self.check_target(f"{name}:{number}", self.root / match[1], anchor[1:], match[1] + anchor)
         if path.suffix == ".md":
             prose = prose_of(text)
             for match in LINK.finditer(prose):  # may go over a line's end
@@ -147,6 +149,7 @@ BAD = [
     ("tests/a.cpp", "/// Section 4 of the spec, word by word.\n", "cites a specification"),
     ("lib/a.cpp", "// ../shared/spec/appearance.md\n", "cites a specification"),
     ("apps/a.ts", "// docs/page.md#no-heading\n", "no such anchor"),
+    ("apps/a.ts", "// docs/page.md#two-words, #three-words\n", "no such anchor"),
     ("appearance/a.glsl", "// docs/gone.md\n", "no such file"),
     ("docs/other.md", "<a id=\"mark\"></a>\n[page](page.md#two-words-2)\n", "no such anchor"),
     ("docs/other.md", "<a id=\"mark\"></a>\n[a\npage](page.md#page)\n", "no such anchor"),
