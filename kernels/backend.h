@@ -50,14 +50,14 @@ class Backend {
     virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
     /// ADC: raw opacity <- min(raw, logit 0.01), zero moments of the opacity group.
     virtual void reset_opacity() = 0;
-    /// How much the images of `views` depend on each Gaussian (densification spec section 3): the sum over views and pixels of
-    /// (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value at the pixel. By row, finite or
-    /// +infinity; 0 of what no view shows.
+    /// How much the images of `views` depend on each Gaussian (docs/math/densification.md#pruning-by-score): the sum
+    /// over views and pixels of (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value
+    /// at the pixel. By row, finite or +infinity; 0 of what no view shows.
     virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
     /// Removes the share `ratio` (0..1) of lowest scores, and all that score the same as the last of them; at least 1 % stay
     /// (score_rule.h). Returns how many went.
     virtual std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) = 0;
-    /// Orders all rows by the Morton code of the mean (optimization spec section 6).
+    /// Orders all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
     virtual void morton_sort() = 0;
     /// Removes Gaussians whose parameters are not finite or beyond kLargestParameter (rows_device.h); counts per group go to `by_group`.
     virtual std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) = 0;
