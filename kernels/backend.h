@@ -59,13 +59,13 @@ class Backend {
     virtual DensifyStats densify(const DensifyRequest& request) = 0;
     /// ADC: raw opacity <- min(raw, logit 0.01), zero moments of the opacity group.
     virtual void reset_opacity() = 0;
-    /// How much the images of `views` depend on each Gaussian (densification spec section 3): the sum over views and pixels of
-    /// (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value at the pixel. By row, finite or
-    /// +infinity; 0 of what no view shows.
+    /// How much the images of `views` depend on each Gaussian (docs/math/densification.md#pruning-by-score): the sum
+    /// over views and pixels of (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value
+    /// at the pixel. By row, finite or +infinity; 0 of what no view shows.
     virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
     /// Removes the Gaussians that `request` names.
     virtual PruneStats prune(const PruneRequest& request) = 0;
-    /// Orders all rows by the Morton code of the mean (optimization spec section 6).
+    /// Orders all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
     virtual void morton_sort() = 0;
 };
 

@@ -25,7 +25,7 @@ struct TargetImage {
     std::int64_t id = -1;                ///< equal ids mean equal pixels, so that a device may keep its copy; -1 = unknown
 };
 
-/// Which colour is composited (appearance spec section 1.4).
+/// Which colour is composited (docs/math/appearance.md#render-modes).
 enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
 
 /// Where the photometric correction of a view comes from.

@@ -15,8 +15,9 @@ constexpr std::int64_t kPruneLargeFrom = 3000;
 /// ADC resets once more, early, when a bright background could be taken for geometry.
 constexpr std::int64_t kExtraReset = 500;
 
-/// Speedy-Splat's pruning (spec section 3): not before two opacity resets have shown what is needed, then with every third
-/// thousand. These are iterations of the reference; they do not stretch with the length of a run.
+/// Speedy-Splat's pruning (docs/math/densification.md#schedule): not before two opacity resets have shown what is
+/// needed, then with every third thousand. These are iterations of the reference; they do not stretch with the length
+/// of a run.
 constexpr std::int64_t kScorePruneFrom = 6000, kScorePruneInterval = 3000;
 /// While ADC still grows what is missing most can go; afterwards nothing comes back.
 constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When the set of Gaussians changes (optimization spec section 1, densification spec).
+// When the set of Gaussians changes (docs/math/densification.md#schedule).
 #pragma once
 
 #include <vector>
