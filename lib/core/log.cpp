@@ -21,6 +21,12 @@ void setup_log(const std::string& level) {
     spdlog::set_default_logger(logger);
 }
 
+void log_message(LogLevel level, fmt::string_view format, fmt::format_args arguments) {
+    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn, spdlog::level::err};
+    const auto spdlog_level = kLevels[int(level)];
+    if (spdlog::should_log(spdlog_level)) spdlog::log(spdlog_level, "{}", fmt::vformat(format, arguments));
+}
+
 void add_log_file(const std::filesystem::path& file) {
     try {
         auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file.string());

@@ -4,8 +4,7 @@
 
 #include <algorithm>
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include "kernels/core/error.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // docs/options.md, made from the table.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "lib/core/options.h"
 

@@ -6,7 +6,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
 

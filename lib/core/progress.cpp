@@ -2,7 +2,7 @@
 // Implementation of progress.h.
 #include "lib/core/progress.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>

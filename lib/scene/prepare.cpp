@@ -2,8 +2,7 @@
 // Drives colmap through its four stages.
 #include "lib/scene/prepare.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cctype>

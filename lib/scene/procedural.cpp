@@ -2,7 +2,7 @@
 // Renders a procedural description into a Scene: views, initial points, extent.
 #include "lib/scene/procedural.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

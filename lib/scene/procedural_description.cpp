@@ -2,8 +2,7 @@
 // From YAML to a procedural scene's description, and from the description to single views.
 #include "lib/scene/procedural_description.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -2,7 +2,7 @@
 // Strict reading of the procedural scenes' YAML.
 #include "lib/scene/procedural_yaml.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lib/train/choose_backend.h"
 
-#include <spdlog/spdlog.h>
-
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
+#include "lib/core/log.h"
 
 namespace gs {
 
@@ -31,7 +30,7 @@ std::unique_ptr<Backend> make_backend(const std::string& device, const Appearanc
 std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
     auto backend = make_backend(device, appearance, options);
     const bool fallback = device == "auto" && !uses_cuda(device);
-    spdlog::info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
+    log_info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "lib/core/log.h"
 #include "lib/train/learning_rates.h"
-
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -26,11 +25,11 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
 }
 
 void LearningRates::log(const TrainOptions& options) const {
-    if (std::isnan(options.opacity_lr)) spdlog::info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
+    if (std::isnan(options.opacity_lr)) log_info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
     double residual = 0;
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
-        spdlog::info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", options.appearance, appearance_.base.initial,
+        log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", options.appearance, appearance_.base.initial,
                      residual, appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
     }
 }
