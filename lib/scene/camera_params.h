@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene camera in the form the kernels take.
+// Converts a scene's camera to the form that the kernels take.
 #pragma once
 
 #include "kernels/splat/camera.h"

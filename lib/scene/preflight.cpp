@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks of a dataset before training: files that are missing or unreadable, sizes that differ, points that nobody sees.
+// Checks a dataset before training: missing or unreadable files, sizes that differ, points that no camera sees.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// "a.jpg, b.jpg, c.jpg and 7 more".
+/// Lists the first items: "a.jpg, b.jpg, c.jpg and 7 more".
 std::string listed(const std::vector<std::string>& items) {
     constexpr std::size_t kShown = 3;
     std::string text;
