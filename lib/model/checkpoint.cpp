@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checkpoint fields as safetensors tensors and metadata.
+// Stores a checkpoint's fields as safetensors tensors and metadata.
 #include "lib/model/checkpoint.h"
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ namespace gs {
 namespace {
 
 constexpr const char* kFormat = "gsapp-checkpoint-1";
-/// Weights that all Gaussians of the model share.
+/// The tensor of the weights that all Gaussians of the model share.
 constexpr const char* kSharedName = "shared_weights";
 constexpr const char *kPpispName = "ppisp", *kControllerName = "controller";
 
@@ -37,7 +37,7 @@ Int metadata_number(const SafetensorsFile& file, const std::string& name, const 
     return value;
 }
 
-/// Reads one (count, width) tensor and checks its shape before and its values after.
+/// Reads one (count, width) tensor. Checks its shape before and its values after reading.
 std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor, std::int64_t count,
                              std::int64_t width) {
     const auto& shape = file.tensor(tensor).shape;
@@ -54,7 +54,7 @@ std::vector<float> read_rows(const SafetensorsFile& file, const std::string& nam
     return values;
 }
 
-/// One row of values with its moments, where it has some.
+/// Adds one row of values, with its moments if there are any.
 void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param, const std::vector<float>& m, const std::vector<float>& v) {
     const auto add = [&](const std::string& tensor, const std::vector<float>& values) {
         if (!values.empty()) tensors.push_back({tensor, Dtype::kF32, {1, std::int64_t(values.size())}, values.data()});

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes and reads ppisp.json.
 #include "lib/model/ppisp_json.h"
 
 #include <fmt/format.h>
@@ -26,7 +27,7 @@ void write_list(std::ostream& out, const float* values, std::int64_t count) {
     out << ']';
 }
 
-/// One list per channel.
+/// Writes one list per channel.
 void write_channels(std::ostream& out, const float* values, int width) {
     out << '[';
     for (int c = 0; c < kChannels; ++c) {
@@ -36,7 +37,7 @@ void write_channels(std::ostream& out, const float* values, int width) {
     out << ']';
 }
 
-/// Part of a document, with its place for messages.
+/// A part of a document, with its place for messages.
 class Node {
   public:
     Node(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}

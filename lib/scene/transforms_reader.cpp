@@ -173,7 +173,8 @@ TransformsIntrinsics read_intrinsics(const Object& frame, const Object& file) {
     return out;
 }
 
-/// Turns a camera-to-world matrix with OpenGL axes into cam_from_world with OpenCV axes. Returns true if it held a scale.
+/// Turns a camera-to-world matrix with OpenGL axes into cam_from_world with OpenCV axes. Returns true if it has a
+/// scale.
 bool read_pose(const Object& frame, TransformsFrame& out) {
     constexpr const char* kKey = "transform_matrix";
     const json& rows = frame.required(kKey);
