@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the device for a model and for its scores.
 #include "lib/train/choose_backend.h"
 
 #include <spdlog/spdlog.h>

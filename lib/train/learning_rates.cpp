@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the learning rates of all groups over time.
 #include "lib/train/learning_rates.h"
 
 #include <spdlog/spdlog.h>
@@ -9,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// The spacing, in world units, at which rates that depend on it have their plain values.
+/// The camera spacing, in world units, at which rates that depend on it have their plain values.
 constexpr double kNeutral = 0.3536;
 
 }  // namespace

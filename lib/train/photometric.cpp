@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Handles photometric differences between a run's images with PPISP.
 #include "lib/train/photometric.h"
 
 #include <spdlog/spdlog.h>
@@ -12,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// Names that a message lists before it stops.
+/// Number of names that a message lists.
 constexpr std::size_t kNamed = 3;
 
 }  // namespace
@@ -82,7 +83,7 @@ void Photometric::take_from(const std::filesystem::path& path) {
     }
     std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(), initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
     initial_.controller = std::move(from.state.controller);
-    file_.mean_exif = from.mean_exif; // what the controller learnt with
+    file_.mean_exif = from.mean_exif; // the value with which the controller was trained
     frozen_ = true;
 }
 
