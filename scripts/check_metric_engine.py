@@ -36,7 +36,7 @@ VGG16_STAGES = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
 # Weights ---------------------------------------------------------------------------------------------------------------------
 
 def random_convolution(generator, out, inputs, kernel):
-    """Of a size that keeps activations near one through many layers."""
+    """Returns weight and bias of a size that keeps activations near one through many layers."""
     weight = torch.randn(out, inputs, kernel, kernel, generator=generator) * math.sqrt(2 / (inputs * kernel * kernel))
     return weight, 0.1 * torch.randn(out, generator=generator)
 
@@ -66,7 +66,7 @@ def random_weights(seed):
 # Images ----------------------------------------------------------------------------------------------------------------------
 
 def write_png(path, image):
-    """(H,W,3) uint8."""
+    """Writes an (H,W,3) uint8 image."""
     height, width, _ = image.shape
     rows = b"".join(b"\0" + bytes(row.flatten().tolist()) for row in image)
 
@@ -85,7 +85,7 @@ def gradient(height, width):
 
 
 def image_pairs(seed):
-    """Name, (H,W,3) uint8, (H,W,3) uint8; sides of every remainder that pooling can meet."""
+    """Returns (name, image, image), images (H,W,3) uint8; their sides have every remainder that pooling can meet."""
     generator = torch.Generator().manual_seed(seed + 1)
     pairs = []
     for height, width in ((64, 64), (67, 93), (31, 50), (128, 97)):
@@ -229,7 +229,7 @@ def main():
             write_png(paths[0], render)
             write_png(paths[1], truth)
             tensors = [image.permute(2, 0, 1)[None].to(arguments.torch_device).double() / 255 for image in (render, truth)]
-            # The range only concerns LPIPS, and there only the first layer: one kind of images is enough for the other one.
+            # The range concerns only the first layer of LPIPS, so one kind of images is enough for the other range.
             for lpips_range in ("symmetric", "unit") if name.startswith("mixed") else ("symmetric",):
                 count += 1
                 with torch.no_grad():

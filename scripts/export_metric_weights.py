@@ -56,7 +56,7 @@ def export_alexnet(folder):
 
 def export_lpips(folder, net):
     import torch
-    # The file of heads alone: the package's class would also load the features again.
+    # Read only the file of the heads: the package's class would also load the features again.
     package = importlib.util.find_spec("lpips")
     if package is None:
         raise ImportError("lpips is not installed")
@@ -68,7 +68,7 @@ def export_lpips(folder, net):
 def export_dists(folder):
     import torch
     from DISTS_pytorch import DISTS_pt
-    # The package installs its weights at the prefix of Python; a checkout has them beside the module.
+    # The package installs its weights at Python's prefix; a checkout has them beside the module.
     places = [os.path.join(place, "weights.pt") for place in (os.path.dirname(DISTS_pt.__file__), sys.prefix)]
     found = [place for place in places if os.path.exists(place)]
     if not found:

@@ -71,7 +71,7 @@ struct FileServer::Implementation {
 FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::make_unique<Implementation>()) {
     std::error_code error;
     const fs::path root = fs::canonical(folder, error);
-    if (error || !fs::is_directory(root, error)) throw UsageError(fmt::format("'{}' is no folder; gsapp export RUN -o DIR writes one", folder.string()));
+    if (error || !fs::is_directory(root, error)) throw UsageError(fmt::format("'{}' is not a folder; gsapp export RUN -o DIR makes one", folder.string()));
     httplib::Server& server = implementation_->server;
     // Replaces the library's own option, with which two servers would share a port.
     server.set_socket_options([](socket_t socket) {
@@ -81,7 +81,7 @@ FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::
     server.Get(".*", [root](const httplib::Request& request, httplib::Response& response) { answer(root, request, response); });
     constexpr const char* kHost = "127.0.0.1";
     port_ = port == 0 ? server.bind_to_any_port(kHost) : (server.bind_to_port(kHost, port) ? port : -1);
-    if (port_ < 0) throw DataError(fmt::format("port {} cannot be used, another program has it perhaps; --port takes another", port));
+    if (port_ < 0) throw DataError(fmt::format("port {} cannot be used; another program may have it. Choose another port with --port", port));
 }
 
 FileServer::~FileServer() = default;

@@ -132,7 +132,7 @@ Header read_header(Reader& in) {
     char magic[sizeof kMagic] = {};
     if (in.left() < std::int64_t(sizeof kMagic)) in.fail(fmt::format("{} bytes are too few for an .ngsplat file", in.left()));
     in.bytes(magic, sizeof magic, "the magic");
-    if (std::memcmp(magic, kMagic, sizeof kMagic) != 0) in.fail("it does not begin with 'NGSPLAT': no .ngsplat file");
+    if (std::memcmp(magic, kMagic, sizeof kMagic) != 0) in.fail("it does not begin with 'NGSPLAT'; it is not an .ngsplat file");
     const Header h = in.value<Header>("the header");
     const std::uint32_t rows = std::uint32_t(padded_count(h.count) / kTextureWidth);
     if (h.texture_width != kTextureWidth) in.fail(fmt::format("texWidth is {}, expected {}", h.texture_width, kTextureWidth));
@@ -141,7 +141,7 @@ Header read_header(Reader& in) {
         in.fail(fmt::format("colorActivation is {}, expected 0 to 5", h.color_activation));
     if (h.residual_activation > std::uint32_t(PackedResidualActivation::kSoftplus))
         in.fail(fmt::format("residualActivation is {}, expected 0 to 2", h.residual_activation));
-    if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}: of a newer version, this program knows {:#x}", h.flags, flag::kKnown));
+    if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}, but this program knows only {:#x}; the file is of a newer version", h.flags, flag::kKnown));
     if (flag::model_of(h.flags) > std::uint32_t(PackedModel::kNasgabor))
         in.fail(fmt::format("the model has number {}, expected 0 to 4", flag::model_of(h.flags)));
     return h;
@@ -175,7 +175,7 @@ std::string read_trailer(Reader& in) {
     if (behind >= std::int64_t(sizeof magic)) in.bytes(magic, sizeof magic, "the trailer");
     if (std::memcmp(magic, kTrailerMagic, sizeof magic) != 0) in.fail(fmt::format("{} unknown bytes follow the last texture", behind));
     const auto version = in.value<std::uint32_t>("the trailer");
-    if (version != kTrailerVersion) in.fail(fmt::format("its trailer is of version {}, this program reads {}", version, kTrailerVersion));
+    if (version != kTrailerVersion) in.fail(fmt::format("its trailer has version {}, but this program reads {}", version, kTrailerVersion));
     const auto length = in.value<std::uint32_t>("the trailer");
     if (length > kMaxTrailer) in.fail(fmt::format("its trailer claims {} bytes", length));
     std::string text(length, '\0');

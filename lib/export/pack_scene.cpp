@@ -109,7 +109,7 @@ Gaussians visible_gaussians(const Gaussians& g) {
 
 PackedScene pack_gaussians(const Gaussians& g) {
     const Packing* packing = appearance_model(g.appearance.model).packing;
-    if (!packing) throw UsageError(fmt::format("the appearance '{}' has no form for viewers; --format ply writes it", g.appearance.model));
+    if (!packing) throw UsageError(fmt::format("the appearance '{}' cannot be packed for the viewer; use --format ply", g.appearance.model));
     const double shift = base_shift(g.appearance.activation);
     PackedScene scene;
     scene.activation = packed_activation_of(g.appearance.activation);

@@ -45,7 +45,7 @@ Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
 class Colors {
   public:
     explicit Colors(const Gaussians& g) : g_(g), info_(appearance_model(g.appearance.model)), shared_(g.shared.param.begin(), g.shared.param.end()) {
-        if (!info_.residual) throw UsageError(fmt::format("the appearance '{}' cannot be projected: it has no residual on the host", info_.name));
+        if (!info_.residual) throw UsageError(fmt::format("the appearance '{}' cannot be projected: the host cannot evaluate its residual", info_.name));
     }
     Eigen::MatrixX3d of(std::int64_t row, const std::vector<Vec3<double>>& at) const {
         const auto& residual = g_[Group::kResidual];

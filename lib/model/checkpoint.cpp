@@ -87,7 +87,7 @@ PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
     p.num_cameras = metadata_number<int>(file, name, "ppisp_cameras");
     p.step = metadata_number<std::int64_t>(file, name, "ppisp_step");
     p.controller_step = metadata_number<std::int64_t>(file, name, "controller_step");
-    if (!p.active()) throw DataError(fmt::format("cannot read '{}': it holds '{}' of no camera", name, kPpispName));
+    if (!p.active()) throw DataError(fmt::format("cannot read '{}': its '{}' has no cameras", name, kPpispName));
     read_row(file, name, kPpispName, p.size(), p.param, p.m, p.v);
     if (file.tensors().contains(kControllerName))
         read_row(file, name, kControllerName, std::size_t(p.num_cameras) * kControllerWeights, p.controller, p.controller_m, p.controller_v);
@@ -166,7 +166,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     if (g.shared.width > 0) {
         g.shared.param = read_rows(file, name, kSharedName, 1, g.shared.width);
         for (const float w : g.shared.param) {
-            if (std::abs(w) > float(kLargestSharedWeight)) throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights stay within +-{}", name, kSharedName, w, kLargestSharedWeight));
+            if (std::abs(w) > float(kLargestSharedWeight)) throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights must be within +-{}", name, kSharedName, w, kLargestSharedWeight));
         }
         if (with_moments) {
             g.shared.m = read_rows(file, name, std::string("adam_m.") + kSharedName, 1, g.shared.width);

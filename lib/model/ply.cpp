@@ -229,7 +229,7 @@ Gaussians read_ply(const std::filesystem::path& path) {
     }
     g.shared.param = file.read_shared();
     for (std::size_t k = 0; k < g.shared.param.size(); ++k) {
-        if (!(std::abs(g.shared.param[k]) <= float(kLargestSharedWeight))) file.fail(fmt::format("shared weight {} is {}; they stay within +-{}", k, g.shared.param[k], kLargestSharedWeight));
+        if (!(std::abs(g.shared.param[k]) <= float(kLargestSharedWeight))) file.fail(fmt::format("shared weight {} is {}; weights must be within +-{}", k, g.shared.param[k], kLargestSharedWeight));
     }
     return g;
 }

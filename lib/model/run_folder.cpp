@@ -147,7 +147,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
         const std::string holds = latest >= 0 ? fmt::format("a run up to iteration {}", latest) : "a run (config.yaml)";
         throw UsageError(
             resume_iteration
-                ? fmt::format("the output folder '{}' holds {}, later than iteration {} that is resumed; choose another --model folder, or "
+                ? fmt::format("the output folder '{}' holds {}, later than the resumed iteration {}; choose another --model folder, or "
                               "give --overwrite to drop the later results",
                               folder.root.string(), holds, after)
                 : fmt::format("the output folder '{}' already holds {}; choose another --model folder, --resume it, or give --overwrite",

@@ -126,7 +126,7 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
             return a.first != b.first ? a.first > b.first : a.second < b.second;
         });
         if (candidates.size() > 1)
-            notes.push_back(fmt::format("{} COLMAP models in {}: using {} with {} images, the most", candidates.size(),
+            notes.push_back(fmt::format("{} COLMAP models in {}: using {}, which has the most images ({})", candidates.size(),
                                         (scene / "sparse").string(), best.second.filename().string(), best.first));
         return best.second;
     }

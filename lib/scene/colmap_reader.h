@@ -17,8 +17,8 @@ namespace gs {
 struct ColmapImage {
     std::uint32_t id = 0, camera_id = 0;
     std::string name;                                        ///< relative to the image folder
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< of cam_from_world
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< translation of cam_from_world
 };
 
 struct ColmapModel {

@@ -128,7 +128,7 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<boo
     if (without == sources.size())
         scene.notes.push_back("EXIF: no image has an exposure time");
     else if (without > 0)
-        scene.notes.push_back(fmt::format("EXIF: {} of {} images lack exposure time, ISO or f-number that others have: taken as of mean exposure",
+        scene.notes.push_back(fmt::format("EXIF: {} of {} images lack an exposure time, ISO or f-number that others have: mean exposure assumed",
                                           without, sources.size()));
 }
 

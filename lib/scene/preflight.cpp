@@ -90,7 +90,7 @@ std::optional<std::string> check_points(const std::vector<View>& views, const Po
     if (unseen == 0) return {};
     if (unseen == count)
         return fmt::format("none of the {} points projects into an image: kept, but poses and points do not fit together", count);
-    return fmt::format("{} of {} points project into no image: kept, no image moves them", unseen.load(), count);
+    return fmt::format("{} of {} points project into no image: kept, but no image moves them", unseen.load(), count);
 }
 
 }  // namespace gs

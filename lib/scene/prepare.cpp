@@ -55,7 +55,7 @@ void check_target(const PrepareOptions& options) {
             fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target, options.images.string()));
     if (fs::is_directory(options.scene, ignored) && fs::is_empty(options.scene, ignored)) return;
     if (!fs::is_directory(options.scene / "sparse", ignored))
-        throw UsageError(fmt::format("{} exists and is no scene; give another -o", target));
+        throw UsageError(fmt::format("{} exists and is not a scene; give another -o", target));
     if (!options.overwrite) throw UsageError(fmt::format("{} exists; --overwrite replaces it", target));
 }
 
@@ -102,7 +102,7 @@ void run_stage(int stage, const std::string& name, const std::vector<std::string
     } catch (const UsageError& e) {
         throw UsageError(fmt::format("{}; install it with: apt-get install colmap", e.what()));
     }
-    if (interrupted()) throw Interrupted(fmt::format("stopped while colmap did: {}", name));
+    if (interrupted()) throw Interrupted(fmt::format("stopped during colmap's stage '{}'", name));
     if (result.exit_code == 0) return;
     throw DataError(fmt::format("colmap {} ended with exit code {}; its last lines:\n  {}", arguments[0], result.exit_code,
                                 fmt::join(result.last_lines, "\n  ")));

@@ -78,15 +78,15 @@ PointCloud sample_points(const Description& description) {
 
 void note_violations(const Description& description, Scene& scene) {
     if (description.moved)
-        scene.notes.push_back(fmt::format("'{}' stands elsewhere in every {}. training view, as the scene asks for",
+        scene.notes.push_back(fmt::format("'{}' is moved in one of every {} training views, as the scene describes",
                                           description.moved->shape, description.moved->every));
     if (description.exposure)
         scene.notes.push_back(
-            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as the scene asks for",
+            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as the scene describes",
                         description.exposure->stops, description.exposure->white_balance));
     if (description.shadow)
         scene.notes.push_back(
-            fmt::format("a shadow passes through every {}. training view, as the scene asks for", description.shadow->every));
+            fmt::format("a shadow falls into one of every {} training views, as the scene describes", description.shadow->every));
 }
 
 }  // namespace

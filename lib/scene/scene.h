@@ -17,8 +17,8 @@ namespace gs {
 struct Camera {
     int width = 0, height = 0;
     double fx = 0, fy = 0, cx = 0, cy = 0;
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity(); ///< of cam_from_world
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of cam_from_world
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity(); ///< rotation of cam_from_world
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< translation of cam_from_world
 
     Eigen::Vector3d center() const { return -rotation.transpose() * translation; }
 };
@@ -44,14 +44,14 @@ struct View {
 };
 
 struct PointCloud {
-    std::vector<Eigen::Vector3f> positions; ///< world
+    std::vector<Eigen::Vector3f> positions; ///< world units
     std::vector<Eigen::Vector3f> colors;    ///< [0,1]
 };
 
 struct Scene {
-    std::string source;           ///< as the user named it
+    std::string source;           ///< the name that the user gave
     std::string kind;             ///< "colmap", "nerf-synthetic", "transforms", "builtin"
-    std::string image_folder;     ///< e.g. "images_4"; empty where not applicable
+    std::string image_folder;     ///< e.g. "images_4"; empty if not applicable
     std::vector<View> train, test;
     /// Number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is 1
     /// where the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.

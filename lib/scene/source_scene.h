@@ -20,7 +20,7 @@ struct SourceView {
     std::filesystem::path image_path;  ///< exists and has a readable header
     ImageInfo info;
     LensCamera lens;                                         ///< for the image's actual size
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
     int camera_id = 0;  ///< device that took it, as the dataset numbers them
     std::optional<MaskFile> mask;

@@ -12,7 +12,8 @@
 
 namespace gs {
 
-/// Intrinsics as the file gives them. Lengths are in pixels of a w x h image, angles in radians.
+/// Intrinsics as the file gives them. Lengths are in pixels of a w x h image, angles in radians. resolve_intrinsics
+/// derives the absent ones from the image size.
 struct TransformsIntrinsics {
     std::optional<int> width, height;
     std::optional<double> focal_x, focal_y, angle_x, angle_y, cx, cy;
@@ -24,7 +25,7 @@ struct TransformsFrame {
     std::string file_path;  ///< as in the file, but with '/' and without leading "./"
     std::string mask_path;  ///< in the same form; empty if absent
     TransformsIntrinsics intrinsics;
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world, OpenCV axes
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world, OpenCV axes
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 };
 

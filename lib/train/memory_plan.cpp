@@ -38,7 +38,7 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     const double total = std::min(images, budget) + per_gaussian * double(most) + per_pixel * pixels;
     const double memory = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
     if (total > memory)
-        spdlog::warn("the plan's {:.0f} MiB exceed this machine's {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
+        spdlog::warn("the planned {:.0f} MiB exceed this machine's memory of {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
 }
 
 std::string memory_report(const MemoryUse& memory) {

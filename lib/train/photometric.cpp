@@ -42,7 +42,7 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
         initial_ = begin();
     active_ = initial_.active();
     if (options.ppisp == "auto" && options.iterations <= kPhotometricDecision)
-        spdlog::warn("--ppisp auto decides after {} iterations, this run has {}: off", kPhotometricDecision, options.iterations);
+        spdlog::warn("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off", kPhotometricDecision, options.iterations);
     if (active_) spdlog::info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
 }
 
@@ -90,7 +90,7 @@ void Photometric::take_from(const std::filesystem::path& path) {
 void Photometric::resume(Gaussians& state, std::int64_t iteration) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
-        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with the correction; off cannot continue it");
+        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
         if (held.num_frames != int(scene_.train.size()) || held.num_cameras != scene_.num_cameras)
             throw DataError(fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of {}; is it another scene or split?", held.num_frames,
                                         held.num_cameras, scene_.train.size(), scene_.num_cameras));
