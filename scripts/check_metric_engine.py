@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the learned metrics of gsapp with PyTorch on random weights; needs only torch and numpy, takes less than a minute.
+"""Compares the learned metrics of gsapp with PyTorch on random weights. Needs only torch and numpy; takes less than a minute.
 
-Writes seeded weights in the layouts of VGG16, AlexNet, the LPIPS heads, DISTS and MILO, and pairs of PNGs, runs
-`gsapp metrics --json` on them, and computes the same from plain functional operations in double precision, defined here without
-regard to gsapp's code. Prints the largest relative differences as a Markdown table. --device: where gsapp computes; both names are two
-columns. Exit status: 0 all within the tolerance, 1 otherwise, 77 PyTorch is not installed.
+Writes seeded weights in the layouts of VGG16, AlexNet, the LPIPS heads, DISTS and MILO, and pairs of PNGs. Runs
+`gsapp metrics --json` on them and computes the same metrics with plain functional operations in double precision,
+written independently of gsapp's code. Prints the largest relative differences as a Markdown table. --device says where
+gsapp computes; with both names the table has two columns. Exit status: 0 all within the tolerance, 1 otherwise, 77
+PyTorch is not installed.
 
 usage: scripts/check_metric_engine.py GSAPP [--device cpu cuda] [--torch-device cpu|cuda] [--seed N] [--tolerance 1e-4] [--keep FOLDER] [--verbose]
 """

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the weights of the learned metrics of `gsapp eval --metrics` as safetensors.
 
-Needs torch, and for what it exports: torchvision (VGG16 and AlexNet, IMAGENET1K_V1), lpips (heads 'vgg' and 'alex', v0.1),
-DISTS_pytorch (alpha, beta), and for MILO the file weights/MILO.pth of github.com/ugurcogalan06/MILO. What is not installed or
-not given is skipped and named; the exit status is 1 when nothing was written. The packages may download their weights.
+Needs torch and the packages of the weights: torchvision (VGG16 and AlexNet, IMAGENET1K_V1), lpips (heads 'vgg' and
+'alex', v0.1), DISTS_pytorch (alpha, beta), and for MILO the file weights/MILO.pth of github.com/ugurcogalan06/MILO.
+Missing packages and files are skipped and named; the exit status is 1 when nothing was written. The packages may
+download their weights.
 
 usage: scripts/export_metric_weights.py FOLDER [--milo MILO.pth]
 then:  gsapp eval RUN --metrics all --metric-weights FOLDER     (or: export GSAPP_METRIC_WEIGHTS=FOLDER)

@@ -27,15 +27,20 @@ struct PackedGeometry {
 /// Returns the code of a standard deviation. 0 is 0; the others are e^-12 to e^9 in steps of 8.6 %, with values outside
 /// clamped.
 int scale_code(double scale);
+/// Returns the standard deviation of a code, world units.
 double decode_scale(int code);
 
 /// Returns the codes of the octahedral axis (u, v) and the angle.
 std::array<int, 3> rotation_codes(const std::array<double, 4>& xyzw);
+/// Returns the unit quaternion x, y, z, w of the codes.
 std::array<double, 4> decode_rotation(const std::array<int, 3>& codes);
 
+/// Returns the code of one channel of the base colour, 0..255.
 int base_code(double value, const BaseRange& range);
 
+/// Packs the values into 16 bytes.
 GeometryWords encode_geometry(const PackedGeometry& geometry, const BaseRange& range);
+/// Returns the values that the words stand for.
 PackedGeometry decode_geometry(const GeometryWords& words, const BaseRange& range);
 
 }  // namespace gs

@@ -42,6 +42,7 @@ struct CameraModelInfo {
 
 /// Returns all models; entry i has id i.
 std::span<const CameraModelInfo> camera_models();
+/// Returns the name and parameter counts of one model.
 const CameraModelInfo& camera_model_info(CameraModel model);
 
 /// A camera with lens distortion. Lengths are in pixels; pixel (0,0) has its centre at (0.5,0.5). Models with one focal

@@ -37,7 +37,9 @@ class ModelBuilder {
     std::string first_skipped_image_;
 };
 
+/// Reads cameras.bin, images.bin and, if present, points3D.bin. Throws DataError.
 void read_binary(const std::filesystem::path& folder, ModelBuilder& builder);
+/// Reads cameras.txt, images.txt and, if present, points3D.txt. Throws DataError.
 void read_text(const std::filesystem::path& folder, ModelBuilder& builder);
 
 }  // namespace gs::colmap

@@ -91,6 +91,7 @@ bool occluded(const World& world, const Eigen::Vector3d& point, const Eigen::Vec
 /// sky(mirror)).
 Radiance shade(const World& world, const Hit& hit, const Eigen::Vector3d& direction);
 
+/// Returns the sky's colour in a unit direction.
 Eigen::Vector3d sky_color(const Sky& sky, const Eigen::Vector3d& direction);
 
 /// Returns a float (H,W,3) image, not clamped; each pixel is the mean of grid x grid rays. The result does not depend
