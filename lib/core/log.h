@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where messages go: stderr, and the log file of the run folder. stdout belongs to results and progress lines.
+// Sets up where messages go: stderr and the log file of the run folder. stdout belongs to results and progress lines.
 #pragma once
 
 #include <fmt/core.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// docs/options.md, made from the table.
+// Makes docs/options.md from the table of options.
 #include <fmt/format.h>
 
 #include "lib/core/options.h"

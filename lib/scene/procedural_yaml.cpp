@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strict reading of the procedural scenes' YAML.
+// Reads the procedural scenes' YAML strictly.
 #include "lib/scene/procedural_yaml.h"
 
 #include <fmt/format.h>

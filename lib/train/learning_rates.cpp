@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lib/core/log.h"
+// Computes the learning rates of all groups over time.
 #include "lib/train/learning_rates.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "lib/core/log.h"
+
 namespace gs {
 namespace {
 
-/// The spacing, in world units, at which rates that depend on it have their plain values.
+/// The camera spacing, in world units, at which rates that depend on it have their plain values.
 constexpr double kNeutral = 0.3536;
 
 }  // namespace

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Handles photometric differences between a run's images with PPISP.
 #include "lib/train/photometric.h"
 
 #include <fmt/format.h>
@@ -13,7 +14,7 @@
 namespace gs {
 namespace {
 
-/// Names that a message lists before it stops.
+/// Number of names that a message lists.
 constexpr std::size_t kNamed = 3;
 
 }  // namespace
@@ -42,7 +43,7 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
         initial_ = begin();
     active_ = initial_.active();
     if (options.ppisp == "auto" && options.iterations <= kPhotometricDecision)
-        log_warning("--ppisp auto decides after {} iterations, this run has {}: off", kPhotometricDecision, options.iterations);
+        log_warning("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off", kPhotometricDecision, options.iterations);
     if (active_) log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
 }
 
@@ -83,14 +84,14 @@ void Photometric::take_from(const std::filesystem::path& path) {
     }
     std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(), initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
     initial_.controller = std::move(from.state.controller);
-    file_.mean_exif = from.mean_exif; // what the controller learnt with
+    file_.mean_exif = from.mean_exif; // the value with which the controller was trained
     frozen_ = true;
 }
 
 void Photometric::resume(Gaussians& state, std::int64_t iteration) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
-        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with the correction; off cannot continue it");
+        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
         if (held.num_frames != int(scene_.train.size()) || held.num_cameras != scene_.num_cameras)
             throw DataError(fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of {}; is it another scene or split?", held.num_frames,
                                         held.num_cameras, scene_.train.size(), scene_.num_cameras));
