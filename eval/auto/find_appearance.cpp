@@ -60,7 +60,7 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
     stage.pixels = small / full;
     stage.options.appearance = "none";
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
-    if (options.ppisp == "auto") stage.options.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
+    if (options.ppisp == PpispMode::kAuto) stage.options.ppisp = PpispMode::kOn; // harmless where images do not differ, and there is no time to find out
     return stage;
 }
 
@@ -105,7 +105,7 @@ struct Trials {
 /// How much longer an iteration of the run will take than one of a trial, for its pixels and Gaussians. Not more than was seen on a GPU, where much of an
 /// iteration does not depend on them: 1.7 on builtin:glossy (measured 1.9), 1.9 on lego (2.2).
 double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
-    const double growth = run.strategy == "none" ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
+    const double growth = run.strategy == Strategy::kNone ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
     return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
 }
 
@@ -131,7 +131,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
             continue;
         }
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
-        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == "on");
+        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == PpispMode::kOn);
         trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
         last = now() - trial_start;
     }

@@ -23,16 +23,11 @@ constexpr double kFrozen = 1e-6;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-Vec3<float> background_of(const TrainOptions& options) {
-    const auto rgb = parse_background(options.background).rgb;
-    return {rgb[0], rgb[1], rgb[2]};
-}
-
 /// Training steps one after another, over decoded views.
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
-        : backend_(backend), scene_(scene), rates_(options, model.appearance, scene), mcmc_(options.strategy == "mcmc") {
+        : backend_(backend), scene_(scene), rates_(options, model.appearance, scene), mcmc_(options.strategy == Strategy::kMcmc) {
         set_request(options);
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
@@ -80,7 +75,7 @@ class Steps {
 
   private:
     void set_request(const TrainOptions& options) {
-        request_.background = background_of(options);
+        request_.background = options.background.color;
         request_.lambda_dssim = float(options.lambda_dssim);
         request_.opacity_reg = mcmc_ ? float(options.opacity_reg) : 0.0f;
         request_.scale_reg = mcmc_ ? float(options.scale_reg) : 0.0f;
@@ -145,7 +140,7 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
     result.width = scene.train.at(0).camera.width, result.height = scene.train[0].camera.height;
     result.repeat = bench.repeat;
     backend.upload(model);
-    result.frames = time_all_frames(backend, scene, background_of(options), bench.frame_repeat);
+    result.frames = time_all_frames(backend, scene, options.background.color, bench.frame_repeat);
 
     Steps steps(backend, options, scene, model, bench.repeat);
     result.iteration_seconds = steps.in_a_row(bench.repeat);

@@ -11,12 +11,12 @@
 
 namespace gs {
 
-void setup_log(const std::string& level) {
+void setup_log(LogLevel level) {
     auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
     // On a terminal a message first wipes the progress line that may stand there; the bar is drawn again below it.
     sink->set_pattern(::isatty(STDERR_FILENO) != 0 ? "\r\033[K%^%l%$: %v" : "%l: %v");
     auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
-    logger->set_level(spdlog::level::from_str(level));
+    logger->set_level(spdlog::level::from_str(word(level)));
     logger->flush_on(spdlog::level::info);
     spdlog::set_default_logger(logger);
 }

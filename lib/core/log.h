@@ -3,13 +3,14 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
+
+#include "lib/core/choices.h"
 
 namespace gs {
 
-/// Sends messages of `level` ("trace", "debug", "info", "warn", "error") and above to stderr through spdlog's default
+/// Sends messages of `level` and above to stderr through spdlog's default
 /// logger. Replaces an earlier set-up.
-void setup_log(const std::string& level);
+void setup_log(LogLevel level);
 
 /// Also writes the messages to `file`, appending. Throws DataError when the file cannot be written.
 void add_log_file(const std::filesystem::path& file);

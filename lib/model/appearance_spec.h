@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names of colour activations, and the checks a stored appearance has to pass.
+// The checks that a stored appearance has to pass.
 #pragma once
 
 #include <string>
@@ -7,11 +7,6 @@
 #include "kernels/model/gaussian_state.h"
 
 namespace gs {
-
-/// relu | softplus | sigmoid | hardsigmoid, as on the command line and in files.
-const char* color_activation_name(ColorActivation activation);
-/// Throws UsageError naming the known activations.
-ColorActivation parse_color_activation(const std::string& name);
 
 /// "sh, max degree 3, relu"
 std::string describe(const AppearanceSpec& spec);

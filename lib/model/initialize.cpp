@@ -92,7 +92,7 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     return means;
 }
 
-InitOptions init_options(const TrainOptions& options) { return {options.strategy == "mcmc", options.init_points, options.seed}; }
+InitOptions init_options(const TrainOptions& options) { return {options.strategy == Strategy::kMcmc, options.init_points, options.seed}; }
 
 PointCloud initial_points(const Scene& scene, const InitOptions& options) {
     if (scene.points.positions.empty()) return random_points(scene, options);

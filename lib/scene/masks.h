@@ -25,9 +25,9 @@ std::optional<MaskFile> find_mask(const std::filesystem::path& scene, const std:
 /// Reads a mask as loss weights (255 = use, 0 = ignore) of the given size.
 Image load_mask(const MaskFile& file, bool invert, int width, int height);
 
-/// Applies SceneOptions::alpha_mode and mask_mode to a decoded view, in this order: alpha_mode "mask" moves the alpha channel
-/// into the mask; mask_mode "transparent" moves the mask into the alpha channel (multiplying what is there).
+/// Applies SceneOptions::alpha_mode and mask_mode to a decoded view, in this order: AlphaMode::kMask moves the alpha channel
+/// into the mask; MaskMode::kTransparent moves the mask into the alpha channel (multiplying what is there).
 /// `mask` must have the size of `color`.
-ViewImage combine(Image color, std::optional<Image> mask, const std::string& alpha_mode, const std::string& mask_mode);
+ViewImage combine(Image color, std::optional<Image> mask, AlphaMode alpha_mode, MaskMode mask_mode);
 
 }  // namespace gs

@@ -2,7 +2,6 @@
 // Which device a model runs on, and its scores are computed on.
 #pragma once
 
-#include <string>
 
 #include "kernels/backend.h"
 #include "kernels/tensors/tensor_engine.h"
@@ -10,19 +9,19 @@
 
 namespace gs {
 
-/// Whether `device` ("cpu", "cuda", or "auto": CUDA where there is one) means the GPU on this machine.
-bool uses_cuda(const std::string& device);
+/// Whether `device` means the GPU on this machine.
+bool uses_cuda(Device device);
 
 /// What the options of a run say about its backend.
 BackendOptions backend_options(const TrainOptions& options);
 
-/// Throws DeviceError for "cuda" without a device, UsageError for options of the GPU on the CPU.
-std::unique_ptr<Backend> make_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
+/// Throws DeviceError for kCuda without a device, UsageError for options of the GPU on the CPU.
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
 
-/// The same, and one line of the log says which; of an "auto" that found no GPU, also why.
-std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
+/// The same, and one line of the log says which; of a kAuto that found no GPU, also why.
+std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
 
 /// What learned metrics compute on. Throws as above.
-std::unique_ptr<TensorEngine> choose_tensor_engine(const std::string& device);
+std::unique_ptr<TensorEngine> choose_tensor_engine(Device device);
 
 }  // namespace gs

@@ -34,7 +34,7 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       views_(std::move(views)) {}
 
 bool DensificationSchedule::gathers(std::int64_t iteration) const {
-    return options_.strategy == "adc" && iteration < options_.densify_until_iter;
+    return options_.strategy == Strategy::kAdc && iteration < options_.densify_until_iter;
 }
 
 ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence) {
@@ -43,8 +43,8 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         if (iteration > 0) degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
         backend.set_active_degree(degree_);
     }
-    const bool adc = options_.strategy == "adc";
-    const bool due = options_.strategy != "none" && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
+    const bool adc = options_.strategy == Strategy::kAdc;
+    const bool due = options_.strategy != Strategy::kNone && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
                      (iteration - options_.densify_from_iter) % options_.densification_interval == 0;
     if (due && adc) {
         AdcParams p;

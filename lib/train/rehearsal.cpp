@@ -45,12 +45,12 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     const LearningRates rates(options_, appearance, scene_);
     std::vector<RenderRequest> training_views;
     for (const View& view : scene_.train) training_views.push_back({.camera = camera_params(view.camera), .background = background()});
-    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background == "black", training_views);
+    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background.always(0, 0, 0), training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
     state.ppisp = photometric_.initial_state();
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     result.backend->upload(state);
-    const bool mcmc = options_.strategy == "mcmc";
+    const bool mcmc = options_.strategy == Strategy::kMcmc;
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, StepRequest& request) {
         schedule.before_step(*result.backend, k);
         request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
@@ -64,7 +64,7 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
 
 std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
-    resting.strategy = "none"; // no noise on the means
+    resting.strategy = Strategy::kNone; // no noise on the means
     const LearningRates rates(resting, appearance, scene_);
     Gaussians start = with_appearance(state, appearance, options_.seed);
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};

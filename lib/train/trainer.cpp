@@ -53,7 +53,7 @@ class Run {
           appearance_(appearance_spec(options)),
           views_(options_, scene),
           rates_(options, appearance_, scene),
-          schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
+          schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
           photometric_(options_, scene) {
         set_num_threads(options.threads);
         rates_.log(options_);
@@ -184,7 +184,7 @@ class Run {
         const bool hold = iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
         write_change(schedule_.before_step(*backend_, iteration_, hold));
         auto [view, image, request] = views_.at(iteration_, options_.iterations);
-        const bool mcmc = options_.strategy == "mcmc";
+        const bool mcmc = options_.strategy == Strategy::kMcmc;
         request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
         request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
         request.gather_gradient_stats = schedule_.gathers(iteration_);
@@ -373,7 +373,7 @@ AppearanceSpec appearance_spec(const TrainOptions& options) {
     AppearanceSpec spec;
     spec.model = info.name;
     spec.max_degree = info.name == "sh" ? options.sh_degree : info.default_max_degree;
-    spec.activation = parse_color_activation(options.color_activation);
+    spec.activation = options.color_activation;
     return spec;
 }
 

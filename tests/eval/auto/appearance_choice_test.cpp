@@ -60,7 +60,7 @@ TrainOptions glossy(int width, std::int64_t iterations) {
     options.source = "builtin:glossy";
     options.resolution = width;
     options.iterations = iterations;
-    options.device = "cpu";
+    options.device = Device::kCpu;
     validate(options);
     return options;
 }
@@ -123,7 +123,7 @@ TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
     options.source = "builtin:diffuse";
     options.resolution = 16;
     options.appearance = "none";
-    options.device = "cpu";
+    options.device = Device::kCpu;
     validate(options);
     const Scene scene = load_scene(scene_options(options));
     Rehearsal rehearsal(options, scene);
