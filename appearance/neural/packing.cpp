@@ -9,7 +9,6 @@ namespace gs::appearance {
 namespace {
 
 constexpr int kMaxBand = 3, kMaxNeurons = 256, kMaxHiddenLayers = 16;
-constexpr double kY0 = Neural::kY0;
 
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "appearance/model_info.h"
+#include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
 
 namespace gs {
@@ -16,9 +17,8 @@ namespace {
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
 /// Largest side: pixel bounds are 16-bit, padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
-/// Threads of a block that rounds parameters, and where they saturate.
+/// Threads of a block that rounds parameters.
 constexpr int kHalfBlock = 256;
-constexpr float kLargestHalf = 65504;
 
 std::uint32_t bits_of(float x) {
     std::uint32_t bits;
@@ -63,7 +63,7 @@ template <class Group> void unpack(Group& group) {
 
 __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     const std::size_t i = std::size_t(blockIdx.x) * kHalfBlock + threadIdx.x;
-    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -kLargestHalf, kLargestHalf));
+    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
 }
 
 int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }

@@ -12,12 +12,12 @@
 #include "appearance/sh/sh.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/core/spherical_harmonics.h"
 
 namespace gs {
 namespace {
 
 constexpr int kDirections = 256;
-constexpr double kY0 = 0.28209479177387814;
 
 /// A Fibonacci lattice; `phase` turns it about its axis.
 std::vector<Vec3<double>> directions(double phase) {

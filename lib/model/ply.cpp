@@ -14,6 +14,7 @@
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "kernels/core/spherical_harmonics.h"
 #include "lib/core/choices.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
@@ -22,9 +23,6 @@
 
 namespace gs {
 namespace {
-
-/// 1/(2 sqrt(pi)), spherical harmonic of band 0: files store coefficients, the model has it folded into the base colour.
-constexpr double kY0 = 0.28209479177387814;
 
 constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"};
 
