@@ -19,7 +19,7 @@
 namespace gs {
 namespace {
 
-/// The part of a run's learning rates that go_on compresses: from where all models learn at full rate (spherical Voronoi waits until 1000,
+/// The part of a run's learning rates that continue_with compresses: from where all models learn at full rate (spherical Voronoi waits until 1000,
 /// the network until 3000) to where they end.
 constexpr double kFirstRate = 3000, kLastRate = 30000;
 /// Iterations between two looks at the backend, as in a run.
@@ -62,7 +62,7 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     return result;
 }
 
-std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
+std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
     resting.strategy = Strategy::kNone; // no noise on the means
     const LearningRates rates(resting, appearance, scene_);
