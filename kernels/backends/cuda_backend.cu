@@ -424,7 +424,8 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     StepControl* control = control_.get();
     if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     const SlotMap slots = binning_.slots();
-    blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
+    const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
+    blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control, stream_);
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
         ModelArrays arrays = model_.arrays();
