@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs features and weights as viewers evaluate them, and evaluates colours from them.
 #include "appearance/neural/packing.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Times the frames of runs and of generated sets, and prints one table.
 #include "apps/gsapp/frames.h"
 
 #include <spdlog/spdlog.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The thresholds and comparisons that turn measurements into a verdict.
 #include "eval/auto/appearance_choice.h"
 
 #include <algorithm>

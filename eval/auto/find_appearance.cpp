@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The stages of the search: a smaller scene, a training without view dependence, trials, the report.
 #include "eval/auto/find_appearance.h"
 
 #include <spdlog/fmt/fmt.h>

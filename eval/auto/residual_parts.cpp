@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Sums residuals by cell and photograph, and fits spherical harmonics to each cell.
 #include "eval/auto/residual_parts.h"
 
 #include <Eigen/Cholesky>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Frames of every precision, timed and compared with the reference in double.
 #include "eval/bench/precision.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The options that each level sets.
 #include "eval/bench/precision_levels.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The host's side of the CUDA backend: lays out memory, launches the stages, repeats steps that did not fit.
 #include "kernels/backends/cuda_backend.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The forward pass: a warp per sub-tile blends the list of its tile.
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the bandwidth and the arithmetic rate that the CPU reaches.
 #include <algorithm>
 #include <cstdint>
 #include <vector>

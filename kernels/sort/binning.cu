@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Radix sorts of Gaussians by depth and of their instances by tile.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 #include <thrust/iterator/transform_iterator.h>

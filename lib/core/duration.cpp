@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Durations from text and to text.
 #include "lib/core/duration.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The median of a list of numbers.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the range whose codes change the colours of sampled Gaussians least.
 #include "lib/export/base_range.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Tries every way of naming the axes, and takes the one whose rounding shows least.
 #include "lib/export/ellipsoid_axes.h"
 
 #include <Eigen/Geometry>

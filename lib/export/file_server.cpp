@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The HTTP server behind `gsapp view`.
 #include "lib/export/file_server.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes and decodes means, scales, rotations, opacities and base colours.
 #include "lib/export/geometry_codes.h"
 
 #include <algorithm>

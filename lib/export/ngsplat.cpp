@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes and reads the container, and checks every field of what it reads.
 #include "lib/export/ngsplat.h"
 
 #include <fmt/format.h>

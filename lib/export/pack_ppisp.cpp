@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The response of a camera and the correction of a frame, in the numbers that a viewer applies.
 #include "lib/export/pack_ppisp.h"
 
 #include <algorithm>

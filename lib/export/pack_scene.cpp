@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs geometry, appearance, cameras and correction.
 #include "lib/export/pack_scene.h"
 
 #include <fmt/format.h>

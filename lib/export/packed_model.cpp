@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Unpacks geometry and colours.
 #include "lib/export/packed_model.h"
 
 #include <algorithm>

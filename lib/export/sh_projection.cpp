@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits spherical harmonics to colours in sampled directions.
 #include "lib/export/sh_projection.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Stages a folder beside its target, then publishes it.
 #include "lib/export/site.h"
 
 #include <fmt/format.h>

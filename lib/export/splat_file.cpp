@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Sorts Gaussians by size and opacity, largest first, and writes 32 bytes for each.
 #include "lib/export/splat_file.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The median of the means.
 #include "lib/model/center.h"
 
 #include <utility>

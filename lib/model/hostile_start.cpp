@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the Gaussians and sets their extremes.
 #include "lib/model/hostile_start.h"
 
 #include "kernels/core/rng.h"

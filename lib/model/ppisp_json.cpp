@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes and reads the file, and checks what it reads.
 #include "lib/model/ppisp_json.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads EXIF fields, and turns them into stops of exposure.
 #include "lib/scene/exif.h"
 
 #include <OpenImageIO/imageio.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Resizes images, masks and cameras together.
 #include "lib/scene/resized.h"
 
 #include <algorithm>

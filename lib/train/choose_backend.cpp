@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The backend and the tensor engine for a device.
 #include "lib/train/choose_backend.h"
 
 #include <spdlog/spdlog.h>

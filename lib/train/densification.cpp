@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Decides around each step what changes in the set, and has the backend do it.
 #include "lib/train/densification.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The schedules of all groups, made from the options.
 #include "lib/train/learning_rates.h"
 
 #include <spdlog/spdlog.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Estimates memory before a run, and reports it after one.
 #include "lib/train/memory_plan.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Starts, resumes, applies and saves the correction.
 #include "lib/train/photometric.h"
 
 #include <spdlog/spdlog.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Compares the scatter between images with the scatter within them.
 #include "lib/train/photometric_variation.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Keeps the lines up to the iteration a run goes on from, and appends new ones.
 #include "lib/train/train_log.h"
 
 #include "kernels/core/error.h"

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Decodes views ahead, and makes the requests of steps.
 #include "lib/train/training_views.h"
 
 #include <algorithm>

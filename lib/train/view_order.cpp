@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// A new permutation of the views for every epoch.
 #include "lib/train/view_order.h"
 
 #include <numeric>
