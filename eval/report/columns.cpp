@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The list of columns, and the value of each in a row.
 #include "eval/report/columns.h"
 
 #include <fmt/format.h>

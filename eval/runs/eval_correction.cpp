@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the correction of a view, and says it in words.
 #include "eval/runs/eval_correction.h"
 
 #include <fmt/format.h>

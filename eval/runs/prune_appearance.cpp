@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the Gaussians whose colour no camera sees change, and clears their parameters.
 #include "eval/runs/prune_appearance.h"
 
 #include <fmt/format.h>

@@ -7,11 +7,11 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
 #include <vector>
 
 #include "kernels/blend/blend_cpu.h"
 #include "kernels/blend/score_cpu.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
@@ -23,12 +23,12 @@ namespace gs {
 /// Adds the time of a scope to a sum.
 class StageTimer {
   public:
-    explicit StageTimer(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}
-    ~StageTimer() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+    explicit StageTimer(double& seconds) : seconds_(seconds), start_(seconds_now()) {}
+    ~StageTimer() { seconds_ += seconds_now() - start_; }
 
   private:
     double& seconds_;
-    std::chrono::steady_clock::time_point start_;
+    const double start_;
 };
 
 template <class Real, class Model> class CpuRasterizer {

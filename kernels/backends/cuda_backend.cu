@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The host's side of the CUDA backend: lays out memory, launches the stages, repeats steps that did not fit.
 #include "kernels/backends/cuda_backend.h"
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <cstring>
 
 #include "appearance/model_info.h"
+#include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
 
 namespace gs {
@@ -16,9 +18,8 @@ namespace {
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
 /// Largest side: pixel bounds are 16-bit, padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
-/// Threads of a block that rounds parameters, and where they saturate.
+/// Threads of a block that rounds parameters.
 constexpr int kHalfBlock = 256;
-constexpr float kLargestHalf = 65504;
 
 std::uint32_t bits_of(float x) {
     std::uint32_t bits;
@@ -63,7 +64,7 @@ template <class Group> void unpack(Group& group) {
 
 __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     const std::size_t i = std::size_t(blockIdx.x) * kHalfBlock + threadIdx.x;
-    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -kLargestHalf, kLargestHalf));
+    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
 }
 
 int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
@@ -424,7 +425,8 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     StepControl* control = control_.get();
     if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     const SlotMap slots = binning_.slots();
-    blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
+    const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
+    blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control, stream_);
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
         ModelArrays arrays = model_.arrays();

@@ -152,41 +152,54 @@ struct ColumnSteps {
     __device__ AdamStep<float> of(int column) const { return each ? each[column] : all; }
 };
 
-/// Adam on the selected residual rows of a warp, whose parameters (caught up) and gradients are in shared memory; the moments
-/// are multiplied by the factors of their row first.
-__device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list, const float* parameters, const float* gradients, const float* decay_m,
-                                   const float* decay_v, const ColumnSteps& steps, float* __restrict__ p, const MomentRows& moments, std::uint32_t seed) {
-    RowElements elements(mask, width, list);
+/// What Adam reads and writes for the residual rows of a warp.
+struct RowStep {
+    int width;
+    const float *parameters, *gradients; ///< (32, width) in shared memory; the parameters are caught up
+    ColumnSteps columns;
+    float* out;                          ///< (32, width): the parameters
+    MomentRows moments;
+    std::uint32_t seed;                  ///< of the rounding of packed moments
+};
+
+/// Adam on the selected residual rows of a warp; the moments are multiplied by the factors of their row first.
+__device__ inline void update_rows(unsigned mask, std::uint8_t* list, const float* decay_m, const float* decay_v, const RowStep& rows) {
+    const float *parameters = rows.parameters, *gradients = rows.gradients;
+    float* __restrict__ p = rows.out;
+    RowElements elements(mask, rows.width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
         int at[kRowUnroll], row[kRowUnroll], column[kRowUnroll];
         float mm[kRowUnroll], vv[kRowUnroll];
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
             at[u] = elements.next(row[u], column[u]);
-            if (at[u] >= 0) moments.load(at[u], mm[u], vv[u]);
+            if (at[u] >= 0) rows.moments.load(at[u], mm[u], vv[u]);
         }
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
             if (at[u] < 0) continue;
             float x = parameters[at[u]];
             mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
-            adam_update(x, mm[u], vv[u], gradients[at[u]], steps.of(column[u]));
+            adam_update(x, mm[u], vv[u], gradients[at[u]], rows.columns.of(column[u]));
             p[at[u]] = x;
-            moments.store(at[u], mm[u], vv[u], seed);
+            rows.moments.store(at[u], mm[u], vv[u], rows.seed);
         }
     }
 }
 
 /// The same for all 32 rows, none of which has missed a step: four values at a time.
-__device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const ColumnSteps& steps, float* __restrict__ p,
-                                       const MomentRows& moments, std::uint32_t seed) {
+__device__ inline void update_all_rows(const RowStep& rows) {
     constexpr int kUnroll = 3;
+    const int width = rows.width;
+    const ColumnSteps& steps = rows.columns;
+    const float *parameters = rows.parameters, *gradients = rows.gradients;
+    float* __restrict__ p = rows.out;
     const int lane = threadIdx.x & 31, size = 8 * width;
     for (int e = lane; e < size; e += 32 * kUnroll) {
         float4 mm[kUnroll], vv[kUnroll];
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u)
-            if (e + 32 * u < size) moments.load4(e + 32 * u, mm[u], vv[u]);
+            if (e + 32 * u < size) rows.moments.load4(e + 32 * u, mm[u], vv[u]);
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u) {
             const int at = e + 32 * u;
@@ -197,7 +210,7 @@ __device__ inline void update_all_rows(int width, const float* parameters, const
             adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0)), adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1));
             adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2)), adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3));
             reinterpret_cast<float4*>(p)[at] = x;
-            moments.store4(at, mm[u], vv[u], seed);
+            rows.moments.store4(at, mm[u], vv[u], rows.seed);
         }
     }
 }
@@ -346,15 +359,15 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncwarp();
         constexpr int k = int(Group::kResidual);
         const std::int64_t first = (i - lane) * width;
-        float* p = arrays.param[k] + first;
-        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
         const std::uint32_t seed = mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step)); // of the warp and the step
-        const ColumnSteps steps{update.steps[k], update.per_column ? column_steps : nullptr};
+        const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
+        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
+        const RowStep step{width, parameters, gradients, columns, arrays.param[k] + first, moments, seed};
         if (rows == ~0u && !stale) {
-            update_all_rows(width, parameters, gradients, steps, p, moments, seed);
+            update_all_rows(step);
         } else {
             if (!stale) decay_m[lane] = decay_v[lane] = 1;
-            update_rows(rows, width, space.memory.list, parameters, gradients, decay_m, decay_v, steps, p, moments, seed);
+            update_rows(rows, space.memory.list, decay_m, decay_v, step);
         }
     }
     if constexpr (kShared > 0) {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Uploads images through pinned memory, and keeps those that the budget has room for.
 #include "kernels/backends/images_cuda.h"
 
 #include <cstring>

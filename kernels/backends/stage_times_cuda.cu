@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Records events between stages and reads their distances.
 #include "kernels/backends/stage_times_cuda.h"
 
 #include <algorithm>

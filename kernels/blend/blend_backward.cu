@@ -119,18 +119,17 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(32 * kWarps, 16)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, const float* __restrict__ dL_dimage, const StepControl* __restrict__ control,
-                   const float4* __restrict__ checkpoints, const BlendChunk* __restrict__ chunks, const std::uint32_t* __restrict__ all_hits,
-                   const std::uint32_t* __restrict__ processed, PackedSums* __restrict__ sums) {
+                   BlendTrail trail, PackedSums* __restrict__ sums) {
     __shared__ alignas(16) WarpMemory memories[kWarps];
     const unsigned item = blockIdx.x * kWarps + (threadIdx.x >> 5), lane = threadIdx.x & 31, sub_tile = item % kSubTiles;
     if (item / kSubTiles >= control->num_chunks) return;
-    const BlendChunk chunk = chunks[item / kSubTiles];
+    const BlendChunk chunk = trail.chunks[item / kSubTiles];
     // Where its pixels were finished, a sub-tile has neither lists nor states.
-    const int count = min(int(processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
+    const int count = min(int(trail.processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
     if (count <= 0) return;
     WarpMemory& memory = memories[threadIdx.x >> 5];
     const std::uint32_t tile_begin = bins.tile_offsets[chunk.tile], begin = tile_begin + chunk.first;
-    const std::uint32_t* hits = all_hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
+    const std::uint32_t* hits = trail.hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
     int listed = 0;
     {
         const unsigned word_of_lane = int(lane) * 32 < count ? hits[lane * kSubTiles] : 0;
@@ -146,7 +145,7 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     if (pixel.x < image.width && pixel.y < image.height) {
         const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
         float4 before = make_float4(0, 0, 0, 1);
-        if (chunk.first) before = checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
+        if (chunk.first) before = trail.checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
         const float t_final = image.transmittance[i];
         const Vec3<float> bg = image.background;
         p.t = before.w;
@@ -199,17 +198,18 @@ __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepContro
 
 void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) { partial_ = c.take<PackedSums>(std::size_t(capacity) * kSubTiles); }
 
-void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, const StepControl* control, PackedSums* sums,
-                         std::int64_t n, const SlotMap* slots, cudaStream_t stream) {
+void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const BlendGradients& gradients, const StepControl* control,
+                         cudaStream_t stream) {
     // Surplus blocks see that there are fewer chunks and leave.
     const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
+    const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
-        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, sums);
+        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, partial_);
+    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;
     add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, control, partial_, sums);

@@ -35,6 +35,22 @@ struct BlendChunk {
     std::uint32_t checkpoint;   ///< state before `first`; unused for the first chunk
 };
 
+/// What the forward pass keeps for the backward pass.
+struct BlendTrail {
+    float4* checkpoints = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
+    BlendChunk* chunks = nullptr;
+    std::uint32_t* hits = nullptr;      ///< by 32 instances and sub-tile: which of them changed a pixel of it
+    std::uint32_t* processed = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
+};
+
+/// Gradients that go into and come out of the backward pass.
+struct BlendGradients {
+    const float* dL_dimage; ///< (3,H,W)
+    PackedSums* sums;       ///< (n)
+    std::int64_t n;
+    const SlotMap* slots;   ///< null: float atomics add to the sums, which the caller zeroed
+};
+
 /// What a view is blended into.
 struct BlendImage {
     int width, height;
@@ -52,18 +68,15 @@ class CudaBlend {
 
     /// With `for_backward` it keeps what backward() needs.
     void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream);
-    /// Adds to sums (n), which the caller zeroed. Float atomics: the order of additions varies from run to run. With `slots`
-    /// sums are written instead, each added up in the order of its instances; those of invisible Gaussians are left alone.
-    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, const StepControl* control, PackedSums* sums,
-                  std::int64_t n, const SlotMap* slots, cudaStream_t stream);
+    /// Adds to the sums. The order of float atomics varies from run to run. With slots, sums are written instead, each added
+    /// up in the order of its instances; those of invisible Gaussians are left alone.
+    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const BlendGradients& gradients, const StepControl* control,
+                  cudaStream_t stream);
 
   private:
     std::int64_t capacity_ = 0;
-    float4* checkpoints_ = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
-    BlendChunk* chunks_ = nullptr;
-    std::uint32_t* hits_ = nullptr;      ///< by 32 instances and sub-tile: which of them changed a pixel of it
-    std::uint32_t* processed_ = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
-    PackedSums* partial_ = nullptr;      ///< (slots, sub-tiles)
+    BlendTrail trail_;
+    PackedSums* partial_ = nullptr; ///< (slots, sub-tiles)
 };
 
 }  // namespace gs

@@ -5,9 +5,9 @@
 #include <bit>
 #include <cstdint>
 
-namespace gs {
+#include "kernels/core/half_range.h"
 
-inline constexpr double kLargestHalf = 65504;
+namespace gs {
 
 /// Bits of the nearest half, ties to even. Values beyond +-kLargestHalf count as that, so that a file never holds an infinity;
 /// NaN stays NaN.

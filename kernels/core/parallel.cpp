@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Parallel loops on a TBB arena of the chosen number of threads.
 #include "kernels/core/parallel.h"
 
 #include <tbb/global_control.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Asks for the device, and measures the bandwidth and the arithmetic rate that it reaches.
 #include "kernels/cuda/cuda_device.h"
 
 #include <algorithm>

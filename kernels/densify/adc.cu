@@ -104,7 +104,28 @@ struct AdcSpace {
     std::uint32_t *order = nullptr, *parents = nullptr; ///< in the place of the two above
     CubSpace cub;
     RowSlice slice;
+
+    /// For n rows, of which at most `room` grow; `block`: bytes of the scratch before it was carved.
+    void take(Carver& c, const CudaModel& model, std::int64_t room, bool capped, std::int64_t block) {
+        const std::int64_t n = model.count;
+        fates = c.take<unsigned char>(n), counts = c.take<AdcCounts>(1), num_selected = c.take<std::int64_t>(1);
+        cub.take(c);
+        const std::size_t ranked = c.at();
+        for (auto& half : growers) half = c.take<std::uint32_t>(capped ? n : 0);
+        for (auto& half : ranks) half = c.take<float>(capped ? n : 0);
+        c.rewind(ranked);
+        order = c.take<std::uint32_t>(n + room), parents = c.take<std::uint32_t>(room);
+        slice = take_slice(c, model, n + room, block);
+    }
 };
+
+/// Makes room for `total` rows, and for some more up to the cap (0: none), so that the next densification needs no new memory.
+void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStream_t stream) {
+    if (has_room(model, total)) return;
+    GS_CUDA(cudaStreamSynchronize(stream));
+    const std::int64_t spare = total + total / 20;
+    model.reserve_rows(cap > 0 ? std::max(total, std::min(spare, cap)) : spare);
+}
 
 }  // namespace
 
@@ -129,16 +150,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         const auto sort = [&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, num_growers, 0, 32, stream_); };
         space.cub.ask(select);
         if (capped) space.cub.ask(sort);
-        scratch_.carve([&](Carver& c) {
-            space.fates = c.take<unsigned char>(n), space.counts = c.take<AdcCounts>(1), space.num_selected = c.take<std::int64_t>(1);
-            space.cub.take(c);
-            const std::size_t ranked = c.at();
-            for (auto& half : space.growers) half = c.take<std::uint32_t>(capped ? n : 0);
-            for (auto& half : space.ranks) half = c.take<float>(capped ? n : 0);
-            c.rewind(ranked);
-            space.order = c.take<std::uint32_t>(n + room), space.parents = c.take<std::uint32_t>(room);
-            space.slice = take_slice(c, model_, n + room, block);
-        });
+        scratch_.carve([&](Carver& c) { space.take(c, model_, room, capped, block); });
         const auto list = [&](Fate fate, std::uint32_t* out) {
             wanted = {space.fates, fate}, selected = out;
             space.cub.run(select);
@@ -176,11 +188,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         list_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(children, space.parents, space.order + first_child);
         GS_CUDA_LAUNCHED("list_children");
     }
-    if (!has_room(model_, total)) {
-        GS_CUDA(cudaStreamSynchronize(stream_));
-        const std::int64_t spare = total + total / 20; // the next densification needs no new memory
-        model_.reserve_rows(capped ? std::max(total, std::min(spare, params.cap)) : spare);
-    }
+    make_room(model_, total, params.cap, stream_);
     model_.has_statistic = false; // it starts anew
     gather_rows(model_, space.order, kept, total, space.slice, stream_);
     if (children > 0) {

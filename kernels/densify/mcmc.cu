@@ -61,10 +61,18 @@ struct McmcSpace {
     std::int64_t* num_dead = nullptr;
 };
 
-/// num_rows rows become copies of rows drawn among the first n: those of `to`, or those from n on without a list. Drawn
-/// rows get the opacity and scale of their share and lose their moments.
-void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, std::int64_t num_rows, const std::uint32_t* to, float min_opacity, RngStream stream_of_draws,
-               std::int64_t iteration, std::uint64_t seed, cudaStream_t stream) {
+/// Rows that become copies of others.
+struct RowsToFill {
+    std::int64_t num_rows;
+    const std::uint32_t* list; ///< null: the rows from n on
+    RngStream draws;
+};
+
+/// `rows` become copies of rows drawn among the first n. Drawn rows get the opacity and scale of their share and lose their
+/// moments.
+void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const RowsToFill& rows, float min_opacity, std::int64_t iteration, std::uint64_t seed,
+               cudaStream_t stream) {
+    const auto [num_rows, to, stream_of_draws] = rows;
     GS_CUDA(cudaMemsetAsync(space.copies, 0, n * sizeof *space.copies, stream));
     draw_rows<<<num_blocks(num_rows, kRowBlock), kRowBlock, 0, stream>>>(num_rows, n, space.sums, seed, stream_of_draws, iteration, space.from, space.copies);
     GS_CUDA_LAUNCHED("draw_rows");
@@ -109,7 +117,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     cub.run(select), cub.run(scan);
     const std::int64_t num_dead = read_back(space.num_dead, stream_);
     if (num_dead > 0 && num_dead < n && read_back(space.sums + n - 1, stream_) > 0) {
-        fill_rows(model_, space, n, num_dead, space.dead, params.min_opacity, RngStream::kRelocate, iteration, seed, stream_);
+        fill_rows(model_, space, n, {num_dead, space.dead, RngStream::kRelocate}, params.min_opacity, iteration, seed, stream_);
         stats.relocated = num_dead;
     }
 
@@ -122,7 +130,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
                 for (auto* moment : model_.moments(g))
                     if (const int width = model_.width[g])
                         GS_CUDA(cudaMemsetAsync(moment->get() + n * width, 0, std::size_t(target - n) * width * sizeof(float), stream_));
-            fill_rows(model_, space, n, target - n, nullptr, params.min_opacity, RngStream::kGrow, iteration, seed, stream_);
+            fill_rows(model_, space, n, {target - n, nullptr, RngStream::kGrow}, params.min_opacity, iteration, seed, stream_);
             model_.count = target;
             stats.added = target - n;
         }

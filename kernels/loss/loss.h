@@ -22,6 +22,9 @@ template <class Real> class ImageLoss {
     LossValues compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim, Real* dL_dimage);
 
   private:
+    /// Multiplies the target and a copy of the image by the mask. Returns the sum of the weights.
+    double apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels);
+
     std::vector<Real> target_, weight_, masked_, maps_;
     std::vector<double> l1_sums_, ssim_sums_; ///< by task, added in order
 };

@@ -62,6 +62,17 @@ template <class Real> void vertical_moments(Plane<Real> a, Plane<Real> b, int y,
     }
 }
 
+/// Row y of a map filtered vertically (zero padding).
+template <class Real> void filter_column(Plane<Real> map, int y, const SsimTaps<Real>& taps, Real* out) {
+    std::fill(out, out + map.width, Real(0));
+    for (int j = std::max(0, y - kSsimRadius); j <= std::min(map.height - 1, y + kSsimRadius); ++j) {
+        const Real g = taps.g[std::abs(j - y)];
+        const Real* in = map.row(j);
+#pragma omp simd
+        for (int x = 0; x < map.width; ++x) out[x] += g * in[x];
+    }
+}
+
 /// The target as planar (3,H,W): decoded, composited on the background, clamped to [0,1].
 template <class Real> void decode_target(const TargetImage& t, const Vec3<float>& background, std::vector<Real>& out) {
     const std::size_t pixels = std::size_t(t.width) * t.height;
@@ -89,7 +100,26 @@ template <class Real> void decode_target(const TargetImage& t, const Vec3<float>
         decode(t.f32, Real(1));
 }
 
+/// Adds up the sums of all tasks in their order; `norm`: one over the weights of all values.
+LossValues weighted_means(const std::vector<double>& l1_sums, const std::vector<double>& ssim_sums, double norm, double lambda_dssim) {
+    LossValues out;
+    for (std::size_t k = 0; k < l1_sums.size(); ++k) out.l1 += l1_sums[k], out.ssim += ssim_sums[k];
+    out.l1 *= norm;
+    out.ssim *= norm;
+    out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
+    return out;
+}
+
 }  // namespace
+
+template <class Real> double ImageLoss<Real>::apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels) {
+    weight_.resize(pixels);
+    masked_.resize(3 * pixels);
+    double weight_sum = 0;
+    for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = mask[i] * (Real(1) / Real(255));
+    for (std::size_t i = 0; i < 3 * pixels; ++i) masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+    return weight_sum;
+}
 
 template <class Real>
 LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
@@ -103,11 +133,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     double weight_sum = double(pixels);
     weight_.clear();
     if (target.mask) {
-        weight_.resize(pixels);
-        masked_.resize(3 * pixels);
-        weight_sum = 0;
-        for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = target.mask[i] * (Real(1) / Real(255));
-        for (std::size_t i = 0; i < 3 * pixels; ++i) masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+        weight_sum = apply_mask(image, target.mask, pixels);
         render = masked_.data();
     }
     if (weight_sum <= 0) {
@@ -156,16 +182,8 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
         double l1_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             for (int k = 0; k < 3; ++k) {
-                Real* o = v.row(k);
-                std::fill(o, o + w, Real(0));
-                const Real* map = &maps_[(3 * c + k) * pixels];
-                for (int j = std::max(0, y - kSsimRadius); j <= std::min(h - 1, y + kSsimRadius); ++j) {
-                    const Real g = taps.g[std::abs(j - y)];
-                    const Real* in = map + std::size_t(j) * w;
-#pragma omp simd
-                    for (int x = 0; x < w; ++x) o[x] += g * in[x];
-                }
-                filter_row(o, taps, w, v.row(3 + k));
+                filter_column(Plane<Real>{&maps_[(3 * c + k) * pixels], w, h}, y, taps, v.row(k));
+                filter_row(v.row(k), taps, w, v.row(3 + k));
             }
             const Real *fp = v.row(3), *fq = v.row(4), *fr = v.row(5), *px = a.row(y), *ty = b.row(y);
             const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
@@ -183,12 +201,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
         }
         l1_sums_[task] = l1_sum;
     });
-    LossValues out;
-    for (std::int64_t k = 0; k < tasks; ++k) out.l1 += l1_sums_[k], out.ssim += ssim_sums_[k];
-    out.l1 *= norm;
-    out.ssim *= norm;
-    out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
-    return out;
+    return weighted_means(l1_sums_, ssim_sums_, norm, lambda_dssim);
 }
 
 template class ImageLoss<float>;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The parameters that correct nothing.
 #include "kernels/model/ppisp_state.h"
 
 #include <cmath>

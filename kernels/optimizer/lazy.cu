@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Takes the missed steps of whole rows at once.
 #include "kernels/optimizer/lazy_cuda.h"
 
 namespace gs {

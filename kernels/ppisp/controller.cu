@@ -229,29 +229,31 @@ void CudaController::take(Carver& c, int width, int height, bool for_step) {
     gradient_ = c.take<float>(kControllerWeights);
 }
 
-const float* CudaController::forward(int camera, const float* image, int width, int height, float prior_exposure, cudaStream_t stream) {
+const float* CudaController::forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream) {
+    const auto [rgb, width, height] = image;
     Activations* a = activations_.get();
     if (!controller_sees(width, height)) {
         GS_CUDA(cudaMemsetAsync(a->out, 0, sizeof a->out, stream));
         return a->out;
     }
     const float* weights = weights_.get() + std::size_t(camera) * kControllerWeights;
-    sum_row_features<<<controller_blocks(height), kForwardThreads, 0, stream>>>(weights, image, width, height, row_sums_);
+    sum_row_features<<<controller_blocks(height), kForwardThreads, 0, stream>>>(weights, rgb, width, height, row_sums_);
     GS_CUDA_LAUNCHED("sum_row_features");
     evaluate_dense<<<1, kDenseThreads, 0, stream>>>(weights, row_sums_, controller_blocks(width), controller_blocks(height), prior_exposure, a);
     GS_CUDA_LAUNCHED("evaluate_dense");
     return a->out;
 }
 
-void CudaController::step(int camera, const float* image, int width, int height, const float* dL_dout, double rate, std::int64_t step, StepControl* control,
+void CudaController::step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step, StepControl* control,
                           cudaStream_t stream) {
+    const auto [rgb, width, height] = image;
     const std::size_t at = std::size_t(camera) * kControllerWeights;
     const int columns = controller_blocks(width), rows = controller_blocks(height);
     float* weights = weights_.get() + at;
     Activations* a = activations_.get();
     dense_backward<<<1, kDenseThreads, 0, stream>>>(weights, dL_dout, columns, rows, a);
     GS_CUDA_LAUNCHED("dense_backward");
-    sum_row_gradients<<<rows, kBackwardThreads, 0, stream>>>(weights, image, width, height, a, row_gradients_);
+    sum_row_gradients<<<rows, kBackwardThreads, 0, stream>>>(weights, rgb, width, height, a, row_gradients_);
     GS_CUDA_LAUNCHED("sum_row_gradients");
     const unsigned blocks = num_blocks(kControllerWeights, kWeightThreads);
     weight_gradients<<<blocks, kWeightThreads, 0, stream>>>(a, row_gradients_, rows, gradient_);

@@ -18,16 +18,22 @@ struct ControllerActivations {
     int nonfinite;                                                              ///< a gradient of the last step was not finite
 };
 
+/// What a controller looks at: planar (3,H,W) on the device.
+struct ControllerImage {
+    const float* rgb;
+    int width, height;
+};
+
 class CudaController {
   public:
     void upload(const PpispState& state);
     void download(PpispState& state, bool with_moments) const;
     void take(Carver& c, int width, int height, bool for_step);
 
-    /// Evaluates the controller of one camera on a planar (3,H,W) image; the result stays on the device.
-    const float* forward(int camera, const float* image, int width, int height, float prior_exposure, cudaStream_t stream);
+    /// Evaluates the controller of one camera; the result stays on the device.
+    const float* forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream);
     /// Optimizer step of that controller. dL_dout: kIspFrameValues, on the device.
-    void step(int camera, const float* image, int width, int height, const float* dL_dout, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
+    void step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
 
     bool exists() const { return count_ > 0; }
     std::int64_t bytes() const;

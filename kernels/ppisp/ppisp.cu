@@ -155,7 +155,7 @@ void CudaPpisp::apply(const IspView& view, const float* image, int width, int he
     view_ = view, width_ = width, height_ = height;
     const float* frame = nullptr;
     if (view.mode == IspMode::kFrame && view.frame >= 0) frame = param_.get() + std::size_t(view.frame) * kIspFrameValues;
-    if (view.mode == IspMode::kController && controller_.exists()) frame = controller_.forward(view.camera, image, width, height, view.prior_exposure, stream);
+    if (view.mode == IspMode::kController && controller_.exists()) frame = controller_.forward(view.camera, {image, width, height}, view.prior_exposure, stream);
     prepare_view<<<1, 32, 0, stream>>>(frame, param_.get() + host_.camera_offset(view.camera), device_view_.get());
     GS_CUDA_LAUNCHED("prepare_view");
     correct<<<num_blocks(std::int64_t(width) * height, kPixelThreads), kPixelThreads, 0, stream>>>(device_view_.get(), image, width, height, out);
@@ -177,7 +177,8 @@ void CudaPpisp::step_parameters(double rate, std::int64_t step, StepControl* con
 }
 
 void CudaPpisp::step_controller(const float* image, double rate, std::int64_t step, StepControl* control, cudaStream_t stream) {
-    if (controller_sees(width_, height_)) controller_.step(view_.camera, image, width_, height_, device_view_.get()->dL_dframe, rate, step, control, stream);
+    if (controller_sees(width_, height_))
+        controller_.step(view_.camera, {image, width_, height_}, device_view_.get()->dL_dframe, rate, step, control, stream);
 }
 
 std::int64_t CudaPpisp::bytes() const {

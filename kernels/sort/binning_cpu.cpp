@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// A depth sort of Gaussians, then a counting sort of their instances by tile.
 #include "kernels/sort/binning.h"
 
 #include <unistd.h>

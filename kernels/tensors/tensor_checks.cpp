@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Checks of shapes, each with an error that names the operation.
 #include "kernels/tensors/tensor_checks.h"
 
 #include <string>
