@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the peak bandwidth and arithmetic rate of the processor.
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
@@ -13,7 +14,7 @@ namespace {
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-/// Best of a few runs: a ceiling is what is possible.
+/// Returns the least time of five runs, because a ceiling is the best that is possible.
 template <class Fn>
 double best_seconds(Fn&& fn) {
     double best = 1e9;

@@ -9,8 +9,8 @@ namespace gs {
 
 inline constexpr double kLargestHalf = 65504;
 
-/// Bits of the nearest half, ties to even. Values beyond +-kLargestHalf count as that, so that a file never holds an infinity;
-/// NaN stays NaN.
+/// Returns the bits of the nearest half, ties to even. Values are clamped to +-kLargestHalf, so that a file never holds
+/// an infinity. NaN stays NaN.
 inline std::uint16_t half_bits(double x) {
     const double limited = x > kLargestHalf ? kLargestHalf : (x < -kLargestHalf ? -kLargestHalf : x);
     return std::bit_cast<std::uint16_t>(static_cast<_Float16>(limited));
