@@ -18,7 +18,7 @@ class BackendTimer {
     /// Returns the mean seconds of a frame over `repeats` rounds through all views, after one round to warm up. The
     /// images stay on the device.
     virtual double time_frames(const std::vector<RenderRequest>& views, int repeats) = 0;
-    /// Turns the timing of stages on or off. It is off by default: each mark between stages costs a few microseconds.
+    /// Turns the timing of stages on or off. The marks between stages cost a few microseconds each.
     virtual void measure_stages(bool on) = 0;
     /// Returns the costs per stage since the last call, and starts anew.
     virtual std::vector<StageCost> take_stage_costs() = 0;
