@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The forward pass of the blend on the device, with a warp per sub-tile and a lane per pixel.
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows in parallel, their sums added in order.
+// PPISP on the CPU. Rows run in parallel, and their sums are added in order.
 #include <algorithm>
 #include <string>
 
