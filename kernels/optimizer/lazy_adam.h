@@ -8,8 +8,8 @@
 //     S_s(k) = sum_j (a_{s+j} / b_{s+j}) q^j,  q = beta1 / sqrt(beta2),
 // which does not depend on the Gaussian. For the step t = s + k + 1 about to be taken, T_t(k) = S_{t-1-k}(k) obeys
 //     T_t(k) = T_{t-1}(k - 1) + (a_{t-1} / b_{t-1}) q^k,  T(0) = 0.
-// So one addition per entry and step keeps a table for all k up to a limit. eps, which matters only where gradients were
-// about 1e-14, enters as eps / b of the last step.
+// So one addition per entry and step keeps a table for all k up to a limit. eps matters only where gradients were about
+// 1e-14, and enters as eps / b of the last step.
 #pragma once
 
 #include <array>
