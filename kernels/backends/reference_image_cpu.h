@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The image of a view in double precision, for one appearance model.
 #pragma once
 
 #include "kernels/backends/cpu_rasterizer.h"

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the least bytes and operations of the stages on the device.
 #include <algorithm>
 
 #include "kernels/backends/stage_times_cuda.h"
@@ -7,9 +8,10 @@ namespace gs {
 
 std::vector<StageCost> StageTimes::take(double residual_width, double operations, double operations_backward) {
     const auto seconds = [&](CudaStage s) { return seconds_[int(s)]; };
-    // Bytes: what each stage must at least read and write once. A splat is 48 bytes, its sums 36 of 48; radix sorts move key
-    // and value once a pass: three passes for the depth (8 bytes), two for the tile (6 bytes). Instructions are counted in
-    // the templates: fragment_alpha 10 and blend_fragment 10; backward 10, fragment_gradient 16 and two stores.
+    // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
+    // Radix sorts move key and value once a pass: three passes for the depth (8 bytes), two for the tile (6 bytes). The
+    // instructions are counted in the templates: fragment_alpha 10 and blend_fragment 10 forward; 10, fragment_gradient
+    // 16 and two stores backward.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian", gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8),
          visible_ * (260 + operations), "", true},
@@ -24,7 +26,8 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          "as blend; and what the tensor cores add up passes through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
          visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, "", true}};
-    // Instructions per pixel as on the CPU; four powers, each as its own logarithm and exponential.
+    // A pixel takes as many instructions as on the CPU. Each of the four powers is a logarithm and an exponential of
+    // its own.
     if (corrected_pixels_ > 0)
         costs.push_back({"PPISP", seconds(CudaStage::kCorrect) + seconds(CudaStage::kCorrectBackward), corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5,
                          corrected_pixels_ * 770, "five small kernels in a row, three of them of a single block"});
