@@ -46,6 +46,7 @@ class Backend {
     /// Returns PPISP without moments.
     virtual PpispState download_ppisp() = 0;
 
+    /// Renders a view into `out` and waits for it.
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
     /// Takes one optimizer step on one view. It may return before the step is done; the memory that `request` points to
     /// is free again on return.
@@ -72,7 +73,7 @@ class Backend {
     virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
     /// Removes the Gaussians that `request` names.
     virtual PruneStats prune(const PruneRequest& request) = 0;
-    /// Orders all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
+    /// Sorts all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
     virtual void morton_sort() = 0;
 };
 

@@ -69,13 +69,13 @@ struct StepRequest {
     float scale_reg = 0.01f;             ///< weight of mean(exp(raw_scale))
     float noise = 0;                     ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
-    /// ADC: add up the norm of the 2-D mean gradient, for Gaussians that touch a tile.
+    /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
     IspView isp = {};                         ///< kFrame or kNone for `step`, kController for `distill`
-    /// Learning rate of PPISP's parameters for `step`, of the controller's weights for `distill`. 0 leaves them
+    /// The learning rate of PPISP's parameters for `step`, of the controller's weights for `distill`. 0 leaves them
     /// unchanged.
     double isp_rate = 0;
 };
@@ -101,17 +101,17 @@ struct MemoryUse {
     std::int64_t bytes = 0, peak = 0;
 };
 
-/// How a backend computes. The options with "CUDA" do nothing on the CPU.
+/// The options of a backend. Those with "CUDA" do nothing on the CPU.
 struct BackendOptions {
-    /// Fixed order of all sums: bitwise repeatable on one device, slower.
+    /// Whether all sums have a fixed order, which is bitwise repeatable on one device, but slower.
     bool deterministic = false;
     bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, for comparison
     std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images that a device may keep
     double min_alpha = kMinAlpha;                    ///< fainter fragments are skipped; at least kMinAlpha
     double min_transmittance = kMinTransmittance;    ///< a pixel below this is finished
-    /// CUDA: frames read residual parameters rounded to half precision.
+    /// CUDA: whether frames read residual parameters rounded to half precision.
     bool half_residuals = false;
-    /// CUDA: both Adam moments of a residual parameter in 32 bits (bfloat16).
+    /// CUDA: whether both Adam moments of a residual parameter share 32 bits (bfloat16).
     bool packed_moments = false;
 };
 
@@ -161,7 +161,7 @@ using PruneRequest = std::variant<NonFiniteRows, InvisibleRows, LowestScores>;
 
 struct PruneStats {
     std::int64_t removed = 0;
-    /// NonFiniteRows: number of Gaussians with broken values, per group.
+    /// The number of Gaussians with broken values per group, for NonFiniteRows.
     std::array<std::int64_t, kNumGroups> by_group{};
 };
 

@@ -148,8 +148,8 @@ template <class Model> __global__ void __launch_bounds__(kForwardBlock, 7) evalu
 /// faster.
 constexpr int kManyVisible = 12;
 
-/// Adam's step for each residual column: one for all, or one for each in shared memory. (Lanes need different columns
-/// at the same time, and kernel parameters give them out one after another.)
+/// The step of Adam for each residual column: one for all, or one for each in shared memory. (Lanes need different
+/// columns at the same time, and kernel parameters give them out one after another.)
 struct ColumnSteps {
     AdamStep<float> all;
     const AdamStep<float>* each; ///< or null

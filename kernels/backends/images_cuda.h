@@ -34,7 +34,7 @@ class PinnedBuffer {
 /// Uploads training images and keeps them within a budget.
 class CudaImages {
   public:
-    /// `budget` is in bytes; `slots` is the number of steps that may be in flight.
+    /// Keeps up to `budget` bytes of images. `slots` is the number of steps that may be in flight.
     CudaImages(std::int64_t budget, int slots);
     ~CudaImages();
 

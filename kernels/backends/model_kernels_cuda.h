@@ -52,7 +52,7 @@ struct ModelKernels {
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&, const UpdateArgs&, StepControl*, cudaStream_t);
     struct Shared {
         int count = 0;          ///< number of weights that all Gaussians share
-        /// Size of the weights in the form that kernels read, in 4-byte words, which start as 0.
+        /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.
         int prepared_words = 0;
         void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
         int gaussians_per_sum = 0; ///< number of Gaussians whose gradients a row of SharedArgs::sums adds up

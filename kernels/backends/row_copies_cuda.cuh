@@ -11,7 +11,8 @@ namespace gs {
 /// The elements of a warp's rows that a mask selects, dealt to the lanes in order.
 class RowElements {
   public:
-    /// `list` is 32 bytes of this warp's shared memory. All lanes must call it, converged.
+    /// Deals the elements of the rows in `mask`. `list` is 32 bytes of this warp's shared memory. All lanes must call
+    /// it, converged.
     __device__ RowElements(unsigned mask, int width, std::uint8_t* list) : list_(list), width_(width) {
         const int lane = threadIdx.x & 31;
         rows_ = __popc(mask);

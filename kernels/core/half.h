@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half precision on the host, as files and viewers store it.
+// Half precision on the host, which files and viewers use.
 #pragma once
 
 #include <bit>

@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// Densification of `model`. Every call works on `stream`, and its work is done when it returns. It may use all of
+/// Densifies `model`. Every call works on `stream`, and its work is done when it returns. It may use all of
 /// `scratch`.
 class CudaDensify {
   public:

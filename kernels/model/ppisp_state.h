@@ -29,10 +29,11 @@ static_assert(kControllerWeights == 241961);
 struct PpispState {
     int num_frames = 0, num_cameras = 0;
     std::int64_t step = 0;          ///< optimizer steps of the parameters, which also set their rate
-    /// (frames x kIspFrameValues, then cameras x kIspCameraValues); empty moments are 0.
+    /// The parameters and their moments: frames x kIspFrameValues, then cameras x kIspCameraValues. Empty moments are
+    /// 0.
     std::vector<float> param, m, v;
     std::int64_t controller_step = 0;
-    /// (cameras x kControllerWeights); empty before distillation.
+    /// The controllers' weights and their moments (cameras x kControllerWeights), empty before distillation.
     std::vector<float> controller, controller_m, controller_v;
 
     bool active() const { return num_cameras > 0; }

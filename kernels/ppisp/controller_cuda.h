@@ -13,10 +13,10 @@ namespace gs {
 struct ControllerActivations {
     static constexpr int kGridValues = kControllerGrid * kControllerChannels, kEncoded = kControllerInputs - 1;
     float bins[kGridValues], inputs[kControllerInputs], hidden[3][kControllerHidden], out[kIspFrameValues];
-    /// Gradients of the sums over bins' blocks.
+    /// The gradients of the sums over bins' blocks.
     float dL_dbins[kGridValues];
     float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before the activation
-    /// Set if a gradient of the last step was not finite.
+    /// Nonzero if a gradient of the last step was not finite.
     int nonfinite;
 };
 

@@ -80,7 +80,7 @@ template <class Real> GS_HD Real controller_strongest(const Real* weights, const
 /// The activations of one block.
 template <class Real> struct ControllerFeatures {
     Real hidden[kControllerHiddenChannels], out[kControllerChannels]; ///< both after ReLU
-    /// Pixel that has the maximum of each hidden channel.
+    /// The pixel that has the maximum of each hidden channel.
     int pixel[kControllerHiddenChannels];
 };
 

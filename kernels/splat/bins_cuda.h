@@ -11,11 +11,11 @@ namespace gs {
 /// The instances of a view in the order of blending. All pointers are on the device.
 struct CudaBins {
     int tiles_x = 0, tiles_y = 0;
-    /// Gaussians by tile and depth; slots instead where `gaussians` is set.
+    /// The Gaussians by tile and depth; slots instead where `gaussians` is set.
     const std::uint32_t* instances = nullptr;
     const std::uint32_t* gaussians = nullptr;    ///< Gaussian of each slot; only where the order of sums is fixed
     const std::uint32_t* tile_offsets = nullptr; ///< (tiles+1)
-    /// (tiles) Tiles with the longest lists first, about in order, so that no long list is left for last.
+    /// (tiles) The tiles with the longest lists first, about in order, so that no long list is left for last.
     const std::uint32_t* longest_first = nullptr;
 
     __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One Gaussian as it is stored in rows, and the gradient of its row.
+// The rows that store Gaussians, and the gradient of one row.
 #pragma once
 
 #include "appearance/contract.h"
