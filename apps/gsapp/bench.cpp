@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp bench`: what an iteration and a frame cost on this machine; frame times of several runs; how stable the appearance models
 // compute; and suites of training runs.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <map>

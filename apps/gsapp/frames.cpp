@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/gsapp/frames.h"
 
-#include <spdlog/spdlog.h>
-
 #include <cstdio>
 
 #include "eval/bench/frame_times.h"
 #include "eval/bench/generated_set.h"
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
@@ -21,7 +20,7 @@ FrameTimesLine time_run(const std::string& folder, const FramesArguments& argume
     const RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
     std::vector<Camera> cameras;
     for (const View& view : run.scene.test.empty() ? run.scene.train : run.scene.test) cameras.push_back(view.camera);
-    spdlog::info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(), run.scene.test.empty() ? "training" : "test");
+    log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(), run.scene.test.empty() ? "training" : "test");
     const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, arguments.frames_per_view);
     write_frame_times(RunFolder{run.folder}, run.iteration, times);
     return {folder, facts.scene, facts.model, facts.num_gaussians, times};

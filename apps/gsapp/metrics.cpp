@@ -2,7 +2,7 @@
 // gsapp metrics: compares two images.
 #include "apps/gsapp/metrics.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <cstdio>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp train`: loads the scene, runs the trainer, measures the held-out views.
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <memory>
@@ -47,9 +47,9 @@ std::string log_level(const TrainOptions& options) {
 }
 
 void describe_scene(const Scene& scene) {
-    spdlog::info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
+    log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
                  scene.split_rule, scene.points.positions.size());
-    for (const std::string& note : scene.notes) spdlog::warn("{}", note);
+    for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
 /// Measures the held-out views during and after training, and keeps the latest scores.
@@ -72,7 +72,7 @@ class Evaluation {
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
         if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
         const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
-        spdlog::info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
+        log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
                      corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
         progress_.event({{"event", "evaluation"},
                          {"iteration", iteration},
@@ -90,7 +90,7 @@ class Evaluation {
         facts_.appearance_choice = read_appearance_choice(options_.model);
         if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
-        spdlog::info("photographs and renders side by side: {}", comparison().string());
+        log_info("photographs and renders side by side: {}", comparison().string());
         TableRow row = read_table_row(options_.model, eval_.iteration);
         read_training(row, options_.model);
         return row;
@@ -123,13 +123,13 @@ std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
     if (options.appearance == kAutoAppearance && !options.resume.empty()) options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
     add_log_file(fs::path(options.model) / "gsapp.log");
-    spdlog::info("{}, output folder {}", version_text(), options.model);
+    log_info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) {
         const AppearanceReport report = find_appearance(options, scene);
-        for (const std::string& line : report.lines) spdlog::info("--appearance auto: {}", line);
+        for (const std::string& line : report.lines) log_info("--appearance auto: {}", line);
         write_choice(options.model, report.json);
         start.first_event = report.json;
         start.first_event["event"] = "appearance_choice";
@@ -142,16 +142,16 @@ std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
     if (measure)
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
-        spdlog::warn("--eval: there are no test views ({})", scene.split_rule);
+        log_warning("--eval: there are no test views ({})", scene.split_rule);
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
-    spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
+    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
-    if (summary.controller_seconds > 0) spdlog::info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
+    if (summary.controller_seconds > 0) log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
     if (nlohmann::ordered_json choice = read_appearance_choice(options.model); !choice.is_null() && options.resume.empty()) {
         choice["share_of_training"] = choice.value("seconds", 0.0) / summary.train_seconds;
         write_choice(options.model, choice);
-        spdlog::info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
+        log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
     }
     std::optional<TableRow> row;
     if (measure) row = evaluation.finish(summary);
@@ -187,7 +187,7 @@ void run_seeds(TrainOptions base, int frame_rounds, int num_runs) {
         std::optional<TableRow> row;
         if (!options.overwrite) row = finished_run(options);
         if (row)
-            spdlog::info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
+            log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
         else
             row = run_training(options, frame_rounds);
         if (row) rows.push_back(*row);

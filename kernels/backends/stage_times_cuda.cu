@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Computes the least bytes and operations of the stages on the device.
-#include <algorithm>
-
 #include "kernels/backends/stage_times_cuda.h"
+
+#include <algorithm>
 
 namespace gs {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views, rates, regularisers and correction of one training step.
+// Composes view, rates, regularisers and correction of one training step.
 #include "lib/train/step_composer.h"
 
 #include "lib/scene/camera_params.h"

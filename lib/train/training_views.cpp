@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Delivers the training views in the order of a run and decodes them ahead of their use.
 #include "lib/train/training_views.h"
 
 #include <algorithm>
@@ -12,8 +13,8 @@
 namespace gs {
 namespace {
 
-/// Views decoded ahead of the one in use, and threads that decode them. A GPU is done with a view in a fraction of the time that
-/// decoding takes, and leaves the processor free; the CPU backend needs all of it.
+/// Views decoded ahead of the one in use, and threads that decode them. A GPU needs only a fraction of a view's
+/// decoding time and leaves the processor free; the CPU backend needs all of the processor.
 int views_ahead(const std::string& device) { return uses_cuda(device) ? 24 : 3; }
 int decode_threads(const std::string& device) {
     return uses_cuda(device) ? std::clamp(int(std::thread::hardware_concurrency()) / 2, 1, views_ahead(device)) : 1;
