@@ -162,20 +162,20 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
              work_.visible * (260 + operations),
-             "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles", true},
+             "one Gaussian at a time in scalar code; the floor assumes full vectors; exponentials, a logarithm and the loop over tiles take time", true},
             {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
-             "a comparison sort of 8-byte keys, the floor assumes streaming"},
+             "a comparison sort of 8-byte keys; the floor assumes streaming"},
             {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27, ""},
             {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70),
              "each image row is read eleven times from the cache"},
             {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
              work_.visible * (500 + operations_backward) + gaussians * 10 * values,
-             "one Gaussian at a time in scalar code, the floor assumes full vectors", true}};
+             "one Gaussian at a time in scalar code; the floor assumes full vectors", true}};
         // A pixel takes 235 instructions forward (six powers of 25 each), and these again and 300 backward.
         if (work_.corrected_pixels > 0)
             costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel", work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
-                             "powers and logarithms in scalar code, the floor assumes full vectors"});
+                             "powers and logarithms in scalar code; the floor assumes full vectors"});
         s = {};
         loss_seconds_ = update_seconds_ = correction_seconds_ = 0;
         work_ = {};

@@ -302,7 +302,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncthreads();
     }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
-    if (!isfinite(control->l1 + control->ssim)) { // a skipped step changes nothing, also not residuals that are behind
+    if (!isfinite(control->l1 + control->ssim)) { // a skipped step changes nothing, not even residuals that are behind
         if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }

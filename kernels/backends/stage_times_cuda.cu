@@ -17,13 +17,13 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          visible_ * (260 + operations), "", true},
         {"sort", seconds(CudaStage::kSort), instances_, "instance", gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2),
          visible_ * 20 + instances_ * 10,
-         "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, whatever it moves"},
+         "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, for any amount of data"},
         {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16, pairs_ * 20 + instances_ * 6 * 35,
          "half of the instructions walk lists and read shared memory, not counted in the floor; at the end the longest lists are alone on the device"},
         {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12), pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
          "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the floor counts"},
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28,
-         "as blend; and what the tensor cores add up passes through shared memory first"},
+         "as blend; also, the values that the tensor cores add up pass through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
          visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, "", true}};
     // A pixel takes as many instructions as on the CPU. Each of the four powers is a logarithm and an exponential of

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grows, relocates and prunes Gaussians on the host (docs/math/densification.md). Rows of all groups move alike.
+// Grows, relocates and prunes Gaussians on the host (docs/math/densification.md). Rows of all groups move in the same
+// way.
 #pragma once
 
 #include <vector>
