@@ -54,7 +54,7 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
         }
         __syncthreads();
     }
-    // From here on the warps of a block go their own ways, each through the whole list, 32 instances at a time.
+    // From here on each warp of a block walks the whole list on its own, 32 instances at a time.
     SplatBatch& batch = batches[warp];
     std::uint32_t* hits_out = trail.hits + (first_group(tile, begin) * kSubTiles + warp);
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
@@ -65,7 +65,7 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
         if (bins.gaussians) g = bins.gaussians[g];
         return splats[g];
     };
-    PackedSplat next{}; // on its way while the ones before are blended
+    PackedSplat next{}; // loaded while those before are blended
     if (begin + lane < end) next = fetch(begin + lane);
     std::uint32_t base = begin;
     for (; base < end; base += 32) {
@@ -79,7 +79,7 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
         if (hit) batch.store(place, mine);
         if (base + 32 + lane < end) next = fetch(base + 32 + lane);
         __syncwarp();
-        // Four at a time: their alphas do not depend on each other, and a warp on a long list has no others to wait with.
+        // Four splats at a time: their alphas are independent, and a warp alone on a long list hides their latency so.
         unsigned blended = 0;
         for (int k = 0; k < count; k += kAtOnce) {
             SplatBatch::Entry s[kAtOnce];

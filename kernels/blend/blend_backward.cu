@@ -1,31 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backward pass of the blend: a warp per chunk and sub-tile, a lane per pixel.
+// The backward pass of the blend, with a warp per chunk and sub-tile and a lane per pixel.
 //
-// Per splat and warp, nine sums over 32 pixels are needed. Six of them are moments of h about the splat's mean: linear in
-// the moments about the sub-tile's centre, whose weights 1, X, Y, XX, XY, YY are the same for every splat. So the h and w of
-// 16 splats are collected as matrices (16 x 32 pixels) and multiplied on the tensor cores by the weights (32 x 6) and by
-// dL/dpixel (32 x 3). TF32 holds 11 bits; values are split into a high and a low part, which together hold 22.
+// Each splat and warp needs nine sums over 32 pixels. Six of them are moments of h about the splat's mean. These are
+// linear in the moments about the sub-tile's centre, whose weights 1, X, Y, XX, XY, YY are the same for every splat. So
+// the h and w of 16 splats are collected as matrices (16 x 32 pixels) and multiplied on the tensor cores by the weights
+// (32 x 6) and by dL/dpixel (32 x 3). TF32 holds 11 bits; values are split into a high and a low part, which together
+// hold 22.
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
 namespace {
 
 constexpr int kRows = 16;
-constexpr int kWarps = 2; ///< of a block; they share nothing but the block's share of resources
-constexpr int kStride = 36; ///< of a row in shared memory: 8 rows of 16 bytes then lie in different banks
+constexpr int kWarps = 2; ///< warps of a block, which share nothing but the block's resources
+/// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
+constexpr int kStride = 36;
 
-/// What one warp keeps in shared memory.
+/// The shared memory of one warp.
 struct WarpMemory {
     float h[kRows][kStride], w[kRows][kStride];
     SplatBatch batch;
     float gradient[3][32]; ///< dL/dpixel
     std::uint32_t target[32];
-    std::uint8_t list[kChunk]; ///< instances of the chunk that changed a pixel
+    std::uint8_t list[kChunk]; ///< instances of the chunk that changed a pixel of the sub-tile
 };
 
 __device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); }
 
-/// c += a b, m16n8k8.
+/// Adds a b to c, as m16n8k8.
 __device__ void multiply(float (&c)[4], const float (&a)[4], float b0, float b1) {
     asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, {%0,%1,%2,%3};"
         : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
@@ -33,7 +35,7 @@ __device__ void multiply(float (&c)[4], const float (&a)[4], float b0, float b1)
           "r"(__float_as_uint(b1)));
 }
 
-/// Columns 8 step .. 8 step + 7 of the 16 rows, split.
+/// Loads columns 8 step .. 8 step + 7 of the 16 rows, split into high and low parts.
 __device__ void load_rows(const float (&rows)[kRows][kStride], int step, int lane, float (&high)[4], float (&low)[4]) {
     const float* mine = &rows[(lane & 7) + (lane >> 3 & 1) * 8][step * 8 + (lane >> 4) * 4];
     unsigned r[4];
@@ -57,7 +59,8 @@ __device__ void add(float4* to, float4 x) {
 #endif
 }
 
-/// Multiplies all rows and adds the sums to the splats they belong to: `splat` is that of row `lane & 15`, or negative.
+/// Multiplies all rows and adds the sums to their splats. `splat` is the splat of row `lane & 15`, or negative for
+/// none.
 template <bool kFixedOrder>
 __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, float centre_x, float centre_y, PackedSums* __restrict__ sums) {
     const int n = lane >> 2, t = lane & 3;
@@ -81,7 +84,7 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
         multiply(colors, low, g0_high, g1_high);
     }
     __syncwarp();
-    // Rows n and n + 8, columns 2 t and 2 t + 1: through shared memory to two lanes a row.
+    // This lane holds rows n and n + 8, columns 2 t and 2 t + 1. Shared memory brings them to two lanes a row.
     float(&out)[kRows][kStride] = memory.h;
     if (t < 3) {
         *reinterpret_cast<float2*>(&out[n][2 * t]) = make_float2(moments[0], moments[1]);
@@ -178,7 +181,7 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     }
 }
 
-/// One thread per Gaussian: adds up its instances in their order, and the sub-tiles of each in theirs.
+/// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
 __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepControl* __restrict__ control, const PackedSums* __restrict__ partial,
                                  PackedSums* __restrict__ sums) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;

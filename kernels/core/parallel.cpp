@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// Threads of all parallel work. The control lets the arena have more threads than cores, which tests ask for.
+/// The threads of all parallel work. The control lets the arena have more threads than cores, which tests ask for.
 struct Threads {
     tbb::task_arena arena;
     std::unique_ptr<tbb::global_control> control;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The loss on the CPU: per row, a vertical filter over 11 rows and then a horizontal one over the filtered row, both
-// along contiguous memory. No filtered image is stored; the second pass filters the three derivative maps likewise.
+// The loss on the CPU. Each row takes a vertical filter over 11 rows and then a horizontal one over the filtered row,
+// both along contiguous memory. No filtered image is stored. The second pass filters the three derivative maps
+// likewise.
 #include "kernels/loss/loss.h"
 
 #include <algorithm>
@@ -13,8 +14,8 @@ namespace {
 
 constexpr int kRows = 8; ///< rows per task
 
-/// Rows of scratch, zero in the room for the horizontal filter on both sides. The memory is the thread's and stays: no
-/// allocation inside an iteration. One per thread may be in use at a time.
+/// Scratch rows, with zeros on both sides for the horizontal filter. The memory belongs to the thread and stays, so
+/// that an iteration allocates none. A thread may use one at a time.
 template <class Real> struct RowScratch {
     std::vector<Real>& data;
     int stride;
@@ -42,7 +43,7 @@ template <class Real> struct Plane {
     const Real* row(int y) const { return data + std::size_t(y) * width; }
 };
 
-/// Vertical moments of row y: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy (zero padding).
+/// Computes the vertical moments of row y with zero padding: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy.
 template <class Real> void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>& taps, Real* const out[5]) {
     const int w = a.width;
     for (int k = 0; k < 5; ++k) std::fill(out[k], out[k] + w, Real(0));
@@ -151,7 +152,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(10, w); // 5 rows filtered vertically, then the same filtered in both directions
+        RowScratch<Real> v(10, w); // 5 rows filtered vertically, then these filtered in both directions
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
         double ssim_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {

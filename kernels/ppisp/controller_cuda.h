@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers on the device: the same as controller.h. Included by .cu files only.
+// The controllers on the device, which compute the same as controller.h. Only .cu files include this header.
 #pragma once
 
 #include "kernels/cuda/device_memory.h"
@@ -8,14 +8,16 @@
 
 namespace gs {
 
-/// What one evaluation leaves behind, and the gradients with respect to it. Bins are means over blocks, (25, 32); what is encoded
-/// from them is laid out as the inputs of the first dense layer are.
+/// The activations of one evaluation, and their gradients. Bins are means over blocks, (25, 32). Their encoded values
+/// are the inputs of the first dense layer.
 struct ControllerActivations {
     static constexpr int kGridValues = kControllerGrid * kControllerChannels, kEncoded = kControllerInputs - 1;
     float bins[kGridValues], inputs[kControllerInputs], hidden[3][kControllerHidden], out[kIspFrameValues];
-    float dL_dbins[kGridValues];                                                ///< with respect to the sum over a bin's blocks
-    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before their activation
-    int nonfinite;                                                              ///< a gradient of the last step was not finite
+    /// The gradients of the sums over bins' blocks.
+    float dL_dbins[kGridValues];
+    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before the activation
+    /// Nonzero if a gradient of the last step was not finite.
+    int nonfinite;
 };
 
 /// What a controller looks at: planar (3,H,W) on the device.
@@ -42,7 +44,8 @@ class CudaController {
     int count_ = 0;
     DeviceBuffer<float> weights_, m_, v_; ///< (cameras, kControllerWeights)
     DeviceBuffer<ControllerActivations> activations_;
-    float *row_sums_ = nullptr, *row_gradients_ = nullptr, *gradient_ = nullptr; ///< a row of blocks each; (kControllerWeights)
+    /// The first two have one row per row of blocks; gradient_ has kControllerWeights.
+    float *row_sums_ = nullptr, *row_gradients_ = nullptr, *gradient_ = nullptr;
 };
 
 }  // namespace gs

@@ -57,7 +57,7 @@ __global__ void __launch_bounds__(kBlock)
     }
 }
 
-/// A warp per large Gaussian.
+/// Writes the instances of large Gaussians, with a warp for each.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x, const StepControl* __restrict__ control,
@@ -82,9 +82,9 @@ __global__ void __launch_bounds__(kBlock)
         }
     }
 }
-constexpr int kLargeBlocks = 512; ///< enough to fill a large device once
+constexpr int kLargeBlocks = 512; ///< enough blocks to fill a large device once
 
-/// offsets[t] = first instance of a tile >= t, by bisection. Keys beyond the last instance are larger than any tile.
+/// Sets offsets[t] to the first instance of a tile >= t, by bisection. Keys beyond the last instance exceed every tile.
 template <class Key>
 __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles, std::uint32_t* __restrict__ offsets) {
     const std::uint32_t t = blockIdx.x * kBlock + threadIdx.x;
@@ -100,7 +100,7 @@ __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict_
     offsets[t] = low;
 }
 
-/// One block: a counting sort of the tiles by length, in steps of 16 instances.
+/// Sorts the tiles by the length of their lists, in steps of 16 instances, with a counting sort in one block.
 constexpr int kOrderThreads = 1024, kLengths = 256;
 __global__ void __launch_bounds__(kOrderThreads) order_tiles(std::uint32_t num_tiles, const std::uint32_t* __restrict__ offsets, std::uint32_t* __restrict__ longest_first) {
     __shared__ std::uint32_t place[kLengths];
@@ -134,7 +134,7 @@ template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
 }  // namespace
 
 int CudaBinning::tile_bits() const {
-    int bits = 1; // one value more than there are tiles, for keys beyond the last instance
+    int bits = 1; // the values exceed the tiles by one, for keys beyond the last instance
     while ((std::int64_t(1) << bits) <= bins_.num_tiles()) ++bits;
     return bits;
 }
@@ -172,7 +172,7 @@ void CudaBinning::take_temporaries(Carver& c) {
 
 template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
-    // What is beyond the last instance is sorted along.
+    // All of the capacity is sorted, also the entries beyond the last instance.
     GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
     GS_CUDA(cudaMemsetAsync(unsorted_, 0, capacity_ * sizeof(std::uint32_t), stream));
     if (n_ > 0) {
@@ -191,7 +191,7 @@ template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats,
 }
 
 CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
-    // Nobody reads the sorted depth keys: their place then holds the list of large Gaussians.
+    // Nobody reads the sorted depth keys, so their place then holds the list of large Gaussians.
     const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
     if (identities > identity_.capacity()) {
         identity_.reserve(identities);
