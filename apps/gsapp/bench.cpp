@@ -10,15 +10,15 @@
 #include "appearance/model_info.h"
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/frames.h"
-#include "apps/gsapp/suite.h"
 #include "eval/bench/bench.h"
 #include "eval/bench/generated_set.h"
 #include "eval/bench/precision.h"
 #include "eval/bench/stability.h"
-#include "eval/experiments/suite.h"
+#include "eval/experiments/suite_run.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/options_cli.h"
@@ -105,6 +105,14 @@ void measure_frames(const TrainOptions& options, const BenchArguments& arguments
                options);
 }
 
+void measure_suite(const TrainOptions& base, const BenchArguments& arguments) {
+    catch_interrupts();
+    const SuiteRun suite =
+        run_suite(arguments.suite, arguments.appearances.empty() ? std::vector<std::string>{"sh", "nasgabor", "neural"} : arguments.appearances, base);
+    std::fputs(format_suite(suite.lines).c_str(), stdout);
+    throw_unless_complete(suite.summary, suite.lines.size(), suite.folder / "suite.md");
+}
+
 void run_bench_command(const TrainArguments& train, const BenchArguments& arguments) {
     if (!arguments.appearances.empty() && arguments.suite.empty() && !arguments.frames)
         throw UsageError("--appearances: only --suite and --frames compare models; --appearance names one");
@@ -115,7 +123,7 @@ void run_bench_command(const TrainArguments& train, const BenchArguments& argume
     if (!arguments.suite.empty()) {
         const TrainOptions base = train.combine();
         setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
-        run_suite(arguments.suite, arguments.appearances.empty() ? std::vector<std::string>{"sh", "nasgabor", "neural"} : arguments.appearances, base);
+        measure_suite(base, arguments);
         return;
     }
     const bool no_scene = !arguments.generate.empty() || arguments.frames;
