@@ -9,6 +9,7 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/experiments/tradeoff_search.h"
+#include "eval/experiments/train_run.h"
 #include "lib/core/duration.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
@@ -70,7 +71,7 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
     command->callback([train, arguments, &selected] {
         selected = [train, arguments] {
             const TrainOptions base = train->combine();
-            setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
+            setup_log(log_level(base));
             run_tradeoff(base, *arguments);
         };
     });
