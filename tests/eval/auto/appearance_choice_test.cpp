@@ -41,18 +41,38 @@ TEST(AppearanceChoice, PassesOverTrialsThatFailed) {
 
 TEST(AppearanceChoice, SaysWhatRemains) {
     // photometric, direction, held-out direction
-    EXPECT_EQ(what_remains({0.05, 0.12, 0.08}, 0.1), Remainder::kReflectance);
-    EXPECT_EQ(what_remains({0.05, 0.12, 0.08}, 1), Remainder::kUnresolved) << "0.56 dB are less than what is allowed";
-    EXPECT_EQ(what_remains({0.05, 0.01, -0.02}, 0.1), Remainder::kUnresolved);
-    EXPECT_EQ(what_remains({0.05, 0.09, -0.4}, 0.1), Remainder::kInconsistency);
-    EXPECT_EQ(what_remains({0.7, 0.06, 0.09}, 0.1), Remainder::kPhotometric);
+    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 0.1), RemainingError::kReflectance);
+    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 1), RemainingError::kUnresolved) << "0.56 dB are less than what is allowed";
+    EXPECT_EQ(classify_remaining_error({0.05, 0.01, -0.02}, 0.1), RemainingError::kUnresolved);
+    EXPECT_EQ(classify_remaining_error({0.05, 0.09, -0.4}, 0.1), RemainingError::kInconsistency);
+    EXPECT_EQ(classify_remaining_error({0.7, 0.06, 0.09}, 0.1), RemainingError::kPhotometric);
 }
 
 TEST(AppearanceChoice, ValuesDirectionInDecibels) {
-    EXPECT_NEAR(worth(0.9), 10, 1e-9);
-    EXPECT_EQ(worth(0), 0);
-    EXPECT_LT(worth(-0.1), 0);
-    EXPECT_TRUE(std::isfinite(worth(1)));
+    EXPECT_NEAR(gain_in_decibels(0.9), 10, 1e-9);
+    EXPECT_EQ(gain_in_decibels(0), 0);
+    EXPECT_LT(gain_in_decibels(-0.1), 0);
+    EXPECT_TRUE(std::isfinite(gain_in_decibels(1)));
+}
+
+TEST(AppearanceChoice, DecidesFromMeasurementsAlone) {
+    AppearanceMeasurements measured;
+    measured.plain_model = "none";
+    measured.parts = {0.05, 0.12, 0.08};
+    EXPECT_TRUE(needs_trials(measured.parts, 0.1));
+    EXPECT_FALSE(needs_trials(measured.parts, 1));
+    AppearanceDecision decision = decide_appearance(measured, 1);
+    EXPECT_EQ(decision.model, "none");
+    EXPECT_EQ(decision.remaining, RemainingError::kUnresolved);
+    EXPECT_FALSE(decision.choice);
+    measured.trials = {kNone, {"small", 44, 3, 26.91}, {"large", 200, 2, 27}};
+    decision = decide_appearance(measured, 0.1);
+    EXPECT_EQ(decision.model, "small");
+    EXPECT_EQ(decision.remaining, RemainingError::kReflectance);
+    ASSERT_TRUE(decision.choice);
+    EXPECT_EQ(decision.choice->best, 2u);
+    measured.obstacle = Obstacle::kMasks;
+    EXPECT_EQ(decide_appearance(measured, 0.1).model, "none") << "nothing was measured";
 }
 
 TrainOptions glossy(int width, std::int64_t iterations) {
