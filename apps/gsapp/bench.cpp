@@ -13,8 +13,8 @@
 #include "kernels/core/parallel.h"
 #include "lib/core/log.h"
 #include "lib/core/options_cli.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 namespace {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp eval: scores of finished runs, and a table over them.
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -11,6 +10,7 @@
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
@@ -59,12 +59,12 @@ void run_eval(const EvalArguments& arguments) {
     }
     const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
-        spdlog::warn("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
+        log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
     const Comparison comparison = compare_runs(rows);
     std::fputs(format_comparison(comparison, format).c_str(), stdout);
     if (arguments.html.empty()) return;
     write_report(arguments.html, comparison, {});
-    spdlog::info("the same with plots and pictures: {}", arguments.html);
+    log_info("the same with plots and pictures: {}", arguments.html);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -86,7 +85,7 @@ int run(int argc, char** argv) {
 
 /// The one place where an error leaves the program.
 int report(const std::string& message, ExitCode code) {
-    spdlog::error("{}", message);
+    log_error("{}", message);
     return static_cast<int>(code);
 }
 
@@ -98,7 +97,7 @@ int main(int argc, char** argv) {
     try {
         return gs::run(argc, argv);
     } catch (const gs::Interrupted& e) {
-        spdlog::warn("{}", e.what());
+        gs::log_warning("{}", e.what());
         return static_cast<int>(e.code());
     } catch (const gs::Error& e) {
         return gs::report(e.what(), e.code());

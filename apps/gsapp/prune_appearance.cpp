@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp prune-appearance: a run whose Gaussians keep view-dependent parameters only where these show.
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include "apps/gsapp/command.h"
 #include "eval/runs/prune_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
@@ -26,7 +26,7 @@ void run_prune(const PruneArguments& arguments) {
     if (fs::exists(output) && !fs::is_empty(output)) throw UsageError(fmt::format("{} is not empty; choose another folder with -o", output.string()));
     SavedRun run = open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
     std::fputs(format_prune_report(prune_run(run, output)).c_str(), stdout);
-    spdlog::info("the pruned run: {}", output.string());
+    log_info("the pruned run: {}", output.string());
 }
 
 }  // namespace

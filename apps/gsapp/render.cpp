@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp render: pictures of a finished run from its own cameras, a file of cameras, or an orbit.
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <filesystem>
 #include <memory>
@@ -10,6 +9,7 @@
 #include "eval/runs/camera_path.h"
 #include "eval/runs/render_views.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
@@ -39,7 +39,7 @@ void run_render(const RenderArguments& arguments) {
                                                                   : std::filesystem::path(arguments.output);
     render_views(run, views, correction, arguments.decompose, folder);
     const char* what = arguments.decompose ? "pictures, each with base and residual," : "pictures";
-    spdlog::info("{} {} in {}", views.size(), what, folder.string());
+    log_info("{} {} in {}", views.size(), what, folder.string());
 }
 
 }  // namespace

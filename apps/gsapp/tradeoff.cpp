@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp tradeoff`: trains configurations of one scene and says which of them are worth their cost.
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
@@ -35,7 +35,7 @@ void run_tradeoff(const TrainOptions& base, const TradeoffArguments& arguments) 
                                              .search = arguments.search == "grid" ? SearchKind::kGrid : SearchKind::kHalving,
                                              .quality = arguments.quality == "psnr" ? Quality::kPsnr : Quality::kSsim,
                                              .give_up = arguments.give_up});
-    for (const std::string& remark : plan.tradeoff.remarks) spdlog::warn("{}", remark);
+    for (const std::string& remark : plan.tradeoff.remarks) log_warning("{}", remark);
     catch_interrupts();
     const CellsSummary summary = search_tradeoff(plan, deadline);
     const std::vector<TradeoffRun>& runs = plan.tradeoff.runs;
@@ -43,9 +43,9 @@ void run_tradeoff(const TrainOptions& base, const TradeoffArguments& arguments) 
     throw_unless_complete(summary, runs.size(), plan.folder / "tradeoff.md");
     const auto finished = std::size_t(std::count_if(runs.begin(), runs.end(), [](const TradeoffRun& run) { return run.result.has_value(); }));
     if (finished == 0) throw UsageError(fmt::format("--time-limit {}: too short for even one of these runs", arguments.time_limit));
-    spdlog::info("{} of {} configurations trained in {}; the same with plots: {}", finished, runs.size(),
+    log_info("{} of {} configurations trained in {}; the same with plots: {}", finished, runs.size(),
                  duration_text(std::chrono::duration<double>(Clock::now() - begin).count()), (plan.folder / "tradeoff.html").string());
-    if (finished < runs.size()) spdlog::warn("the time limit left out {}; the same command trains them", runs.size() - finished);
+    if (finished < runs.size()) log_warning("the time limit left out {}; the same command trains them", runs.size() - finished);
 }
 
 }  // namespace

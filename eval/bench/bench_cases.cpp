@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/bench/bench_cases.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "eval/bench/generated_set.h"
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 

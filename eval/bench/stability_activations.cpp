@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stability of the colour activations: value, slope and inverse.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <limits>

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/experiments/seeds.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include "eval/experiments/cell.h"
 #include "eval/experiments/train_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 
 namespace gs {
 
@@ -22,7 +23,7 @@ std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRu
         std::optional<TableRow> row;
         if (!options.overwrite) row = finished_run(options);
         if (row)
-            spdlog::info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
+            log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
         else
             row = train(options);
         if (row) rows.push_back(*row);

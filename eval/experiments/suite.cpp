@@ -2,8 +2,7 @@
 // The grids.
 #include "eval/experiments/suite.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <functional>
 #include <limits>

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/experiments/tradeoff_axes.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/experiments/train_run.h"
 
-#include <spdlog/spdlog.h>
-
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -26,9 +24,9 @@ namespace {
 namespace fs = std::filesystem;
 
 void describe_scene(const Scene& scene) {
-    spdlog::info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
+    log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
                  scene.split_rule, scene.points.positions.size());
-    for (const std::string& note : scene.notes) spdlog::warn("{}", note);
+    for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
 void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choice) {
@@ -38,7 +36,7 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
 /// Puts a model in the place of `--appearance auto`, and writes down why: to auto.json and as the first event of the log.
 void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart& start) {
     const AppearanceReport report = find_appearance(options, scene);
-    for (const std::string& line : report.lines) spdlog::info("--appearance auto: {}", line);
+    for (const std::string& line : report.lines) log_info("--appearance auto: {}", line);
     write_choice(options.model, report.json);
     start.first_event = report.json;
     start.first_event["event"] = "appearance_choice";
@@ -51,14 +49,14 @@ void add_share_of_training(const TrainOptions& options, double train_seconds) {
     if (choice.is_null() || !options.resume.empty()) return;
     choice["share_of_training"] = choice.value("seconds", 0.0) / train_seconds;
     write_choice(options.model, choice);
-    spdlog::info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
+    log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
 }
 
 void describe_training(const TrainOptions& options, const TrainSummary& summary) {
-    spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
+    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
     if (summary.controller_seconds > 0)
-        spdlog::info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
+        log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
@@ -95,7 +93,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     if (options.appearance == kAutoAppearance && !options.resume.empty()) options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
     add_log_file(fs::path(options.model) / "gsapp.log");
-    spdlog::info("{}, output folder {}", version_text(), options.model);
+    log_info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
 
     catch_interrupts();
@@ -107,7 +105,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     if (measure)
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
-        spdlog::warn("--eval: there are no test views ({})", scene.split_rule);
+        log_warning("--eval: there are no test views ({})", scene.split_rule);
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
     describe_training(options, summary);

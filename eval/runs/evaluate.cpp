@@ -2,7 +2,7 @@
 // The evaluation loop and the side-by-side picture.
 #include "eval/runs/evaluate.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/runs/run_frame_times.h"
 
-#include <spdlog/spdlog.h>
-
 #include "eval/bench/generated_set.h"
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 
@@ -18,7 +17,7 @@ FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int
     const std::vector<View>& views = run.scene.test.empty() ? run.scene.train : run.scene.test;
     std::vector<Camera> cameras;
     for (const View& view : views) cameras.push_back(view.camera);
-    spdlog::info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(),
+    log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(),
                  run.scene.test.empty() ? "training" : "test");
     const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, frames_per_view);
     write_frame_times(RunFolder{run.folder}, run.iteration, times);

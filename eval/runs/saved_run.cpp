@@ -2,12 +2,12 @@
 // From a run folder back to a model on a backend.
 #include "eval/runs/saved_run.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <fstream>
 
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/checkpoint.h"
@@ -16,7 +16,6 @@
 #include "lib/model/run_folder.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 
@@ -53,7 +52,7 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     std::error_code ignored;
     if (fs::exists(folder.ppisp(), ignored)) {
         PpispFile file = read_ppisp_json(folder.ppisp());
-        if (file.iteration != model.iteration) spdlog::warn("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
+        if (file.iteration != model.iteration) log_warning("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
         model.correction.exif = file.exif, model.correction.mean_exif = file.mean_exif;
         model.state.ppisp = std::move(file.state);
     }

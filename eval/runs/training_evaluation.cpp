@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/runs/training_evaluation.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include "eval/bench/bench.h"
 #include "eval/runs/saved_run.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 
 namespace gs {
@@ -32,7 +33,7 @@ void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend) {
     write_results(RunFolder{options_.model}, eval_, result_, facts_);
     if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
     const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
-    spdlog::info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
+    log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
                  corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
     progress_.event({{"event", "evaluation"},
                      {"iteration", iteration},
@@ -49,7 +50,7 @@ void TrainingEvaluation::finish(const TrainSummary& summary) {
     facts_.appearance_choice = read_appearance_choice(options_.model);
     if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
     write_results(RunFolder{options_.model}, eval_, result_, facts_);
-    spdlog::info("photographs and renders side by side: {}", comparison().string());
+    log_info("photographs and renders side by side: {}", comparison().string());
 }
 
 std::filesystem::path TrainingEvaluation::comparison() const { return std::filesystem::path(options_.model) / "comparison.png"; }

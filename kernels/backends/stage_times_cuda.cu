@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
-
 #include "kernels/backends/stage_times_cuda.h"
+
+#include <algorithm>
 
 namespace gs {
 

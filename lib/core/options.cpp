@@ -7,8 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include "kernels/core/error.h"
 #include "lib/core/bytes.h"

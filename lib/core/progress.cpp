@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Implementation of progress.h.
+// Shows the progress of a run as a bar or as JSON lines.
 #include "lib/core/progress.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -12,8 +12,8 @@
 namespace gs {
 namespace {
 
-constexpr double kBarInterval = 0.1;   // fast enough to look alive
-constexpr double kLineInterval = 1.0;  // a day of training stays below 90 000 lines
+constexpr double kBarInterval = 0.1;   // seconds; fast enough to look alive
+constexpr double kLineInterval = 1.0;  // seconds; a day of training stays below 90 000 lines
 
 std::string clock_text(double seconds) {
     const auto s = static_cast<std::int64_t>(std::lround(seconds));
@@ -58,7 +58,7 @@ void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaus
     const double seconds = std::chrono::duration<double>(now - shown_time_).count();
     if (seconds > 0) {
         const double latest = double(iteration - shown_iteration_) / seconds;
-        // Smoothed over a few lines: iterations get slower as the model grows, and single ones differ by view.
+        // Smoothed over a few lines, because iterations get slower as the model grows and single ones differ by view.
         rate_ = rate_ == 0 ? latest : 0.7 * rate_ + 0.3 * latest;
     }
     shown_iteration_ = iteration;

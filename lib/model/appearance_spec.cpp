@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What files and command lines say about an appearance model, checked against the registry.
+// Checks the appearance of files and command lines against the registry of models.
 #include "lib/model/appearance_spec.h"
 
 #include <fmt/format.h>
@@ -36,6 +36,15 @@ void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& 
                     describe(found), describe(wanted)));
 }
 
+AppearanceSpec appearance_spec(const TrainOptions& options) {
+    const ModelInfo& info = appearance_model(options.appearance);
+    AppearanceSpec spec;
+    spec.model = info.name;
+    spec.max_degree = info.name == "sh" ? options.sh_degree : info.default_max_degree;
+    spec.activation = parse_color_activation(options.color_activation);
+    return spec;
+}
+
 AppearanceSpec appearance_from_file(const std::string& file, const std::string& model, std::int64_t max_degree,
                                     const std::string& activation) {
     try {
@@ -45,7 +54,7 @@ AppearanceSpec appearance_from_file(const std::string& file, const std::string& 
         }
         return {model, int(max_degree), parse_color_activation(activation)};
     } catch (const UsageError& e) {
-        // The user did not type these words; the file is at fault.
+        // The user did not type these words, so the file is at fault.
         throw DataError(fmt::format("cannot read '{}': {}", file, e.what()));
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Initial points and what is derived from their neighbourhood.
+// Makes the initial points, and the first Gaussians from their neighbourhood.
 #include "lib/model/initialize.h"
 
 #include <fmt/format.h>
@@ -20,10 +20,10 @@
 namespace gs {
 namespace {
 
-/// Squared distance below which neighbours count as duplicates; keeps the logarithm of the scale finite.
+/// Squared distance below which neighbours count as duplicates. It keeps the logarithm of the scale finite.
 constexpr double kMinSquaredDistance = 1e-7;
 
-/// Points as nanoflann wants to see them.
+/// Presents the points to nanoflann.
 struct PointAdaptor {
     const std::vector<Eigen::Vector3f>& points;
     std::size_t kdtree_get_point_count() const { return points.size(); }
@@ -80,7 +80,8 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     if (points.size() < 2) return means;
     const PointAdaptor adaptor{points};
     const KdTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
-    // One more than 3: the nearest point is the point itself, or another at the same place, which is the same distance.
+    // One more than 3, because the nearest point is the point itself, or another at the same place with the same
+    // distance.
     const std::size_t wanted = std::min<std::size_t>(4, points.size());
     parallel_for_rows(std::int64_t(points.size()), [&](std::int64_t i) {
         const Eigen::Vector3d query = points[std::size_t(i)].cast<double>();
@@ -125,7 +126,7 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
     for (std::int64_t i = 0; i < g.count; ++i) {
         const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
         std::copy_n(cloud.positions[std::size_t(i)].data(), 3, row(Group::kMean));
-        // A lone point has no neighbour to tell its size: a hundredth of the scene.
+        // A single point has no neighbour to tell its size and gets a hundredth of the scene.
         const double scale = g.count > 1 ? factor * std::sqrt(std::max(squared[std::size_t(i)], kMinSquaredDistance)) : 0.01 * scene.extent;
         std::fill_n(row(Group::kScale), 3, float(std::log(scale)));
         row(Group::kRotation)[0] = 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Between the trained rows and the columns of a 3DGS PLY.
+// Converts between the trained rows and the columns of a 3DGS PLY.
 #include "lib/model/ply.h"
 
 #include <fmt/format.h>
@@ -22,12 +22,13 @@
 namespace gs {
 namespace {
 
-/// 1/(2 sqrt(pi)), spherical harmonic of band 0: files store coefficients, the model has it folded into the base colour.
+/// 1/(2 sqrt(pi)), the spherical harmonic of band 0. Files store its coefficients; the model has it folded into the
+/// base colour.
 constexpr double kY0 = 0.28209479177387814;
 
 constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"};
 
-/// Rows that are packed before they are handed to the stream.
+/// Number of rows that are packed before they go to the stream.
 constexpr std::int64_t kRowsPerChunk = 4096;
 
 bool is_sh_like(const AppearanceSpec& a) { return a.model == "sh" || a.model == "none"; }
@@ -86,7 +87,7 @@ void pack_row(const Gaussians& g, std::int64_t i, float* out) {
     copy(row(Group::kScale), 3);
     const float* q = row(Group::kRotation);
     const double norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
-    // A zero quaternion renders as nothing; readers divide by its norm, so the identity is written.
+    // A zero quaternion renders as nothing, but readers divide by its norm, so the identity is written.
     for (int k = 0; k < 4; ++k) *out++ = norm == 0 ? float(k == 0) : float(q[k] / norm);
     if (!relu) copy(base, 3);
     if (!is_sh_like(a)) copy(rest, residual);
@@ -98,10 +99,11 @@ struct Columns {
     std::array<int, 4> rotation;
     int opacity = -1;
     std::vector<int> base;      ///< app_base, or empty
-    std::vector<int> residual;  ///< in the order of our storage
+    std::vector<int> residual;  ///< in the order of Gaussians' residual
 };
 
-/// What the gsapp comment of the header says; false without one.
+/// Reads the gsapp comment of the header; returns false without one. Throws DataError for one that it cannot
+/// understand.
 bool appearance_comment(const PlyReader& file, const std::string& name, AppearanceSpec& spec, int& active_degree) {
     for (const std::string& comment : file.header().comments) {
         std::istringstream words(comment);
@@ -119,7 +121,7 @@ bool appearance_comment(const PlyReader& file, const std::string& name, Appearan
     return false;
 }
 
-/// Number of f_rest properties and the SH degree they stand for.
+/// Returns the number of f_rest properties and sets `degree` to their SH degree. Throws DataError for other numbers.
 int count_f_rest(const PlyReader& file, int& degree) {
     int n = 0;
     while (file.find(fmt::format("f_rest_{}", n)) >= 0) ++n;
@@ -227,7 +229,7 @@ Gaussians read_ply(const std::filesystem::path& path) {
     }
     g.shared.param = file.read_shared();
     for (std::size_t k = 0; k < g.shared.param.size(); ++k) {
-        if (!(std::abs(g.shared.param[k]) <= float(kLargestSharedWeight))) file.fail(fmt::format("shared weight {} is {}; they stay within +-{}", k, g.shared.param[k], kLargestSharedWeight));
+        if (!(std::abs(g.shared.param[k]) <= float(kLargestSharedWeight))) file.fail(fmt::format("shared weight {} is {}; weights must be within +-{}", k, g.shared.param[k], kLargestSharedWeight));
     }
     return g;
 }

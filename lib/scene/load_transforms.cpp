@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes described by transforms*.json: NeRF-synthetic folders, and single files of instant-ngp and nerfstudio.
+// Loads scenes described by transforms*.json: NeRF-synthetic folders, and single files of instant-ngp and nerfstudio.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// file_path may leave out the extension.
+/// Finds the image of a frame, whose file_path may lack the extension.
 std::optional<fs::path> find_image(const fs::path& folder, const std::string& file_path) {
     std::error_code ignored;
     const fs::path exact = folder / file_path;
@@ -67,7 +67,8 @@ void apply_explicit_split(const TransformsFile& file, SourceScene& out) {
 SourceScene load_nerf_synthetic(const fs::path& folder) {
     SourceScene out;
     out.kind = "nerf-synthetic";
-    // Blender scenes of this set fill a cube of this half side around the origin (data-formats specification 4).
+    // Blender scenes of this set fill a cube of this half side around the origin
+    // (docs/math/optimization.md#first-gaussians).
     out.random_init_half_extent = 1.5;
     Preflight preflight;
     append(read_transforms(folder / "transforms_train.json"), preflight, false, out);

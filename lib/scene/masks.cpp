@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where masks lie in a dataset, and what they do to a view.
+// Finds the masks of a dataset and applies them to views.
 #include "lib/scene/masks.h"
 
 #include <fmt/format.h>
@@ -19,7 +19,7 @@ bool is_file(const fs::path& path) {
     return fs::is_regular_file(path, ignored);
 }
 
-/// `image` with `channels` channels: cut, or extended by full alpha.
+/// Returns `image` with `channels` channels: surplus ones are cut, missing ones are filled with full alpha.
 Image with_channels(const Image& image, int channels) {
     Image out = image;
     out.channels = channels;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks of a dataset before training: files that are missing or unreadable, sizes that differ, points that nobody sees.
+// Checks a dataset before training: missing or unreadable files, sizes that differ, points that no camera sees.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// "a.jpg, b.jpg, c.jpg and 7 more".
+/// Lists the first items: "a.jpg, b.jpg, c.jpg and 7 more".
 std::string listed(const std::vector<std::string>& items) {
     constexpr std::size_t kShown = 3;
     std::string text;
@@ -90,7 +90,7 @@ std::optional<std::string> check_points(const std::vector<View>& views, const Po
     if (unseen == 0) return {};
     if (unseen == count)
         return fmt::format("none of the {} points projects into an image: kept, but poses and points do not fit together", count);
-    return fmt::format("{} of {} points project into no image: kept, no image moves them", unseen.load(), count);
+    return fmt::format("{} of {} points project into no image: kept, but no image moves them", unseen.load(), count);
 }
 
 }  // namespace gs

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns a source image with its lens into a view: pinhole camera at the training size and a function that loads its pixels.
+// Turns a source image with its lens into a view: a pinhole camera at the training size and a function that loads the
+// pixels.
 #include "lib/scene/view_builder.h"
 
 #include <fmt/format.h>
@@ -14,10 +15,10 @@
 namespace gs {
 namespace {
 
-// What 3DGS trains at unless told otherwise; larger photographs cost time without a visible gain there.
+// The default width of 3DGS, pixels. Larger photographs cost time there without a visible gain.
 constexpr int kDefaultMaxWidth = 1600;
 
-/// Everything a loader thread needs, by value.
+/// All data that a loader thread needs, held by value.
 struct LoadJob {
     SourceView source;
     Camera pinhole;  ///< after undistortion, before resizing

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the device for a model and for its scores.
 #include "lib/train/choose_backend.h"
-
-#include <spdlog/spdlog.h>
 
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
+#include "lib/core/log.h"
 
 namespace gs {
 
@@ -24,14 +24,14 @@ BackendOptions backend_options(const TrainOptions& options) {
 std::unique_ptr<Backend> make_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
     if (!cuda && (options.half_residuals || options.packed_moments))
-        throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " is of the GPU; the CPU computes in fp32");
+        throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " needs a GPU; the CPU computes in fp32");
     return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
 }
 
 std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
     auto backend = make_backend(device, appearance, options);
     const bool fallback = device == "auto" && !uses_cuda(device);
-    spdlog::info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
+    log_info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Schedules the changes of the set of Gaussians.
 #include "lib/train/densification.h"
 
 #include <algorithm>
@@ -8,17 +9,19 @@
 namespace gs {
 namespace {
 
-/// Iterations between Morton sorts (locality decays as rows are appended).
+/// Iterations between Morton sorts. Locality decays as rows are appended.
 constexpr std::int64_t kMortonInterval = 5000;
-/// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown what is needed.
+/// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
+/// needed.
 constexpr std::int64_t kPruneLargeFrom = 3000;
-/// ADC resets once more, early, when a bright background could be taken for geometry.
+/// ADC resets opacity once more, early, when a bright background could be taken for geometry.
 constexpr std::int64_t kExtraReset = 500;
 
-/// Speedy-Splat's pruning (spec section 3): not before two opacity resets have shown what is needed, then with every third
-/// thousand. These are iterations of the reference; they do not stretch with the length of a run.
+/// Speedy-Splat's pruning (docs/math/densification.md#schedule) starts after two opacity resets have shown which
+/// Gaussians are needed, and repeats every 3000 iterations. These are iterations of the reference; they do not stretch
+/// with the length of a run.
 constexpr std::int64_t kScorePruneFrom = 6000, kScorePruneInterval = 3000;
-/// While ADC still grows what is missing most can go; afterwards nothing comes back.
+/// Shares removed. While ADC still grows missing Gaussians, most can go; afterwards nothing comes back.
 constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 
 }  // namespace
@@ -32,10 +35,6 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       extent_(extent),
       black_background_(black_background),
       views_(std::move(views)) {}
-
-bool DensificationSchedule::gathers(std::int64_t iteration) const {
-    return options_.strategy == "adc" && iteration < options_.densify_until_iter;
-}
 
 ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence) {
     ScheduledChange change;
@@ -52,13 +51,13 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         p.extent = float(extent_);
         p.prune_large = iteration > kPruneLargeFrom;
         p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify_adc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     } else if (due) {
         McmcParams p;
         p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify_mcmc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     }
-    // Before the opacity reset, after which all Gaussians look alike.
+    // Prune before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
     if (iteration % kMortonInterval == 0 && iteration <= options_.densify_until_iter + kMortonInterval) backend.morton_sort();
     const bool reset = iteration > 0 && iteration < options_.densify_until_iter &&
@@ -78,7 +77,7 @@ bool DensificationSchedule::prunes_by_score(std::int64_t iteration) const {
 }
 
 void DensificationSchedule::prune(Backend& backend, double ratio, ScheduledChange& change) const {
-    change.pruned_by_score = backend.prune_lowest_scores(views_, ratio);
+    change.pruned_by_score = backend.prune(LowestScores{views_, ratio}).removed;
     change.count = backend.count();
 }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Delivers the training views in the order of a run and decodes them ahead of their use.
 #include "lib/train/training_views.h"
 
 #include <algorithm>
@@ -7,15 +8,13 @@
 
 #include "kernels/core/rng.h"
 #include "lib/core/bytes.h"
-#include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/target_image.h"
 
 namespace gs {
 namespace {
 
-/// Views decoded ahead of the one in use, and threads that decode them. A GPU is done with a view in a fraction of the time that
-/// decoding takes, and leaves the processor free; the CPU backend needs all of it.
+/// Views decoded ahead of the one in use, and threads that decode them. A GPU needs only a fraction of a view's
+/// decoding time and leaves the processor free; the CPU backend needs all of the processor.
 int views_ahead(const std::string& device) { return uses_cuda(device) ? 24 : 3; }
 int decode_threads(const std::string& device) {
     return uses_cuda(device) ? std::clamp(int(std::thread::hardware_concurrency()) / 2, 1, views_ahead(device)) : 1;
@@ -37,15 +36,10 @@ void TrainingViews::prefetch(std::int64_t first, std::int64_t end) {
 
 TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end) {
     Step step;
-    step.view = order_.at(iteration);
-    step.image = images_.get(step.view);
+    step.index = order_.at(iteration);
+    step.image = images_.get(step.index);
     if (iteration + prefetch_ < end) images_.prefetch(ahead_.at(iteration + prefetch_));
-    step.request.camera = camera_params(scene_.train[step.view].camera);
-    step.request.background = background_at(iteration);
-    step.request.target = target_image(*step.image, std::int64_t(step.view));
-    step.request.iteration = iteration;
-    step.request.lambda_dssim = float(options_.lambda_dssim);
-    step.request.seed = options_.seed;
+    step.background = background_at(iteration);
     return step;
 }
 

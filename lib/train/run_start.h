@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opens the run folder and the checkpoint to continue from, so that errors show before a scene is loaded.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "lib/core/train_options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/run_folder.h"
+
+namespace gs {
+
+/// A run folder that may be written, and the checkpoint from which the run continues.
+struct RunStart {
+    RunFolder folder;
+    std::optional<Checkpoint> checkpoint;
+    /// first line of the training log of a new run, without its iteration; null = none
+    nlohmann::json first_event = {};
+};
+
+/// Reads the checkpoint that `resume` names and prepares the folder `options.model`. Throws DataError, and UsageError
+/// also for a checkpoint of another appearance than the options name; the folder is then unchanged.
+RunStart open_run(const TrainOptions& options);
+
+/// Returns the name of the model in the checkpoint that `resume` names. Throws DataError.
+std::string checkpoint_appearance(const TrainOptions& options);
+
+}  // namespace gs
