@@ -33,7 +33,8 @@ void bench_generated_sets(const TrainArguments& train, const BenchArguments& arg
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const auto backend = choose_backend(options.device, appearance_spec(options), backend_options(options));
-    for (const std::int64_t count : arguments.generate) print(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
+    for (const std::int64_t count : arguments.generate)
+        print(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
 }
 
 void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
@@ -42,7 +43,8 @@ void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
     const auto backend = choose_backend(options.device, subject.model.appearance, backend_options(options));
-    BenchResult result = bench_model(*backend, options, subject.scene, subject.model, bench, arguments.compare_deterministic);
+    BenchResult result =
+        bench_model(*backend, options, subject.scene, subject.model, bench, arguments.compare_deterministic);
     result.subject = subject.name;
     print(result);
 }
@@ -61,24 +63,31 @@ std::vector<std::string> with_bench_subcommand(std::vector<std::string> words) {
 }
 
 void add_repeat_option(CLI::App& command, BenchRepeats& repeats) {
-    command.add_option("--repeat", repeats.repeat, "Iterations in one measurement (default: 100 on a GPU, 20 on the CPU)")->check(CLI::Range(1, 100000));
+    command
+        .add_option("--repeat", repeats.repeat, "Iterations in one measurement (default: 100 on a GPU, 20 on the CPU)")
+        ->check(CLI::Range(1, 100000));
 }
 
 void add_frame_repeat_option(CLI::App& command, BenchRepeats& repeats) {
-    command.add_option("--frame-repeat", repeats.frame_repeat, "Times that each view is rendered (default: 100 on a GPU, 3 on the CPU)")
+    command
+        .add_option("--frame-repeat", repeats.frame_repeat,
+                    "Times that each view is rendered (default: 100 on a GPU, 3 on the CPU)")
         ->check(CLI::Range(1, 100000));
 }
 
 CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& sizes) {
     // Checks run after transforms in the order they were added, so the range is that of the whole number.
-    return command.add_option("--generate", sizes, "Measure generated sets of these sizes, e.g. 1M,3M,6M; needs no scene")
+    return command
+        .add_option("--generate", sizes, "Measure generated sets of these sizes, e.g. 1M,3M,6M; needs no scene")
         ->delimiter(',')
-        ->transform(CLI::AsNumberWithUnit(std::map<std::string, std::int64_t>{{"k", 1000}, {"m", 1000000}}, CLI::AsNumberWithUnit::CASE_INSENSITIVE))
+        ->transform(CLI::AsNumberWithUnit(std::map<std::string, std::int64_t>{{"k", 1000}, {"m", 1000000}},
+                                          CLI::AsNumberWithUnit::CASE_INSENSITIVE))
         ->check(CLI::Range(std::int64_t(1), std::int64_t(1000000000)));
 }
 
 CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration) {
-    return command.add_option("--iteration", iteration, "Saved iteration of a run to measure (default: the last)")->check(CLI::NonNegativeNumber);
+    return command.add_option("--iteration", iteration, "Saved iteration of a run to measure (default: the last)")
+        ->check(CLI::NonNegativeNumber);
 }
 
 void prepare_bench(const TrainOptions& options) {
@@ -87,8 +96,10 @@ void prepare_bench(const TrainOptions& options) {
 }
 
 void add_bench_command(CLI::App& app, Command& selected) {
-    CLI::App* command = app.add_subcommand("bench", "Measure frames and iterations, stage by stage, of the trained model in -m RUN, of a scene's initial "
-                                                    "points, or of generated sets");
+    CLI::App* command = app.add_subcommand(
+        "bench",
+        "Measure frames and iterations, stage by stage, of the trained model in -m RUN, of a scene's initial "
+        "points, or of generated sets");
     command->require_subcommand(0, 1);
     const auto train = std::make_shared<TrainArguments>(*command);
     const auto arguments = std::make_shared<BenchArguments>();
@@ -96,19 +107,24 @@ void add_bench_command(CLI::App& app, Command& selected) {
     add_frame_repeat_option(*command, arguments->repeats);
     CLI::Option* iteration = add_iteration_option(*command, arguments->iteration);
     add_generate_option(*command, arguments->generate)->excludes(iteration);
-    command->add_flag("--compare-deterministic", arguments->compare_deterministic, "Also measure iterations with --deterministic, and print the ratio");
+    command->add_flag("--compare-deterministic", arguments->compare_deterministic,
+                      "Also measure iterations with --deterministic, and print the ratio");
     add_bench_frames_command(*command, selected);
     add_bench_suite_command(*command, selected);
     add_bench_precision_command(*command, selected);
     add_bench_stability_command(*command, selected);
     command->callback([train, arguments, command, &selected] {
-        if (const auto subcommands = command->get_subcommands(); !subcommands.empty()) {  // whose callback has set `selected` already
+        if (const auto subcommands = command->get_subcommands();
+            !subcommands.empty()) {  // whose callback has set `selected` already
             for (const CLI::Option* option : command->get_options())
                 if (option->count() > 0)
-                    throw UsageError(option->get_name() + " stands before '" + subcommands.front()->get_name() + "'; write the options after it");
+                    throw UsageError(option->get_name() + " stands before '" + subcommands.front()->get_name() +
+                                     "'; write the options after it");
             return;
         }
-        selected = [train, arguments] { arguments->generate.empty() ? bench_scene(*train, *arguments) : bench_generated_sets(*train, *arguments); };
+        selected = [train, arguments] {
+            arguments->generate.empty() ? bench_scene(*train, *arguments) : bench_generated_sets(*train, *arguments);
+        };
     });
 }
 

@@ -20,8 +20,9 @@ void add_bench_suite_command(CLI::App& bench, Command& selected);
 void add_bench_precision_command(CLI::App& bench, Command& selected);
 void add_bench_stability_command(CLI::App& bench, Command& selected);
 
-/// Returns the command line (without the program's name) with `bench --frames`, `--suite`, `--precision` or `--stability` spelled as the
-/// subcommand, `bench frames --frames`; others unchanged. Each subcommand knows its own old spelling.
+/// Returns the command line (without the program's name) with `bench --frames`, `--suite`, `--precision` or
+/// `--stability` spelled as the subcommand, `bench frames --frames`; others unchanged. Each subcommand knows its own
+/// old spelling.
 std::vector<std::string> with_bench_subcommand(std::vector<std::string> words);
 
 /// --repeat and --frame-repeat.
@@ -36,7 +37,9 @@ CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& s
 
 /// --iteration; -1 = the last saved one. Returns the option.
 CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration);
-inline std::optional<std::int64_t> saved_iteration(std::int64_t iteration) { return iteration < 0 ? std::nullopt : std::optional(iteration); }
+inline std::optional<std::int64_t> saved_iteration(std::int64_t iteration) {
+    return iteration < 0 ? std::nullopt : std::optional(iteration);
+}
 
 /// Sets up messages and threads as the options say.
 void prepare_bench(const TrainOptions& options);

@@ -29,15 +29,18 @@ void bench_precision(const TrainArguments& train, const PrecisionArguments& argu
 }  // namespace
 
 void add_bench_precision_command(CLI::App& bench, Command& selected) {
-    CLI::App* command = bench.add_subcommand("precision", "Measure time, memory and error against double precision at every precision that options choose, "
-                                                          "of the trained model in -m RUN or of a scene's initial points");
+    CLI::App* command = bench.add_subcommand(
+        "precision",
+        "Measure time, memory and error against double precision at every precision that options choose, "
+        "of the trained model in -m RUN or of a scene's initial points");
     const auto train = std::make_shared<TrainArguments>(*command);
     const auto arguments = std::make_shared<PrecisionArguments>();
     command->add_flag("--precision")->group("");  // the old spelling of the subcommand
     add_repeat_option(*command, arguments->repeats);
     add_frame_repeat_option(*command, arguments->repeats);
     add_iteration_option(*command, arguments->iteration);
-    command->callback([train, arguments, &selected] { selected = [train, arguments] { bench_precision(*train, *arguments); }; });
+    command->callback(
+        [train, arguments, &selected] { selected = [train, arguments] { bench_precision(*train, *arguments); }; });
 }
 
 }  // namespace gs

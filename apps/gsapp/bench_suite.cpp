@@ -29,14 +29,23 @@ void bench_suite(const TrainOptions& base, const SuiteArguments& arguments) {
 }  // namespace
 
 void add_bench_suite_command(CLI::App& bench, Command& selected) {
-    CLI::App* command = bench.add_subcommand("suite", "Train the runs of an experiment, one at a time or one on each GPU, and print a table of them; "
-                                                      "finished ones in -m FOLDER are kept");
+    CLI::App* command = bench.add_subcommand(
+        "suite",
+        "Train the runs of an experiment, one at a time or one on each GPU, and print a table of them; "
+        "finished ones in -m FOLDER are kept");
     const auto arguments = std::make_shared<SuiteArguments>();
     // --suite is the old spelling. The name is declared before the scene, which may stand without a flag, too.
-    command->add_option("name,--suite", arguments->suite, "The experiment")->check(CLI::IsMember(suite_names()))->required();
+    command->add_option("name,--suite", arguments->suite, "The experiment")
+        ->check(CLI::IsMember(suite_names()))
+        ->required();
     const auto train = std::make_shared<TrainArguments>(*command);
-    command->add_option("--appearances", arguments->appearances, "Appearance models, with commas between (default: sh,nasgabor,neural)")->delimiter(',');
-    command->callback([train, arguments, &selected] { selected = [train, arguments] { bench_suite(train->combine(), *arguments); }; });
+    command
+        ->add_option("--appearances", arguments->appearances,
+                     "Appearance models, with commas between (default: sh,nasgabor,neural)")
+        ->delimiter(',');
+    command->callback([train, arguments, &selected] {
+        selected = [train, arguments] { bench_suite(train->combine(), *arguments); };
+    });
 }
 
 }  // namespace gs

@@ -12,11 +12,13 @@ namespace gs {
 
 struct AppearanceReport {
     std::string model;               ///< to train
-    std::vector<std::string> lines;  ///< for people: five on what was done, what came out of it, and why; one where nothing could be measured
+    std::vector<std::string> lines;  ///< for people: five on what was done, what came out of it, and why; one where
+                                     ///< nothing could be measured
     nlohmann::ordered_json json;     ///< the same for programs: auto.json
 };
 
 /// Describes a decision that was made from these measurements with this tolerance (dB).
-AppearanceReport describe_appearance(const AppearanceMeasurements& measured, const AppearanceDecision& decision, double tolerance);
+AppearanceReport describe_appearance(const AppearanceMeasurements& measured, const AppearanceDecision& decision,
+                                     double tolerance);
 
 }  // namespace gs

@@ -8,9 +8,9 @@
 
 namespace gs {
 
-/// Measures models on the scene (measure_appearances), decides for one (decide_appearance, with options.auto_tolerance) and says why
-/// (describe_appearance). Test views are not looked at. The same options and seed give the same choice unless time ran out. Throws what training
-/// throws.
+/// Measures models on the scene (measure_appearances), decides for one (decide_appearance, with options.auto_tolerance)
+/// and says why (describe_appearance). Test views are not looked at. The same options and seed give the same choice
+/// unless time ran out. Throws what training throws.
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
 
 }  // namespace gs

@@ -22,17 +22,21 @@ namespace {
 
 /// Every n-th training view is held out, beginning in the middle of the first n.
 constexpr std::size_t kHeldOutEvery = 8;
-/// Wider images are made smaller, and cap_max in proportion to their pixels: models part sooner, in a fraction of the time. (On lego sv, its best model, led sh by 0.22 dB
-/// after 2000 and 2000 iterations at 400 pixels, and by 0.07 after 3000 and 1500 at 800 pixels with three times the Gaussians.)
+/// Wider images are made smaller, and cap_max in proportion to their pixels: models part sooner, in a fraction of the
+/// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
+/// 3000 and 1500 at 800 pixels with three times the Gaussians.)
 constexpr int kStageWidth = 400;
-/// Shares of options.iterations: the length of the training without view dependence that all trials begin from, and of each trial.
+/// Shares of options.iterations: the length of the training without view dependence that all trials begin from, and of
+/// each trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
 /// The largest share of the time of the following run that the measurements may take.
 constexpr double kTimeShare = 0.5;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-std::int64_t iterations_of(const TrainOptions& options, double share) { return std::max<std::int64_t>(1, std::llround(share * double(options.iterations))); }
+std::int64_t iterations_of(const TrainOptions& options, double share) {
+    return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
+}
 
 /// A smaller scene without the views held out.
 struct Stage {
@@ -55,7 +59,8 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
     stage.pixels = small / full;
     stage.options.appearance = "none";
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
-    if (options.ppisp == "auto") stage.options.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
+    if (options.ppisp == "auto")
+        stage.options.ppisp = "on";  // harmless where images do not differ, and there is no time to find out
     return stage;
 }
 
@@ -69,9 +74,11 @@ std::vector<AppearanceSpec> candidates(TrainOptions options) {
     for (const ModelInfo* model : appearance_models()) {
         options.appearance = model->name;
         const AppearanceSpec spec = appearance_spec(options);
-        if (!model->variant && (model->name == "none" || group_width(Group::kResidual, spec) > 0)) specs.push_back(spec);
+        if (!model->variant && (model->name == "none" || group_width(Group::kResidual, spec) > 0))
+            specs.push_back(spec);
     }
-    std::stable_sort(specs.begin(), specs.end(), [](const AppearanceSpec& a, const AppearanceSpec& b) { return bytes_of(a) < bytes_of(b); });
+    std::stable_sort(specs.begin(), specs.end(),
+                     [](const AppearanceSpec& a, const AppearanceSpec& b) { return bytes_of(a) < bytes_of(b); });
     return specs;
 }
 
@@ -80,16 +87,19 @@ struct Trials {
     std::vector<std::string> unfinished;
 };
 
-/// Returns how many times as long an iteration of the run takes as one of a trial, for its pixels and Gaussians. The estimate stays below what was seen on a
-/// GPU, where much of an iteration does not depend on them: 1.7 on builtin:glossy (measured 1.9), 1.9 on lego (2.2).
+/// Returns how many times as long an iteration of the run takes as one of a trial, for its pixels and Gaussians. The
+/// estimate stays below what was seen on a GPU, where much of an iteration does not depend on them: 1.7 on
+/// builtin:glossy (measured 1.9), 1.9 on lego (2.2).
 double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
-    const double growth = run.strategy == "none" ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
+    const double growth =
+        run.strategy == "none" ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
     return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
 }
 
-/// Trains and measures until all models had their trial or the time since `start` is up. That time is kTimeShare of a run of the model chosen so far, whose
-/// iterations take `slower` times as long as those of its trial.
-Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage, const std::vector<Photograph>& held_out, double start, double slower) {
+/// Trains and measures until all models had their trial or the time since `start` is up. That time is kTimeShare of a
+/// run of the model chosen so far, whose iterations take `slower` times as long as those of its trial.
+Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage,
+                  const std::vector<Photograph>& held_out, double start, double slower) {
     const TrainOptions& options = stage.options;
     const std::int64_t iterations = iterations_of(options, kTrialShare);
     Trials trials;
@@ -99,11 +109,12 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
         // The first trial ends in any case: without it there is nothing to choose from.
         double left = std::numeric_limits<double>::infinity();
         if (!trials.finished.empty()) {
-            const double iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
+            const double iteration =
+                trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
             left = start + kTimeShare * double(options.iterations) * slower * iteration - trial_start;
         }
         std::optional<Rehearsed> r;
-        if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left); // later models are not faster
+        if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left);  // later models are not faster
         if (!r) {
             trials.unfinished.push_back(spec.model);
             continue;
@@ -130,11 +141,14 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     set_num_threads(options.threads);
     const Stage stage = make_stage(options, scene);
     Rehearsal rehearsal(stage.options, stage.scene);
-    measured.warm_up_iterations = iterations_of(options, kWarmUpShare), measured.trial_iterations = iterations_of(options, kTrialShare);
+    measured.warm_up_iterations = iterations_of(options, kWarmUpShare),
+    measured.trial_iterations = iterations_of(options, kTrialShare);
     measured.plain_bytes = bytes_of(appearance_spec(stage.options));
-    measured.image_width = stage.scene.train.front().camera.width, measured.image_height = stage.scene.train.front().camera.height;
+    measured.image_width = stage.scene.train.front().camera.width,
+    measured.image_height = stage.scene.train.front().camera.height;
     const Rehearsed plain = rehearsal.begin(measured.warm_up_iterations);
-    const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
+    const std::vector<Photograph> seen =
+        load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
     const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
     measured.num_held_out = held_out.size();
     if (seen.empty() || held_out.empty()) {
@@ -145,7 +159,8 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     const auto positions = make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options));
     measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, rehearsal.background());
     if (needs_trials(measured.parts, options.auto_tolerance)) {
-        Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, start, slowdown(options, stage, plain.backend->count()));
+        Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, start,
+                                   slowdown(options, stage, plain.backend->count()));
         measured.trials = std::move(trials.finished), measured.unfinished = std::move(trials.unfinished);
     }
     measured.seconds = now() - start;

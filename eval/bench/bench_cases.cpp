@@ -12,11 +12,16 @@ namespace gs {
 
 BenchOptions bench_options(const std::string& device, int repeat, int frame_repeat) {
     const bool cuda = uses_cuda(device);
-    return {.repeat = repeat > 0 ? repeat : cuda ? 100 : 20, .frame_repeat = frame_repeat > 0 ? frame_repeat : cuda ? 100 : 3};
+    return {.repeat = repeat > 0 ? repeat
+                      : cuda     ? 100
+                                 : 20,
+            .frame_repeat = frame_repeat > 0 ? frame_repeat
+                            : cuda           ? 100
+                                             : 3};
 }
 
-BenchResult bench_model(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench,
-                        bool compare_deterministic) {
+BenchResult bench_model(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                        const BenchOptions& bench, bool compare_deterministic) {
     BenchResult result = run_bench(backend, options, scene, model, bench);
     if (!compare_deterministic) return result;
     BackendOptions other = backend_options(options);
@@ -28,7 +33,8 @@ BenchResult bench_model(Backend& backend, const TrainOptions& options, const Sce
     return result;
 }
 
-BenchResult bench_generated(Backend& backend, const TrainOptions& options, std::int64_t count, const BenchOptions& bench, bool compare_deterministic) {
+BenchResult bench_generated(Backend& backend, const TrainOptions& options, std::int64_t count,
+                            const BenchOptions& bench, bool compare_deterministic) {
     const auto rgb = parse_background(options.background).rgb;
     const Gaussians model = generated_gaussians(count, options.seed, appearance_spec(options));
     backend.upload(model);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trains many runs as processes of this program, one after another or one on each GPU, and keeps those that are finished.
+// Trains many runs as processes of this program, one after another or one on each GPU, and keeps those that are
+// finished.
 #pragma once
 
 #include <chrono>
@@ -24,14 +25,16 @@ struct CellOutcome {
 
 /// How the caller takes part. The calls never overlap.
 struct CellHooks {
-    /// Is told of every cell that has ended, and first of those that were finished before. An exception stops everything and leaves run_cells.
+    /// Is told of every cell that has ended, and first of those that were finished before. An exception stops
+    /// everything and leaves run_cells.
     std::function<void(std::size_t cell, const CellOutcome&)> done;
-    /// Picks the cell to train next out of the pending ones, which come in their order; nothing = none of them now. Without it the first is
-    /// next.
+    /// Picks the cell to train next out of the pending ones, which come in their order; nothing = none of them now.
+    /// Without it the first is next.
     std::function<std::optional<std::size_t>(const std::vector<std::size_t>& pending)> choose = {};
     /// The time at which runs under way are stopped and from which none is started.
     std::optional<std::chrono::steady_clock::time_point> deadline = {};
-    /// The program that trains, called as `program train --config FILE --time-frames N [--overwrite]`; empty: this program.
+    /// The program that trains, called as `program train --config FILE --time-frames N [--overwrite]`; empty: this
+    /// program.
     std::filesystem::path program = {};
 };
 
@@ -42,16 +45,17 @@ struct CellsSummary {
     bool interrupted = false;             ///< the user stopped the runs before all were trained
 };
 
-/// Trains the cells whose folders do not hold them yet, or all of them with the option `overwrite`. All cells go to the same device. A run
-/// that fails does not stop the others. Once interrupted() is true nothing more is started, and runs under way write their checkpoint and
-/// end. Cells that were not reached are not `done`. Call catch_interrupts() before. Throws DeviceError for a device that is not there.
+/// Trains the cells whose folders do not hold them yet, or all of them with the option `overwrite`. All cells go to the
+/// same device. A run that fails does not stop the others. Once interrupted() is true nothing more is started, and runs
+/// under way write their checkpoint and end. Cells that were not reached are not `done`. Call catch_interrupts()
+/// before. Throws DeviceError for a device that is not there.
 CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks);
 
 /// What trains cells: run_cells, or what a test puts in its place.
 using CellsRunner = std::function<CellsSummary(const std::vector<Cell>&, const CellHooks&)>;
 
-/// Throws Interrupted if the user stopped the runs, else Error with the exit code of the first failure if a run failed. `file` is the table
-/// that has the runs' messages.
+/// Throws Interrupted if the user stopped the runs, else Error with the exit code of the first failure if a run failed.
+/// `file` is the table that has the runs' messages.
 void throw_unless_complete(const CellsSummary& summary, std::size_t num_cells, const std::filesystem::path& file);
 
 }  // namespace gs

@@ -11,7 +11,8 @@
 namespace gs {
 
 std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRun& train) {
-    if (!base.resume.empty()) throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
+    if (!base.resume.empty())
+        throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
     require_named_appearance(base);
     if (!base.eval) throw UsageError("--runs: there is nothing to average without --eval");
     if (base.model.empty()) base.model = free_run_folder("output", base, "-0");

@@ -25,10 +25,12 @@ struct SuiteLine {
 /// activations: the four colour activations, each with opacity rate 0.05, 0.025 and auto.
 std::vector<std::string> suite_names();
 
-/// Returns the lines of a suite without results: all rows of the first appearance, then all of the second. `base` is not validated, so that
-/// every cell decides what "0 or -1 = by strategy" means by its own strategy. What the suite varies is overwritten, and `eval` is on. Folders
-/// are <base.model>/<row>-<appearance>. Throws UsageError for an unknown suite, and where validate does.
-std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances, const TrainOptions& base);
+/// Returns the lines of a suite without results: all rows of the first appearance, then all of the second. `base` is
+/// not validated, so that every cell decides what "0 or -1 = by strategy" means by its own strategy. What the suite
+/// varies is overwritten, and `eval` is on. Folders are <base.model>/<row>-<appearance>. Throws UsageError for an
+/// unknown suite, and where validate does.
+std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances,
+                                   const TrainOptions& base);
 
 /// Returns a Markdown table, one line a cell.
 std::string format_suite(const std::vector<SuiteLine>& lines);

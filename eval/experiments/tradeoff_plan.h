@@ -31,9 +31,10 @@ struct TradeoffPlan {
     Rounds rounds;
 };
 
-/// Plans a trade-off in the folder `base.model` (empty: output/<scene>-tradeoff); `base` as for make_configuration. Loads the scene: budgets
-/// below its number of points are remarked, because training keeps these points. Throws UsageError for mistakes in the request, for
-/// `base.resume`, and for a folder that holds a run of other options (unless `base.overwrite`); DataError for a scene without test views.
+/// Plans a trade-off in the folder `base.model` (empty: output/<scene>-tradeoff); `base` as for make_configuration.
+/// Loads the scene: budgets below its number of points are remarked, because training keeps these points. Throws
+/// UsageError for mistakes in the request, for `base.resume`, and for a folder that holds a run of other options
+/// (unless `base.overwrite`); DataError for a scene without test views.
 TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request);
 
 }  // namespace gs

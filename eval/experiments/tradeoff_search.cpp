@@ -15,7 +15,11 @@ using Clock = std::chrono::steady_clock;
 class Search {
   public:
     Search(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const CellsRunner& run_cells)
-        : tradeoff_(plan.tradeoff), rounds_(plan.rounds), folder_(plan.folder), deadline_(deadline), run_cells_(run_cells) {}
+        : tradeoff_(plan.tradeoff),
+          rounds_(plan.rounds),
+          folder_(plan.folder),
+          deadline_(deadline),
+          run_cells_(run_cells) {}
 
     CellsSummary run() {
         std::vector<std::size_t> chosen(rounds_[0].size());  // indices within a round
@@ -32,8 +36,9 @@ class Search {
             }
             if (finished.empty() || r + 1 == rounds_.size()) break;
             if (!complete) {
-                tradeoff_.remarks.push_back(
-                    fmt::format("The search ended in round {} of {}, before the better half was chosen for longer trainings.", r + 1, rounds_.size()));
+                tradeoff_.remarks.push_back(fmt::format(
+                    "The search ended in round {} of {}, before the better half was chosen for longer trainings.",
+                    r + 1, rounds_.size()));
                 break;
             }
             std::vector<std::size_t> next;
@@ -84,8 +89,10 @@ class Search {
             run.state = RunState::kFailed;
         else if (deadline_ && Clock::now() >= *deadline_)
             run.state = RunState::kStopped;
-        if (outcome.result) time_plan_.add(run.configuration.options, outcome.result->train_seconds, outcome.wall_seconds);
-        if (outcome.wall_seconds) write_tradeoff(folder_, tradeoff_);  // cells that were finished before need no file each
+        if (outcome.result)
+            time_plan_.add(run.configuration.options, outcome.result->train_seconds, outcome.wall_seconds);
+        if (outcome.wall_seconds)
+            write_tradeoff(folder_, tradeoff_);  // cells that were finished before need no file each
     }
 
     Tradeoff& tradeoff_;

@@ -24,8 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 
 void describe_scene(const Scene& scene) {
-    log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
-                 scene.split_rule, scene.points.positions.size());
+    log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(),
+             scene.test.size(), scene.split_rule, scene.points.positions.size());
     for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
@@ -33,7 +33,8 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
     write_text_atomic(RunFolder{run_folder}.appearance_choice(), choice.dump(1) + "\n");
 }
 
-/// Puts a model in the place of `--appearance auto`, and writes down why: to auto.json and as the first event of the log.
+/// Puts a model in the place of `--appearance auto`, and writes down why: to auto.json and as the first event of the
+/// log.
 void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart& start) {
     const AppearanceReport report = find_appearance(options, scene);
     for (const std::string& line : report.lines) log_info("--appearance auto: {}", line);
@@ -49,14 +50,16 @@ void add_share_of_training(const TrainOptions& options, double train_seconds) {
     if (choice.is_null() || !options.resume.empty()) return;
     choice["share_of_training"] = choice.value("seconds", 0.0) / train_seconds;
     write_choice(options.model, choice);
-    log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
+    log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0),
+             choice.value("share_of_training", 0.0));
 }
 
 void describe_training(const TrainOptions& options, const TrainSummary& summary) {
-    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
-                 summary.data_wait_seconds, summary.num_gaussians);
+    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
+             summary.train_seconds, summary.data_wait_seconds, summary.num_gaussians);
     if (summary.controller_seconds > 0)
-        log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
+        log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations,
+                 summary.controller_seconds);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
@@ -79,18 +82,21 @@ std::string log_level(const TrainOptions& options) {
 
 std::string free_run_folder(const fs::path& parent, const TrainOptions& options, const std::string& suffix) {
     for (int n = 1;; ++n) {
-        const fs::path folder = parent / (scene_name(options.source) + "-" + options.appearance + "-" + std::to_string(n));
+        const fs::path folder =
+            parent / (scene_name(options.source) + "-" + options.appearance + "-" + std::to_string(n));
         if (!fs::exists(folder.string() + suffix)) return folder.string();
     }
 }
 
 std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     setup_log(log_level(options));
-    if (options.device == "cuda" && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+    if (options.device == "cuda" && !cuda_available())
+        throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = free_run_folder("output", options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     const Scene scene = load_scene(scene_options(options));
-    if (options.appearance == kAutoAppearance && !options.resume.empty()) options.appearance = checkpoint_appearance(options);
+    if (options.appearance == kAutoAppearance && !options.resume.empty())
+        options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
     add_log_file(fs::path(options.model) / "gsapp.log");
     log_info("{}, output folder {}", version_text(), options.model);

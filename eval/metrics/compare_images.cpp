@@ -17,15 +17,16 @@ std::vector<ImageScore> compare_images(const std::filesystem::path& render, cons
     const Image a = quantized_target(read_image(render), {0, 0, 0}), b = quantized_target(read_image(truth), {0, 0, 0});
     require_same_size(a, b);
     std::vector<ImageScore> scores;
-    for (const Metric& metric : make_metrics(metrics, options)) scores.push_back({metric.info, metric.protocol, metric.compute(a, b)});
+    for (const Metric& metric : make_metrics(metrics, options))
+        scores.push_back({metric.info, metric.protocol, metric.compute(a, b)});
     return scores;
 }
 
 std::string format_scores(const std::vector<ImageScore>& scores) {
     std::string text;
     for (const auto& [metric, protocol, score] : scores)
-        text += score.value ? fmt::format("{:<10} {:>9.{}f}  {} is better; {}\n", metric.key, *score.value, metric.decimals,
-                                          metric.higher_is_better ? "higher" : "lower", protocol)
+        text += score.value ? fmt::format("{:<10} {:>9.{}f}  {} is better; {}\n", metric.key, *score.value,
+                                          metric.decimals, metric.higher_is_better ? "higher" : "lower", protocol)
                             : fmt::format("{:<10} {}\n", metric.key, score.reason);
     return text;
 }

@@ -12,7 +12,8 @@ namespace gs {
 
 BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64_t> iteration) {
     const bool trained = holds_model(options.model);
-    if (iteration && !trained) throw UsageError("--iteration: there is no trained model in '" + options.model + "'; name its folder with -m");
+    if (iteration && !trained)
+        throw UsageError("--iteration: there is no trained model in '" + options.model + "'; name its folder with -m");
     BenchSubject subject{options.source + ", initial points", {}, {}};
     if (trained) {  // read first: a mistake here should not wait for the scene
         SavedModel saved = read_saved_model(options.model, iteration);
@@ -21,7 +22,8 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
         subject.name = fmt::format("{}, {} at iteration {}", options.source, options.model, saved.iteration);
     }
     subject.scene = load_scene(scene_options(options));
-    if (subject.scene.train.empty()) throw DataError(subject.scene.source + ": no training views (all were held out or skipped)");
+    if (subject.scene.train.empty())
+        throw DataError(subject.scene.source + ": no training views (all were held out or skipped)");
     if (!trained) subject.model = initial_model(options, subject.scene);
     return subject;
 }

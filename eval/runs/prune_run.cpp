@@ -24,7 +24,8 @@ void write_run(const SavedRun& run, const Gaussians& pruned, const fs::path& out
     options.model = output.string();
     write_text_atomic(to.config(), options_to_yaml(options));
     write_cfg_args(to, options);
-    for (const auto file : {&RunFolder::cameras, &RunFolder::input_points, &RunFolder::ppisp, &RunFolder::appearance_choice})
+    for (const auto file :
+         {&RunFolder::cameras, &RunFolder::input_points, &RunFolder::ppisp, &RunFolder::appearance_choice})
         if (fs::exists((from.*file)())) fs::copy_file((from.*file)(), (to.*file)());
 }
 
@@ -35,19 +36,26 @@ PruneScores score(SavedRun& run) {
     return {result.psnr, result.ssim};
 }
 
-double share(const PruneReport& report) { return double(report.pruned) / double(std::max<std::int64_t>(1, report.num_gaussians)); }
+double share(const PruneReport& report) {
+    return double(report.pruned) / double(std::max<std::int64_t>(1, report.num_gaussians));
+}
 
 nlohmann::ordered_json json_of(const PruneScores& scores) { return {{"PSNR", scores.psnr}, {"SSIM", scores.ssim}}; }
 
 }  // namespace
 
-fs::path pruned_folder(const fs::path& run) { return (run.has_filename() ? run : run.parent_path()).string() + "-pruned"; }
+fs::path pruned_folder(const fs::path& run) {
+    return (run.has_filename() ? run : run.parent_path()).string() + "-pruned";
+}
 
 PruneReport prune_run(SavedRun& run, const fs::path& output) {
     Gaussians model = run.backend->download(false);
     std::vector<CameraParams<float>> cameras;
     for (const View& view : run.scene.train) cameras.push_back(camera_params(view.camera));
-    PruneReport report{.run = run.folder.string(), .iteration = run.iteration, .num_gaussians = model.count, .num_cameras = cameras.size(),
+    PruneReport report{.run = run.folder.string(),
+                       .iteration = run.iteration,
+                       .num_gaussians = model.count,
+                       .num_cameras = cameras.size(),
                        .split_rule = run.scene.split_rule};
     report.pruned = prune_residuals(model, cameras);
     report.bytes_saved = report.pruned * model[Group::kResidual].width * std::int64_t(sizeof(float));
@@ -62,11 +70,12 @@ PruneReport prune_run(SavedRun& run, const fs::path& output) {
 }
 
 std::string format_prune_report(const PruneReport& r) {
-    std::string text = fmt::format("{} of {} Gaussians ({:.1f} %) show no view dependence in {} training views; {} bytes need not be stored\n",
-                                   r.pruned, r.num_gaussians, 100 * share(r), r.num_cameras, r.bytes_saved);
+    std::string text = fmt::format(
+        "{} of {} Gaussians ({:.1f} %) show no view dependence in {} training views; {} bytes need not be stored\n",
+        r.pruned, r.num_gaussians, 100 * share(r), r.num_cameras, r.bytes_saved);
     if (r.before && r.after)
-        return text + fmt::format("test views: PSNR {:.3f} before, {:.3f} after; SSIM {:.5f} before, {:.5f} after\n", r.before->psnr,
-                                  r.after->psnr, r.before->ssim, r.after->ssim);
+        return text + fmt::format("test views: PSNR {:.3f} before, {:.3f} after; SSIM {:.5f} before, {:.5f} after\n",
+                                  r.before->psnr, r.after->psnr, r.before->ssim, r.after->ssim);
     return text + fmt::format("there are no test views to compare on ({})\n", r.split_rule);
 }
 

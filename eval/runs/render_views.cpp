@@ -29,7 +29,9 @@ void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorre
         const std::string file = fmt::format("{:05}.png", i);
         for (const auto& [mode, name] : kPictureParts) {
             if (!decompose && mode != RenderMode::kFull) continue;
-            run.backend->render(part_request(camera_params(views[i].camera), run.background, mode, view_isp(views[i], correction)), image);
+            run.backend->render(
+                part_request(camera_params(views[i].camera), run.background, mode, view_isp(views[i], correction)),
+                image);
             write_image(decompose ? folder / name / file : folder / file, quantized_render(image));
         }
     }

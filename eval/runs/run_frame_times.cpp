@@ -11,14 +11,15 @@
 
 namespace gs {
 
-FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int64_t> iteration, const std::string& device, int frames_per_view) {
+FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int64_t> iteration,
+                               const std::string& device, int frames_per_view) {
     const SavedRun run = open_saved_run(folder, iteration, {.device = device});
     const RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
     const std::vector<View>& views = run.scene.test.empty() ? run.scene.train : run.scene.test;
     std::vector<Camera> cameras;
     for (const View& view : views) cameras.push_back(view.camera);
     log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(),
-                 run.scene.test.empty() ? "training" : "test");
+             run.scene.test.empty() ? "training" : "test");
     const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, frames_per_view);
     write_frame_times(RunFolder{run.folder}, run.iteration, times);
     return {folder, facts.scene, facts.model, facts.num_gaussians, times};

@@ -15,7 +15,8 @@ constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough fo
 
 }  // namespace
 
-TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds)
+TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress,
+                                       int frame_rounds)
     : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
     const auto rgb = parse_background(options.background).rgb;  // black where the training draws random ones
     background_ = {rgb[0], rgb[1], rgb[2]};
@@ -29,12 +30,14 @@ void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend) {
              .correction = saved_correction(options_.model)};
     result_ = evaluate_views(backend, scene_.test, background_, eval_);
     facts_ = run_facts(options_, scene_, background_, backend.count());
-    if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
+    if (last && frame_rounds_ > 0)
+        facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
     write_results(RunFolder{options_.model}, eval_, result_, facts_);
     if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
     const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
-    log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
-                 corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
+    log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim,
+             result_.views.size(),
+             corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
     progress_.event({{"event", "evaluation"},
                      {"iteration", iteration},
                      {"views", result_.views.size()},
@@ -53,6 +56,8 @@ void TrainingEvaluation::finish(const TrainSummary& summary) {
     log_info("photographs and renders side by side: {}", comparison().string());
 }
 
-std::filesystem::path TrainingEvaluation::comparison() const { return std::filesystem::path(options_.model) / "comparison.png"; }
+std::filesystem::path TrainingEvaluation::comparison() const {
+    return std::filesystem::path(options_.model) / "comparison.png";
+}
 
 }  // namespace gs

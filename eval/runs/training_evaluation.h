@@ -17,15 +17,16 @@ namespace gs {
 /// Takes the place of TrainHooks::evaluate and keeps the latest scores.
 class TrainingEvaluation {
   public:
-    /// `scene` has test views. `frame_rounds`: rounds through these in which frames of the trained model are timed; 0 = none. The references
-    /// have to outlive the object.
+    /// `scene` has test views. `frame_rounds`: rounds through these in which frames of the trained model are timed; 0 =
+    /// none. The references have to outlive the object.
     TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds);
 
-    /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes the pictures and
-    /// comparison.png.
+    /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes
+    /// the pictures and comparison.png.
     void operator()(std::int64_t iteration, Backend& backend);
 
-    /// Adds to results.json what is known only after the training: its time, its memory, and how automatic options were decided.
+    /// Adds to results.json what is known only after the training: its time, its memory, and how automatic options were
+    /// decided.
     void finish(const TrainSummary& summary);
 
     /// The iteration that was scored last; 0 = none yet.

@@ -20,7 +20,9 @@ AppearanceMeasurements some_measurements() {
     return m;
 }
 
-AppearanceReport report(const AppearanceMeasurements& m, double tolerance) { return describe_appearance(m, decide_appearance(m, tolerance), tolerance); }
+AppearanceReport report(const AppearanceMeasurements& m, double tolerance) {
+    return describe_appearance(m, decide_appearance(m, tolerance), tolerance);
+}
 
 TEST(AppearanceReport, SaysWhatTheTrialsGave) {
     AppearanceMeasurements m = some_measurements();
@@ -28,12 +30,15 @@ TEST(AppearanceReport, SaysWhatTheTrialsGave) {
     m.unfinished = {"neural", "sv"};
     const AppearanceReport r = report(m, 0.1);
     EXPECT_EQ(r.model, "nasg");
-    EXPECT_EQ(r.lines, (std::vector<std::string>{
-        "10 of 80 training views held out; none trained for 2000 iterations at 400x300; 12.3 s in all",
-        "of the error without view dependence 20.0 % is explained by direction (10.0 % on held-out views), 20.0 % by photometric change of whole images, 60.0 % by neither",
-        "what is left is reflectance",
-        "held out after 1000 iterations of each: none 25.00 dB (12 B), nasg 26.95 dB (44 B), sh 27.00 dB (192 B); no time to finish neural, sv",
-        "nasg: 44 bytes per Gaussian, 0.05 dB below sh, the best; 0.1 dB are allowed"}));
+    EXPECT_EQ(r.lines,
+              (std::vector<std::string>{
+                  "10 of 80 training views held out; none trained for 2000 iterations at 400x300; 12.3 s in all",
+                  "of the error without view dependence 20.0 % is explained by direction (10.0 % on held-out views), "
+                  "20.0 % by photometric change of whole images, 60.0 % by neither",
+                  "what is left is reflectance",
+                  "held out after 1000 iterations of each: none 25.00 dB (12 B), nasg 26.95 dB (44 B), sh 27.00 dB "
+                  "(192 B); no time to finish neural, sv",
+                  "nasg: 44 bytes per Gaussian, 0.05 dB below sh, the best; 0.1 dB are allowed"}));
     EXPECT_EQ(r.json["model"], "nasg");
     EXPECT_EQ(r.json["trials"].size(), 3u);
     EXPECT_EQ(r.json["trials"][2]["bytes_per_gaussian"], 192);
@@ -60,8 +65,9 @@ TEST(AppearanceReport, HasNoNumberForATrialThatFailed) {
 TEST(AppearanceReport, SaysInOneLineWhyNothingWasMeasured) {
     AppearanceMeasurements m = some_measurements();
     m.num_views = 7, m.obstacle = Obstacle::kFewViews;
-    EXPECT_EQ(report(m, 0.1).lines, (std::vector<std::string>{
-        "none: of 7 training views none can be held out (8 are needed), and only these could show that direction matters"}));
+    EXPECT_EQ(report(m, 0.1).lines,
+              (std::vector<std::string>{"none: of 7 training views none can be held out (8 are needed), and only these "
+                                        "could show that direction matters"}));
     m.obstacle = Obstacle::kMasks;
     const AppearanceReport r = report(m, 0.1);
     EXPECT_EQ(r.lines.size(), 1u);

@@ -15,7 +15,8 @@ namespace {
 namespace fs = std::filesystem;
 using Indices = std::vector<std::size_t>;
 
-/// Writes the files of a finished run; fails where the folder's name ends with "broken", and leaves no scores where it ends with "silent".
+/// Writes the files of a finished run; fails where the folder's name ends with "broken", and leaves no scores where it
+/// ends with "silent".
 constexpr const char* kProgram = R"(#!/bin/sh
 test "$1 $2 $4 $5" = "train --config --time-frames 1" || exit 1
 model=$(sed -n 's/^model: *//p' "$3")
@@ -126,7 +127,9 @@ TEST_F(CellRunnerTest, AnExceptionOfTheCallerEndsTheRuns) {
 }
 
 TEST(CellsSummary, AnInterruptNamesTheFolderToGoOnIn) {
-    EXPECT_THROW(throw_unless_complete({.num_failed = 1, .first_code = ExitCode::kDevice, .interrupted = true}, 2, "out/table.md"), Interrupted);
+    EXPECT_THROW(throw_unless_complete({.num_failed = 1, .first_code = ExitCode::kDevice, .interrupted = true}, 2,
+                                       "out/table.md"),
+                 Interrupted);
 }
 
 }  // namespace

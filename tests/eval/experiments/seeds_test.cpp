@@ -24,21 +24,25 @@ TEST(Seeds, EachRunHasItsSeedAndItsFolder) {
     std::vector<std::pair<std::uint64_t, std::string>> trained;
     const auto rows = train_seeds(base_options(), 3, [&](const TrainOptions& options) -> std::optional<TableRow> {
         trained.push_back({options.seed, options.model});
-        if (options.seed == 6) return std::nullopt; // nothing was scored
+        if (options.seed == 6) return std::nullopt;  // nothing was scored
         TableRow row;
         row.psnr = double(options.seed);
         return row;
     });
-    EXPECT_EQ(trained, (std::vector<std::pair<std::uint64_t, std::string>>{{5, "out/run-0"}, {6, "out/run-1"}, {7, "out/run-2"}}));
+    EXPECT_EQ(trained, (std::vector<std::pair<std::uint64_t, std::string>>{
+                           {5, "out/run-0"}, {6, "out/run-1"}, {7, "out/run-2"}}));
     ASSERT_EQ(rows.size(), 2u);
     EXPECT_EQ(rows[1].psnr, 7);
 }
 
 TEST(Seeds, MistakesComeBeforeAnyTraining) {
-    const auto untouched = [](const TrainOptions&) -> std::optional<TableRow> { throw std::logic_error("nothing was to be trained"); };
+    const auto untouched = [](const TrainOptions&) -> std::optional<TableRow> {
+        throw std::logic_error("nothing was to be trained");
+    };
     TrainOptions resumed = base_options(), chosen = base_options(), unscored = base_options();
     resumed.resume = "latest", chosen.appearance = kAutoAppearance, unscored.eval = false;
-    for (const TrainOptions& options : {resumed, chosen, unscored}) EXPECT_THROW(train_seeds(options, 2, untouched), UsageError);
+    for (const TrainOptions& options : {resumed, chosen, unscored})
+        EXPECT_THROW(train_seeds(options, 2, untouched), UsageError);
 }
 
 TEST(FreeRunFolder, IsTheFirstNumberThatIsNotTaken) {

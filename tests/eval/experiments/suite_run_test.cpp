@@ -14,7 +14,9 @@ namespace {
 
 class SuiteRunTest : public ::testing::Test {
   protected:
-    SuiteRunTest() { base_.source = "builtin:diffuse", base_.iterations = 20, base_.model = (tmp_.path() / "out").string(); }
+    SuiteRunTest() {
+        base_.source = "builtin:diffuse", base_.iterations = 20, base_.model = (tmp_.path() / "out").string();
+    }
 
     std::string table() const {
         std::ifstream file(tmp_.path() / "out" / "suite.md");
@@ -48,7 +50,9 @@ TEST_F(SuiteRunTest, WritesTheTableAfterEveryCell) {
 }
 
 TEST_F(SuiteRunTest, MistakesComeBeforeAnyFile) {
-    const auto untouched = [](const std::vector<Cell>&, const CellHooks&) -> CellsSummary { throw std::logic_error("nothing was to be trained"); };
+    const auto untouched = [](const std::vector<Cell>&, const CellHooks&) -> CellsSummary {
+        throw std::logic_error("nothing was to be trained");
+    };
     EXPECT_THROW(run_suite("everything", {"sh"}, base_, untouched), UsageError);
     EXPECT_THROW(run_suite("densification", {}, base_, untouched), UsageError);
     base_.resume = "latest";

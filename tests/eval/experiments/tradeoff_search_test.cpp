@@ -18,7 +18,8 @@ using Clock = std::chrono::steady_clock;
 /// Better and dearer with more iterations and, at equal iterations, with sh.
 CellOutcome outcome_of(const TrainOptions& options) {
     const double cost = double(options.iterations) + (options.appearance == "sh" ? 1 : 0);
-    return {.result = CellResult{20 + cost, 0.5, 100, cost, cost, std::int64_t(cost), std::nullopt, "made up"}, .wall_seconds = cost};
+    return {.result = CellResult{20 + cost, 0.5, 100, cost, cost, std::int64_t(cost), std::nullopt, "made up"},
+            .wall_seconds = cost};
 }
 
 /// Ends every cell it is let choose by `outcome`.
@@ -69,7 +70,8 @@ TEST_F(TradeoffSearchTest, PlansWithoutWritingAnything) {
 TEST_F(TradeoffSearchTest, RemarksOnBudgetsBelowTheScenesPoints) {
     const TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh", "budget=0.0001,1"}});
     ASSERT_EQ(plan.tradeoff.remarks.size(), 1u);
-    EXPECT_EQ(plan.tradeoff.remarks[0].find("2 of 4 configurations have a --cap-max below the "), 0u) << plan.tradeoff.remarks[0];
+    EXPECT_EQ(plan.tradeoff.remarks[0].find("2 of 4 configurations have a --cap-max below the "), 0u)
+        << plan.tradeoff.remarks[0];
 }
 
 TEST_F(TradeoffSearchTest, RefusesWhatCannotBeCompared) {
@@ -84,39 +86,45 @@ TEST_F(TradeoffSearchTest, RefusesWhatCannotBeCompared) {
 
 TEST_F(TradeoffSearchTest, TrainsEveryConfigurationAndKeepsFailures) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}});
-    const CellsSummary summary = search_tradeoff(plan, std::nullopt, trainer([](const TrainOptions& options) {
-        return options.appearance == "none" ? CellOutcome{.error = "broken", .code = ExitCode::kNumeric} : outcome_of(options);
-    }));
+    const CellsSummary summary = search_tradeoff(
+        plan, std::nullopt, trainer([](const TrainOptions& options) {
+            return options.appearance == "none" ? CellOutcome{.error = "broken", .code = ExitCode::kNumeric}
+                                                : outcome_of(options);
+        }));
     EXPECT_EQ(summary.num_failed, 1);
     EXPECT_EQ(summary.first_code, ExitCode::kNumeric);
     EXPECT_EQ(states(plan.tradeoff), (std::vector<RunState>{RunState::kFailed, RunState::kFinished}));
     EXPECT_EQ(plan.tradeoff.runs[0].error, "broken");
     EXPECT_EQ(plan.tradeoff.runs[1].result->psnr, 29);
-    for (const char* file : {"tradeoff.md", "tradeoff.html", "tradeoff.json"}) EXPECT_TRUE(std::filesystem::exists(plan.folder / file)) << file;
+    for (const char* file : {"tradeoff.md", "tradeoff.html", "tradeoff.json"})
+        EXPECT_TRUE(std::filesystem::exists(plan.folder / file)) << file;
 }
 
 TEST_F(TradeoffSearchTest, HalvingGoesOnWithTheBetterHalf) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh,nasg"}, .search = SearchKind::kHalving});
     // nasg costs as much as none and is worse, so that it is the one to go.
     search_tradeoff(plan, std::nullopt, trainer([](const TrainOptions& options) {
-        CellOutcome outcome = outcome_of(options);
-        if (options.appearance == "nasg") outcome.result->psnr -= 5;
-        return outcome;
-    }));
+                        CellOutcome outcome = outcome_of(options);
+                        if (options.appearance == "nasg") outcome.result->psnr -= 5;
+                        return outcome;
+                    }));
     std::vector<std::string> trained;
-    for (const TradeoffRun& run : plan.tradeoff.runs) trained.push_back(run.configuration.options.appearance + " " + run.configuration.values.back());
+    for (const TradeoffRun& run : plan.tradeoff.runs)
+        trained.push_back(run.configuration.options.appearance + " " + run.configuration.values.back());
     ASSERT_EQ(trained.size(), 6u) << "three, then two, then one";
-    EXPECT_EQ(std::count_if(trained.begin() + 3, trained.end(), [](const std::string& t) { return t.starts_with("nasg"); }), 0);
+    EXPECT_EQ(
+        std::count_if(trained.begin() + 3, trained.end(), [](const std::string& t) { return t.starts_with("nasg"); }),
+        0);
     EXPECT_TRUE(trained.back().ends_with(" 8")) << trained.back();
 }
 
 TEST_F(TradeoffSearchTest, HalvingStopsAfterARoundWithoutTime) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}, .search = SearchKind::kHalving});
     search_tradeoff(plan, Clock::now() + std::chrono::hours(1), trainer([](const TrainOptions& options) {
-        CellOutcome outcome = outcome_of(options);
-        outcome.result->train_seconds = 1e6; // the next one would not end within the hour
-        return outcome;
-    }));
+                        CellOutcome outcome = outcome_of(options);
+                        outcome.result->train_seconds = 1e6;  // the next one would not end within the hour
+                        return outcome;
+                    }));
     EXPECT_EQ(states(plan.tradeoff), (std::vector<RunState>{RunState::kFinished, RunState::kNoTime}));
     ASSERT_EQ(plan.tradeoff.remarks.size(), 1u);
     EXPECT_NE(plan.tradeoff.remarks[0].find("ended in round 1 of 3"), std::string::npos);
@@ -133,10 +141,11 @@ TEST_F(TradeoffSearchTest, ARunThatTheDeadlineEndsIsMarkedAsStopped) {
 
 TEST_F(TradeoffSearchTest, WhatAnInterruptLeftIsNotReached) {
     TradeoffPlan plan = plan_tradeoff(base_, {.axes = {"appearance=none,sh"}});
-    const CellsSummary summary = search_tradeoff(plan, std::nullopt, [](const std::vector<Cell>& cells, const CellHooks& hooks) {
-        hooks.done(0, outcome_of(cells[0].options));
-        return CellsSummary{.interrupted = true};
-    });
+    const CellsSummary summary =
+        search_tradeoff(plan, std::nullopt, [](const std::vector<Cell>& cells, const CellHooks& hooks) {
+            hooks.done(0, outcome_of(cells[0].options));
+            return CellsSummary{.interrupted = true};
+        });
     EXPECT_TRUE(summary.interrupted);
     EXPECT_EQ(states(plan.tradeoff), (std::vector<RunState>{RunState::kFinished, RunState::kNotReached}));
 }

@@ -33,7 +33,8 @@ TEST(TrainRun, ScoresWhatWasHeldOut) {
     EXPECT_TRUE(row->train_seconds);
     EXPECT_TRUE(row->frame_seconds);
     EXPECT_FALSE(row->training.empty()) << "the options are those of the run";
-    for (const char* file : {"config.yaml", "results.json", "comparison.png", "gsapp.log", "point_cloud/iteration_2/point_cloud.ply"})
+    for (const char* file :
+         {"config.yaml", "results.json", "comparison.png", "gsapp.log", "point_cloud/iteration_2/point_cloud.ply"})
         EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(options.model) / file)) << file;
 }
 

@@ -14,7 +14,8 @@ namespace {
 TEST(CompareImages, ScoresTwoFiles) {
     const test::TemporaryFolder tmp;
     const auto write = [&](const char* name, int size, std::uint8_t value) {
-        write_image(tmp.path() / name, {size, size, 3, std::vector<std::uint8_t>(std::size_t(size * size * 3), value), {}});
+        write_image(tmp.path() / name,
+                    {size, size, 3, std::vector<std::uint8_t>(std::size_t(size * size * 3), value), {}});
         return tmp.path() / name;
     };
     const auto a = write("a.png", 40, 100), b = write("b.png", 40, 151), small = write("small.png", 4, 100);
@@ -28,10 +29,13 @@ TEST(CompareImages, ScoresTwoFiles) {
 
 TEST(CompareImages, SaysWhyAScoreIsMissing) {
     ImageScore infinite, missing;
-    infinite.metric.key = "PSNR", infinite.metric.name = "psnr", infinite.metric.decimals = 2, infinite.metric.higher_is_better = true;
+    infinite.metric.key = "PSNR", infinite.metric.name = "psnr", infinite.metric.decimals = 2,
+    infinite.metric.higher_is_better = true;
     infinite.protocol = "made up", infinite.score.value = std::numeric_limits<double>::infinity();
-    missing.metric.key = "DISTS", missing.metric.name = "dists", missing.protocol = "made up", missing.score.reason = "no weights";
-    EXPECT_EQ(format_scores({infinite, missing}), "PSNR             inf  higher is better; made up\nDISTS      no weights\n");
+    missing.metric.key = "DISTS", missing.metric.name = "dists", missing.protocol = "made up",
+    missing.score.reason = "no weights";
+    EXPECT_EQ(format_scores({infinite, missing}),
+              "PSNR             inf  higher is better; made up\nDISTS      no weights\n");
     const auto json = scores_json({infinite, missing});
     EXPECT_TRUE(json["scores"]["PSNR"].is_null());
     EXPECT_EQ(json["not_measured"]["DISTS"], "no weights");

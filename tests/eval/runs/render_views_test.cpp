@@ -33,7 +33,8 @@ TEST(RenderViews, WritesPicturesAndTheirParts) {
     EXPECT_GT(picture.value(0, 0, 2), 0.99f) << "before the run's background";
     EXPECT_FALSE(std::filesystem::exists(folder / "00002.png"));
     render_views(run, views, run.correction, true, folder);
-    for (const char* part : {"full", "base", "residual"}) EXPECT_TRUE(std::filesystem::exists(folder / part / "00001.png")) << part;
+    for (const char* part : {"full", "base", "residual"})
+        EXPECT_TRUE(std::filesystem::exists(folder / part / "00001.png")) << part;
     EXPECT_EQ(read_image(folder / "residual" / "00001.png").value(20, 14, 0), 0) << "the model has no residual";
 }
 

@@ -26,7 +26,9 @@ class TrainingEvaluationTest : public ::testing::Test {
         View view;
         view.name = "a.png";
         view.camera.width = 16, view.camera.height = 12;
-        view.load = [] { return ViewImage{Image{16, 12, 3, std::vector<std::uint8_t>(16 * 12 * 3, 51), {}}, std::nullopt}; };
+        view.load = [] {
+            return ViewImage{Image{16, 12, 3, std::vector<std::uint8_t>(16 * 12 * 3, 51), {}}, std::nullopt};
+        };
         scene_.test.push_back(view);
     }
     nlohmann::json results() const {
@@ -55,7 +57,8 @@ TEST_F(TrainingEvaluationTest, KeepsOnlyScoresOfIntermediateIterations) {
 TEST_F(TrainingEvaluationTest, AddsPicturesAndTimesOfTheTrainedModel) {
     TrainingEvaluation evaluation(options_, scene_, progress_, 3);
     evaluation(20, backend_);
-    evaluation.finish({.iterations = 20, .num_gaussians = 7, .train_seconds = 4, .memory = {}, .photometric = "on: made up"});
+    evaluation.finish(
+        {.iterations = 20, .num_gaussians = 7, .train_seconds = 4, .memory = {}, .photometric = "on: made up"});
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "comparison.png"));
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "test" / "ours_20" / "renders" / "00000.png"));
     const auto json = results();
