@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The sentences and the JSON about a choice.
 #include "eval/auto/appearance_report.h"
 
 #include <fmt/format.h>

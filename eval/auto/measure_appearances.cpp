@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Trains on a smaller scene without the views held out, and measures models on these.
 #include "eval/auto/measure_appearances.h"
 
 #include <algorithm>

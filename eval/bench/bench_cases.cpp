@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Puts together what is measured and on which backend.
 #include "eval/bench/bench_cases.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Gives each run its seed and its folder.
 #include "eval/experiments/seeds.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs the cells of a suite and writes its tables after each.
 #include "eval/experiments/suite_run.h"
 
 #include "kernels/core/error.h"

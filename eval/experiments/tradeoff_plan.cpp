@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds everything that would make runs fail or a budget useless before the first run starts.
 #include "eval/experiments/tradeoff_plan.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The rounds of a search, and which cell is worth starting in the time that is left.
 #include "eval/experiments/tradeoff_search.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Loads the scene, chooses an appearance if asked, trains, scores.
 #include "eval/experiments/train_run.h"
 
 #include <nlohmann/json.hpp>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads two images, computes the metrics, writes what they say.
 #include "eval/metrics/compare_images.h"
 
 #include <fmt/format.h>

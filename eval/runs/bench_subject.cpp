@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads a trained model, or makes the initial one.
 #include "eval/runs/bench_subject.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Scores an open run and merges the scores into its files.
 #include "eval/runs/evaluate_run.h"
 
 #include "eval/bench/bench.h"

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs a run for the web viewer, or converts it for other programs.
 #include "eval/runs/export_run.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Prunes, scores before and after, and writes the pruned run.
 #include "eval/runs/prune_run.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders views of an open run into files.
 #include "eval/runs/render_views.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Opens or generates what is timed.
 #include "eval/runs/run_frame_times.h"
 
 #include "eval/bench/generated_set.h"

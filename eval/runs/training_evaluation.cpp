@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Scores of the held-out views, written while the training goes on.
 #include "eval/runs/training_evaluation.h"
 
 #include <fmt/format.h>

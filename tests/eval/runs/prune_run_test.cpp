@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// A run with one Gaussian pruned, and its report.
 #include "eval/runs/prune_run.h"
 
 #include <gtest/gtest.h>

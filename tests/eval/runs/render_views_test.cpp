@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Which views are rendered, and where their pictures go.
 #include "eval/runs/render_views.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// What is written during and after a training.
 #include "eval/runs/training_evaluation.h"
 
 #include <gtest/gtest.h>
