@@ -17,15 +17,15 @@ struct AppearanceTrial {
     std::string model;
     std::int64_t bytes = 0;     ///< size of the appearance of one Gaussian, as trained
     double seconds = 0;         ///< time of an iteration
-    double psnr = 0;            ///< mean over the held-out views, dB; NaN or infinite = the trial failed
+    double psnr = 0;            ///< mean over the held-out views, dB; NaN or infinite: the trial failed
 };
 
 struct AppearanceChoice {
     std::size_t chosen = 0, best = 0;  ///< indices into the trials
 };
 
-/// Keeps the model of fewest bytes, then of least time, whose PSNR is at most `tolerance` dB below the best. `trials`: at least one. Those that failed are
-/// passed over; where all did, the first is kept.
+/// Keeps the model of fewest bytes, then of least time, whose PSNR is at most `tolerance` dB below the best. `trials`: at
+/// least one. Those that failed are passed over; where all did, the first is kept.
 AppearanceChoice choose_appearance(const std::vector<AppearanceTrial>& trials, double tolerance);
 
 /// What the error of a model without view dependence is made of.
@@ -58,7 +58,7 @@ inline constexpr std::size_t kFewestViews = 8;
 struct AppearanceMeasurements {
     std::optional<Obstacle> obstacle = {};  ///< if set, only num_views, plain_model and seconds are known
     std::size_t num_views = 0, num_held_out = 0;  ///< training views, and those of them that were held out
-    int image_width = 0, image_height = 0;        ///< of the first image that was trained on, pixels
+    int image_width = 0, image_height = 0;        ///< size of the first image that was trained on, pixels
     std::int64_t warm_up_iterations = 0, trial_iterations = 0;
     std::string plain_model = {};     ///< the model without view dependence that all trials go on from
     std::int64_t plain_bytes = 0;     ///< size of its appearance of one Gaussian

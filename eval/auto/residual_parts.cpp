@@ -115,7 +115,7 @@ class Measurement {
     }
 
   private:
-    static constexpr double kSide = 4; ///< of the cube around the ball
+    static constexpr double kSide = 4;  ///< side of the cube around the ball
     Backend& plain_;
     Backend& positions_;
     const Vec3<float> background_;
