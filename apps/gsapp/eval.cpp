@@ -7,12 +7,10 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/metrics.h"
-#include "eval/bench/bench.h"
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
-#include "eval/runs/saved_run.h"
+#include "eval/runs/evaluate_run.h"
 #include "lib/core/log.h"
-#include "lib/train/scene_options.h"
 
 namespace gs {
 namespace {
@@ -29,13 +27,8 @@ struct EvalArguments {
     bool decompose = false;
 };
 
-/// Scores of views that are not the run's own stay apart from its results.
-std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source) {
-    return source.empty() ? run : run / ("on-" + scene_name(source));
-}
-
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
-                  const EvalArguments& arguments) {
+void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
+              const EvalArguments& arguments) {
     SavedRun run = open_saved_run(folder, iteration, {.source = arguments.source, .device = arguments.metrics.device});
     EvalOptions options;
     options.protocol = protocol;
@@ -44,17 +37,8 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
     options.iteration = run.iteration;
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
-    options.decompose = arguments.decompose || !arguments.html.empty(); // its slider shows the parts
-    log_info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
-                 run.options.source, correction_name(options.correction.mode));
-    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
-    if (result.residual_mean) log_info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
-    for (const auto& [key, score] : result.scores) {
-        if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
-    }
-    RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
-    if (arguments.frame_rounds > 0) facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, arguments.frame_rounds);
-    write_results(RunFolder{options.run_folder}, options, result, facts);
+    options.decompose = arguments.decompose || !arguments.html.empty();  // the page's slider shows the parts
+    evaluate_run(run, options, arguments.frame_rounds);
 }
 
 void run_eval(const EvalArguments& arguments) {
@@ -68,7 +52,7 @@ void run_eval(const EvalArguments& arguments) {
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, protocol, metrics, arguments);
+        if (!arguments.skip_render) evaluate(run, iteration, protocol, metrics, arguments);
         rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
         read_training(rows.back(), run);
         if (!arguments.source.empty()) rows.back().run = run;

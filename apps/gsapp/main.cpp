@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <new>
 #include <string>
 #include <vector>
 
+#include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
@@ -69,7 +71,9 @@ int run(int argc, char** argv) {
     add_prune_appearance_command(app, selected);
     add_options_command(app, selected);
     try {
-        app.parse(argc, argv);
+        std::vector<std::string> words = with_bench_subcommand({argv + 1, argv + argc});
+        std::reverse(words.begin(), words.end());  // as CLI11 takes them
+        app.parse(std::move(words));
     } catch (const CLI::Success& help_or_version) {
         return app.exit(help_or_version);
     } catch (const CLI::ParseError& error) {
@@ -93,7 +97,7 @@ int main(int argc, char** argv) {
     try {
         return gs::run(argc, argv);
     } catch (const gs::Interrupted& e) {
-        log_warning("{}", e.what());
+        gs::log_warning("{}", e.what());
         return static_cast<int>(e.code());
     } catch (const gs::Error& e) {
         return gs::report(e.what(), e.code());

@@ -2,16 +2,11 @@
 // gsapp metrics: compares two images.
 #include "apps/gsapp/metrics.h"
 
-#include <fmt/format.h>
-
-#include <cmath>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/gsapp/command.h"
-#include "eval/metrics/psnr.h"
-#include "eval/metrics/quantize.h"
+#include "eval/metrics/compare_images.h"
 
 namespace gs {
 namespace {
@@ -27,25 +22,8 @@ void run_metrics(const CompareArguments& arguments) {
     MetricOptions options = metric_options(arguments.metrics, parse_lpips_range(arguments.lpips_range));
     options.ssim_border = parse_ssim_border(arguments.ssim_border);
     const auto names = parse_metric_names(arguments.metrics.names);
-    const Image render = quantized_target(read_image(arguments.render), {0, 0, 0}),
-                truth = quantized_target(read_image(arguments.truth), {0, 0, 0});
-    require_same_size(render, truth);
-    nlohmann::ordered_json json = {{"scores", nlohmann::ordered_json::object()}, {"not_measured", nlohmann::ordered_json::object()}};
-    std::string text;
-    for (const Metric& metric : make_metrics(names, options)) {
-        const MetricScore score = metric.compute(render, truth);
-        const std::string& key = metric.info.key;
-        if (score.value) {
-            json["scores"][key] = std::isfinite(*score.value) ? nlohmann::ordered_json(*score.value) : nlohmann::ordered_json(nullptr);
-            text += fmt::format("{:<10} {:>9.{}f}  {} is better; {}\n", key, *score.value, metric.info.decimals,
-                                metric.info.higher_is_better ? "higher" : "lower", metric.protocol);
-        } else {
-            json["not_measured"][key] = score.reason;
-            text += fmt::format("{:<10} {}\n", key, score.reason);
-        }
-        json["protocol"][metric.info.name] = metric.protocol;
-    }
-    std::fputs(arguments.json ? (json.dump(1) + "\n").c_str() : text.c_str(), stdout);
+    const std::vector<ImageScore> scores = compare_images(arguments.render, arguments.truth, names, options);
+    std::fputs(arguments.json ? (scores_json(scores).dump(1) + "\n").c_str() : format_scores(scores).c_str(), stdout);
 }
 
 }  // namespace

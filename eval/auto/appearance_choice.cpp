@@ -42,4 +42,16 @@ RemainingError classify_remaining_error(const ResidualParts& parts, double toler
     return gain_in_decibels(parts.direction) > tolerance ? RemainingError::kReflectance : RemainingError::kUnresolved;
 }
 
+bool needs_trials(const ResidualParts& parts, double tolerance) { return gain_in_decibels(parts.direction) > tolerance; }
+
+AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance) {
+    AppearanceDecision decision{measured.plain_model};
+    if (measured.obstacle) return decision;
+    decision.remaining = classify_remaining_error(measured.parts, tolerance);
+    if (measured.trials.empty()) return decision;
+    decision.choice = choose_appearance(measured.trials, tolerance);
+    decision.model = measured.trials[decision.choice->chosen].model;
+    return decision;
+}
+
 }  // namespace gs

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a model without view dependence leaves of photographs, taken apart: does it depend on the direction, on the image, or on neither?
+// What a model without view dependence leaves of photographs, taken apart: does it depend on the direction, on the
+// image, or on neither?
 #pragma once
 
 #include <vector>
@@ -11,9 +12,9 @@ namespace gs {
 
 /// Shares of squared errors.
 struct ResidualParts {
-    double photometric = 0;         ///< of held-out photographs: what an affine map of each one's colours takes off
-    /// Of the rest, over photographs that were trained on: what a smooth function of the direction takes off, at each place predicted from all
-    /// photographs but the one it is tried on. Near 0 or below where there is nothing to learn.
+    double photometric = 0;  ///< what an affine map of colours takes off the error of each held-out photograph
+    /// What a smooth function of the direction takes off the rest, over photographs that were trained on. At each place
+    /// it is predicted from all photographs but the one it is tried on. Near 0 or below where there is nothing to learn.
     double direction = 0;
     double held_out_direction = 0;  ///< the same on held-out photographs; below 0 where images contradict each other
 };

@@ -29,7 +29,7 @@ using Clock = std::chrono::steady_clock;
 /// Rounds through the test views in which frames are timed: about a second on a GPU; on the CPU one round is as long.
 constexpr int kFrameRoundsCuda = 20, kFrameRoundsCpu = 1;
 
-/// What CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
+/// Returns what CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
 std::vector<std::string> visible_gpus() {
     std::vector<std::string> names;
     if (const char* chosen = std::getenv("CUDA_VISIBLE_DEVICES")) {
@@ -42,7 +42,7 @@ std::vector<std::string> visible_gpus() {
     return names;
 }
 
-/// The message of a program that ended with an error, out of the last lines it printed.
+/// Returns the message of a program that ended with an error, from the last lines it printed.
 std::string error_of(const ProcessResult& result) {
     static const std::string kMark = "error: ";
     for (auto line = result.last_lines.rbegin(); line != result.last_lines.rend(); ++line)
@@ -80,7 +80,7 @@ class CellRunner {
         }
     }
 
-    /// Takes one cell after another until there is none.
+    /// Trains one cell after another until there is none.
     void work(const std::string& gpu, bool cuda) {
         while (const std::optional<std::size_t> k = take()) {
             CellOutcome outcome;
@@ -110,9 +110,10 @@ class CellRunner {
         log_info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
         const std::string config = options.model + ".yaml";
         write_text_atomic(config, options_to_yaml(options));
-        std::vector<std::string> command = {fs::read_symlink("/proc/self/exe").string(), "train", "--config", config, "--time-frames",
+        const fs::path program = hooks_.program.empty() ? fs::read_symlink("/proc/self/exe") : hooks_.program;
+        std::vector<std::string> command = {program.string(), "train", "--config", config, "--time-frames",
                                             std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
-        if (holds_same_run(options)) command.push_back("--overwrite"); // anew: the time of a resumed run is not that of the training
+        if (holds_same_run(options)) command.push_back("--overwrite"); // from the start: a resumed run would not tell the time of the training
         std::vector<std::pair<std::string, std::string>> environment;
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const auto begin = Clock::now();
@@ -154,7 +155,7 @@ class CellRunner {
 
     const std::vector<Cell>& cells_;
     const CellHooks& hooks_;
-    std::mutex mutex_; ///< of all below
+    std::mutex mutex_; ///< guards all below
     std::vector<std::size_t> pending_;
     std::exception_ptr hook_failure_;
     CellsSummary summary_;

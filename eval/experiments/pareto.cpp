@@ -10,8 +10,8 @@
 namespace gs {
 namespace {
 
-/// Of each of these points the distance between its two neighbours in every objective, relative to the objective's range, summed;
-/// infinite for the ends.
+/// Returns for each point the distance between its two neighbours in every objective, relative to the objective's range,
+/// summed over the objectives; infinite for the ends.
 std::vector<double> crowding_distance(const std::vector<Objectives>& points) {
     std::vector<double> distance(points.size(), 0);
     std::vector<std::size_t> order(points.size());

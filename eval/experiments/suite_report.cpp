@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// In one cell of the table.
+/// Returns the text as one field of the table: without line breaks and bars.
 std::string one_line(std::string text) {
     std::replace(text.begin(), text.end(), '\n', ' ');
     std::replace(text.begin(), text.end(), '|', '/');
@@ -22,7 +22,7 @@ std::string one_line(std::string text) {
 }
 
 Json json_of(const SuiteLine& line) {
-    Json json = {{"row", line.cell.row}, {"appearance", line.cell.appearance}, {"run", line.cell.options.model}};
+    Json json = {{"row", line.row}, {"appearance", line.appearance}, {"run", line.cell.options.model}};
     json["status"] = line.result ? "finished" : line.error.empty() ? "not trained" : "failed";
     if (!line.error.empty()) json["error"] = line.error;
     if (!line.result) return json;
@@ -35,7 +35,7 @@ Json json_of(const SuiteLine& line) {
 std::string format_suite(const std::vector<SuiteLine>& lines) {
     std::string out = "| run | appearance | PSNR | SSIM | #Gs | training, s | FPS | MB |\n|---|---|---:|---:|---:|---:|---:|---:|\n";
     for (const SuiteLine& line : lines) {
-        out += fmt::format("| {} | {} |", line.cell.row, line.cell.appearance);
+        out += fmt::format("| {} | {} |", line.row, line.appearance);
         if (line.result) {
             const CellResult& r = *line.result;
             out += fmt::format(" {:.2f} | {:.4f} | {} | {:.1f} | {:.1f} | {:.1f} |\n", r.psnr, r.ssim, r.num_gaussians, r.train_seconds,

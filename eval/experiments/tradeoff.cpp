@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-constexpr double kSame = 0.05;  ///< costs that differ by less are not worth any quality, or a number
+constexpr double kSame = 0.05;  ///< costs that differ by a smaller share count as equal
 
 std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs) {
     std::vector<Objectives> points;
@@ -57,7 +57,8 @@ class Recommender {
     const CellResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
-    /// Of those near enough to the best in quality the one of least cost, or a better one that costs about the same.
+    /// Among the runs near enough to the best in quality, returns the one of least cost, or a better one that costs
+    /// about the same.
     template <class Cost>
     std::size_t least(const Cost& cost) const {
         std::vector<std::size_t> allowed;

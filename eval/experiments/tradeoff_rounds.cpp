@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// Of --iterations, by round.
+/// What --iterations is divided by in each round.
 constexpr std::int64_t kDivisors[] = {4, 2, 1};
 
 }  // namespace

@@ -50,7 +50,7 @@ std::string report_frame_times(const Comparison& comparison) {
         html = html_table(table, kFrameProtocol);
     }
     if (!unmeasured.empty())
-        html += fmt::format("<p class=\"note\">Not measured: {}. <code>gsapp bench --frames RUN</code> measures runs, and the next page shows it.</p>\n",
+        html += fmt::format("<p class=\"note\">Not measured: {}. <code>gsapp bench frames RUN</code> measures runs, and the next page shows it.</p>\n",
                             html_escaped(fmt::format("{}", fmt::join(unmeasured, ", "))));
     return html;
 }

@@ -25,7 +25,7 @@ struct TableRow {
     std::map<std::string, std::string> not_measured;  ///< why a metric that was asked for has no value, by its name
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;
-    std::optional<FrameTimes> frame_times;  ///< of `gsapp bench --frames`
+    std::optional<FrameTimes> frame_times;  ///< of `gsapp bench frames`
     std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
     std::optional<std::int64_t> bytes_per_gaussian;  ///< of the appearance
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare

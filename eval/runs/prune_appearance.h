@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gsapp prune-appearance`: Gaussians that show no view dependence lose the parameters for it.
+// Takes the parameters of view dependence from Gaussians that show none.
 #pragma once
 
 #include <cstdint>

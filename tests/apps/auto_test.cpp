@@ -48,7 +48,7 @@ TEST(AutoAppearance, AResumedRunDoesNotDecideAgain) {
 
 TEST(AutoAppearance, IsRefusedWhereRunsAreCompared) {
     const Program program;
-    for (const char* command : {"train --eval --runs 2 --appearance auto", "bench --suite densification --appearances sh,auto", "tradeoff --axes appearance=none,auto",
+    for (const char* command : {"train --eval --runs 2 --appearance auto", "bench suite densification --appearances sh,auto", "tradeoff --axes appearance=none,auto",
                                 "tradeoff --axes budget --appearance auto"}) {
         const Outcome outcome = program.run(std::string(command) + " -s builtin:diffuse --device cpu -r 8 -m out");
         EXPECT_EQ(outcome.exit_code, 2) << command;

@@ -55,6 +55,26 @@ TEST(AppearanceChoice, ValuesDirectionInDecibels) {
     EXPECT_TRUE(std::isfinite(gain_in_decibels(1)));
 }
 
+TEST(AppearanceChoice, DecidesFromMeasurementsAlone) {
+    AppearanceMeasurements measured;
+    measured.plain_model = "none";
+    measured.parts = {0.05, 0.12, 0.08};
+    EXPECT_TRUE(needs_trials(measured.parts, 0.1));
+    EXPECT_FALSE(needs_trials(measured.parts, 1));
+    AppearanceDecision decision = decide_appearance(measured, 1);
+    EXPECT_EQ(decision.model, "none");
+    EXPECT_EQ(decision.remaining, RemainingError::kUnresolved);
+    EXPECT_FALSE(decision.choice);
+    measured.trials = {kNone, {"small", 44, 3, 26.91}, {"large", 200, 2, 27}};
+    decision = decide_appearance(measured, 0.1);
+    EXPECT_EQ(decision.model, "small");
+    EXPECT_EQ(decision.remaining, RemainingError::kReflectance);
+    ASSERT_TRUE(decision.choice);
+    EXPECT_EQ(decision.choice->best, 2u);
+    measured.obstacle = Obstacle::kMasks;
+    EXPECT_EQ(decide_appearance(measured, 0.1).model, "none") << "nothing was measured";
+}
+
 TrainOptions glossy(int width, std::int64_t iterations) {
     TrainOptions options;
     options.source = "builtin:glossy";

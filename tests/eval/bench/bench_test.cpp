@@ -8,6 +8,7 @@
 #include <cmath>
 #include <set>
 
+#include "eval/bench/bench_cases.h"
 #include "eval/bench/generated_set.h"
 #include "eval/metrics/quantize.h"
 #include "kernels/core/parallel.h"
@@ -179,6 +180,30 @@ TEST(GeneratedSet, ViewsShowTheSetItself) {
     const auto middle = std::size_t(360 * 1280 + 640);
     EXPECT_GT(rendered.alpha[middle], 0.2f) << "the cameras look at the set";
     EXPECT_LT(rendered.alpha[10 * 1280 + 5], 0.01f) << "and see past it";
+}
+
+TEST(Bench, RepeatsByDeviceUnlessTheUserSays) {
+    EXPECT_EQ(bench_options("cpu", 0, 0).repeat, 20);
+    EXPECT_EQ(bench_options("cpu", 0, 0).frame_repeat, 3);
+    EXPECT_EQ(bench_options("cpu", 7, 5).repeat, 7);
+    EXPECT_EQ(bench_options("cpu", 7, 5).frame_repeat, 5);
+}
+
+TEST(Bench, ComparesBothSettingsOfDeterminismOnlyWhenAsked) {
+    WatchedBackend backend(kSh);
+    const Gaussians model = generated_gaussians(60, 1, kSh);
+    const Scene scene = small_scene(backend, model);
+    TrainOptions options = some_options();
+    options.device = Device::kCpu;
+    const BenchOptions few{.repeat = 1, .frame_repeat = 1};
+    EXPECT_FALSE(bench_model(backend, options, scene, model, few, false).deterministic_seconds);
+    const BenchResult both = bench_model(backend, options, scene, model, few, true);
+    EXPECT_EQ(both.default_seconds, both.iteration_seconds);
+    EXPECT_TRUE(both.deterministic_seconds);
+    options.deterministic = true;
+    const BenchResult other = bench_model(backend, options, scene, model, few, true);
+    EXPECT_EQ(other.deterministic_seconds, other.iteration_seconds);
+    EXPECT_TRUE(other.default_seconds);
 }
 
 }  // namespace
