@@ -93,7 +93,7 @@ int main(int argc, char** argv) {
     try {
         return gs::run(argc, argv);
     } catch (const gs::Interrupted& e) {
-        log_warning("{}", e.what());
+        gs::log_warning("{}", e.what());
         return static_cast<int>(e.code());
     } catch (const gs::Error& e) {
         return gs::report(e.what(), e.code());
