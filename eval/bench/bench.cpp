@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Times steps and frames over decoded views.
 #include "eval/bench/bench.h"
 
 #include <algorithm>

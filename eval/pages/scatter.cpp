@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Axes, marks, labels and a legend, as elements of SVG.
 #include "eval/pages/scatter.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs the stretches, and carries a model over to another appearance.
 #include "lib/train/rehearsal.h"
 
 #include <algorithm>
