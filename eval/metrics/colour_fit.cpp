@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Solves the normal equations of the colour fit.
 #include "eval/metrics/colour_fit.h"
 
 #include <Eigen/QR>
