@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes tables as HTML and fills in placeholders.
 #include "eval/pages/html_page.h"
 
 #include <fmt/format.h>
