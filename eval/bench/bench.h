@@ -43,7 +43,7 @@ struct BenchResult {
     std::vector<StageCost> stages;              ///< costs per iteration in the marked steps
     std::vector<StageCost> without_residual;    ///< costs at degree 0; empty for a model without a residual
     MemoryUse memory;                           ///< use at the end
-    std::optional<double> default_seconds, deterministic_seconds;  ///< mean times of an iteration, if both were measured
+    std::optional<double> default_seconds, deterministic_seconds;  ///< mean of an iteration, if both were measured
 };
 
 /// Returns the model that training would begin with, with all degrees active.

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+// The body of the report page as embedded text.
 #pragma once
 
 namespace gs {
 
-/// eval/report/report_page.html: the body of write_report's page, with {{tables}}, {{plots}}, {{program}} and {{pictures}}, in this order, to be filled in.
+/// The text of eval/report/report_page.html: the body of write_report's page, with the placeholders {{tables}},
+/// {{frames}}, {{plots}}, {{stability}}, {{program}} and {{pictures}} in this order.
 extern const char* const kReportPage;
 
 }  // namespace gs

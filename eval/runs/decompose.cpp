@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Requests the parts of a picture.
 #include "eval/runs/decompose.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses, names and describes the photometric correction.
 #include "eval/runs/eval_correction.h"
 
 #include <fmt/format.h>

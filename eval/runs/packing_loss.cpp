@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Draws a packed scene with the run's renderer and scores it.
 #include "eval/runs/packing_loss.h"
 
 #include "eval/runs/evaluate.h"
