@@ -11,7 +11,7 @@ namespace gs {
 namespace {
 
 constexpr std::array<double, 3> kMean = {0.485, 0.456, 0.406}, kDeviation = {0.229, 0.224, 0.225};  ///< ImageNet's
-constexpr double kC1 = 1e-6, kC2 = 1e-6;  ///< with them a channel that is 0 in both images agrees
+constexpr double kC1 = 1e-6, kC2 = 1e-6;  ///< make a channel that is 0 in both images agree
 constexpr int kImageChannels = 3;
 
 /// Returns the weighted disagreement of the two maps in one channel.

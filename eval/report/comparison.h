@@ -13,7 +13,7 @@ namespace gs {
 /// Statistics of one column over the runs of a line.
 struct ColumnStats {
     double mean = 0;
-    std::optional<double> deviation;  ///< of the sample (n - 1); empty for one run and for infinite values
+    std::optional<double> deviation;  ///< sample deviation (n - 1); empty for one run and for infinite values
     double worst = 0;                 ///< worst value; the mean in a column without direction
     std::size_t worst_run = 0;        ///< number of the worst run, from 0
     int place = 0;  ///< 1, 2, 3 in its table; 0 = none. Values that read the same share a place

@@ -16,7 +16,7 @@
 
 namespace gs {
 
-/// What is measured and written.
+/// The choices of an evaluation: protocol, metrics and pictures.
 struct EvalOptions {
     Protocol protocol = protocols().front();
     std::filesystem::path run_folder;  ///< pictures go to its <split>/ours_<iteration>/{renders,gt}; empty = none

@@ -15,7 +15,7 @@
 namespace gs::test {
 namespace {
 
-/// Colours as trained scenes have them, opacities around a half.
+/// Returns Gaussians with colours like those of trained scenes and opacities around a half.
 Gaussians dull_gaussians(const AppearanceSpec& appearance) {
     Gaussians g = random_gaussians(1000, appearance);
     for (float& x : g[Group::kBase].param) x *= 0.2f;

@@ -9,7 +9,7 @@ namespace {
 
 class GpuCapacity : public Gpu {
   protected:
-    /// The message of the DeviceError that `call` must end with.
+    /// Returns the message of the DeviceError that `call` must throw.
     template <class Call> static std::string device_error(Call&& call) {
         try {
             call();
@@ -66,8 +66,8 @@ TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
     EXPECT_NE(gpu->download(false)[Group::kMean].param, model[Group::kMean].param);
 }
 
-/// Views with few and with a hundred times more instances, of which several are under way before the host learns that one did
-/// not fit. What a step points to is overwritten as soon as it returns.
+/// Steps through views with few and with a hundred times more instances. Several are under way before the host learns
+/// that one did not fit. The data that a step points to is overwritten as soon as it returns.
 TEST_F(GpuCapacity, StepsThatDidNotFitAreRepeated) {
     const TestScene scene = random_scene(3000, 3, 640, 480, -0.5, 5);
     const CameraParams<float> few = cast<float>(test_camera(48, 36)), many = scene.camera;

@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// The settings that trade accuracy for speed: each does what it says, and nothing else. Skipped where there is no device.
+// SPDX-License-Identifier: Apache-2.0 The settings that trade accuracy for speed: each does what it says, and nothing
+// else. Skipped where there is no device.
 #include <algorithm>
 #include <bit>
 
@@ -114,7 +114,7 @@ TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
     expect_same_bits(again->download(true), b);
 }
 
-/// Every kind of step and of moved rows, among them residuals that are caught up late.
+/// Takes every kind of step and moves rows, among them residuals that are caught up late.
 TEST_F(GpuPrecision, PackedMomentsTrainLikeFullOnes) {
     const auto train = [&](const BackendOptions& options) {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);

@@ -17,8 +17,9 @@ std::vector<RenderRequest> views_of(const TestScene& scene) {
     return views;
 }
 
-/// Both within rounding of the same sum: float exponentials and atomics differ in the last bits, and a fragment may lie on the
-/// other side of a threshold. `rounding`: TestScene::informative, what single precision is good for in a scene.
+/// Expects scores that differ by rounding only. Float exponentials and atomics differ in the last bits, and a fragment
+/// may lie on the other side of a threshold. `rounding` is TestScene::informative, what single precision is good for in
+/// a scene.
 void expect_near(const std::vector<float>& cpu, const std::vector<float>& gpu, double rounding) {
     ASSERT_EQ(cpu.size(), gpu.size());
     const float largest = cpu.empty() ? 0 : *std::max_element(cpu.begin(), cpu.end());

@@ -1,6 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows no
-// model by name, so that it runs on any registry.
+// SPDX-License-Identifier: Apache-2.0 Every registered model in the renderer: gradients through each colour activation,
+// and the parts of a picture. Knows no model by name, so that it runs on any registry.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -18,7 +17,7 @@ namespace {
 constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
                                             ColorActivation::kHardSigmoid};
 
-/// Whether phi has a kink near y: closer than a parameter that is moved by a finite difference's step can carry it.
+/// Returns whether phi has a kink so near to y that the step of a finite difference may cross it.
 bool near_kink(ColorActivation activation, double y) {
     constexpr double kMargin = 1e-3;
     const bool low = activation == ColorActivation::kRelu || activation == ColorActivation::kHardSigmoid;
@@ -72,7 +71,7 @@ TYPED_TEST(EveryModel, RendersWithMatchingGradientsThroughEachActivation) {
     }
 }
 
-/// The picture of one mode; a residual, which is a difference, before black.
+/// Renders the picture of one mode. A residual is a difference and stands before black.
 std::vector<float> part(Backend& backend, const CameraParams<double>& camera, RenderMode mode) {
     RenderRequest request;
     request.camera = cast<float>(camera);

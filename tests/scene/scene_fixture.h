@@ -93,7 +93,7 @@ inline void write_model(const std::filesystem::path& folder, const std::vector<T
     spit(folder / "points3D.bin", points_bin(points));
 }
 
-/// A gradient, so that geometry mistakes show.
+/// Returns an image with a gradient, so that mistakes of geometry show.
 inline Image gradient_image(int width, int height, int channels = 3) {
     Image image{width, height, channels, {}, {}};
     for (int y = 0; y < height; ++y)
