@@ -65,8 +65,8 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     GS_HD Vec3<T> world(const Vec3<T>& v) const { return x * v.x + y * v.y + z * v.z; }
 
     /// Computes the gradient of the three raw angles from the gradient `g` of the local direction `v`. A turn of the
-    /// frame about an axis e changes L by e . (g x v), so that no sine is divided by. The axes are world z, (-sin
-    /// theta, cos theta, 0) and the lobe's.
+    /// frame about an axis e changes L by e . (g x v), so that no sine is divided by. The axes are world z,
+    /// (-sin theta, cos theta, 0) and the lobe's.
     GS_HD void raw_gradient(const T* raw, const Vec3<T>& g, const Vec3<T>& v, T* dL_draw) const {
         const Vec3<T> local_torque = cross(g, v), torque = world(local_torque);
         dL_draw[0] = LobeAngle<T>::of(raw[0]).raw_gradient(raw[0], kWholeSphere ? T(2) * torque.z : torque.z);
@@ -115,8 +115,8 @@ template <class T> struct LobeDensity {
     static GS_HD T sharpness_gradient(T raw, T gradient) {
         return gradient_at_least(gradient_at_most(gradient, raw, T(kLargestRawShape)), raw, T(kSmallestRawSharpness));
     }
-    /// Returns d ln N / d ln lambda = 1 - t/(e^t - 1). Where that cancels it takes the series t/2 - sum B_2k t^2k /
-    /// (2k)!, which is exact to the last digit in double.
+    /// Returns d ln N / d ln lambda = 1 - t/(e^t - 1). Where that cancels it takes the series
+    /// t/2 - sum B_2k t^2k / (2k)!, which is exact to the last digit in double.
     static GS_HD T norm_slope(T t) {
         if (!(t < T(0.25))) return T(1) - t / gs_expm1(t);
         const T x = t * t;

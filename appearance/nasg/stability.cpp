@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the degenerate cases of NASG and NASGabor.
+// The degenerate lobes that the stability measurement tries.
 #include "appearance/nasg/stability.h"
 
 #include <algorithm>
@@ -20,8 +20,8 @@ template <class Model> std::vector<double> lobe(double angle, double raw_sharpne
     return raw;
 }
 
-/// Returns the world direction of local (vx, vy, vz) in the frame of zero angles, which is exact in float: x =
-/// (0,0,-1), y = (-1,0,0), z = (0,1,0).
+/// Returns the world direction of local (vx, vy, vz) in the frame of zero angles, which is exact in float:
+/// x = (0,0,-1), y = (-1,0,0), z = (0,1,0).
 std::array<double, 3> unturned(double vx, double vy, double vz) { return {-vy, vz, -vx}; }
 
 /// Returns the density at the axis, N = lambda sqrt(1+a) / (2 pi (1 - e^(-2 lambda))).

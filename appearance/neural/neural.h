@@ -22,8 +22,8 @@ struct ExactSinCos {
 /// biases; the constant of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or
 /// enter as they are where kFrequencies is 0.
 ///
-/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as (3,
-/// kNeurons). Every row belongs to all neurons of a layer.
+/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as
+/// (3, kNeurons). Every row belongs to all neurons of a layer.
 template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
     static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers, kNeurons = kNeuronCount;
     static constexpr int kMaxResidual = kFeatures;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the degenerate cases of the neural models.
+// The degenerate networks that the stability measurement tries.
 #include "appearance/neural/stability.h"
 
 #include <algorithm>

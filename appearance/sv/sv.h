@@ -63,8 +63,7 @@ template <int kSites> struct SphericalVoronoi {
             largest = c.likelier ? logit : largest;
             return c;
         }
-        /// Returns the weight of a logit before the division by the sum. Fused multiply-add may leave the logit's
-        /// product a rounding above its own maximum.
+        /// Returns the weight of a logit before the division by the sum.
         GS_HD T relative(T logit) const { return gs_exp(at_most(logit - largest, T(0))); }
     };
 

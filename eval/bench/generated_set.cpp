@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the numbers of a generated set and renders its views.
+// Gaussians drawn on the surfaces of spheres, and cameras around them.
 #include "eval/bench/generated_set.h"
 
 #include <Eigen/Dense>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures every level of precision against frames in double.
+// Frames of every precision, timed and compared with the reference in double.
 #include "eval/bench/precision.h"
 
 #include <fmt/format.h>

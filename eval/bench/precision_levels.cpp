@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the levels of precision.
+// The options that each level sets.
 #include "eval/bench/precision_levels.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solves the normal equations of the colour fit.
+// Least squares over pixels, for one map of colours.
 #include "eval/metrics/colour_fit.h"
 
 #include <Eigen/QR>

@@ -37,7 +37,7 @@ struct MetricOptions {
     LpipsRange lpips_range = LpipsRange::kSymmetric;
     double flip_pixels_per_degree = kFlipPixelsPerDegree;
     std::filesystem::path weights;  ///< folder that scripts/export_metric_weights.py wrote; empty = none
-    std::string device = "auto";    ///< device of learned metrics: auto, cpu, cuda
+    std::string device = "auto";    ///< that learned metrics compute on: auto, cpu, cuda
 };
 
 /// A metric ready to be computed.

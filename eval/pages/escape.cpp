@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Replaces the characters that each format treats specially.
+// Escapes for HTML, Markdown, LaTeX and CSV.
 #include "eval/pages/escape.h"
 
 #include <cstring>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes tables as HTML and fills in placeholders.
+// The head of a page, tables in HTML, and templates filled in.
 #include "eval/pages/html_page.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists the columns and reads their values from rows.
+// The list of columns, and the value of each in a row.
 #include "eval/report/columns.h"
 
 #include <fmt/format.h>

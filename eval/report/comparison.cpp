@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Groups rows into lines and tables and gives places.
+// Groups rows into tables and lines, and averages what was repeated.
 #include "eval/report/comparison.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The body of the report page as embedded text.
+// The template of the report's page.
 #pragma once
 
 namespace gs {

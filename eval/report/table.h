@@ -25,7 +25,7 @@ struct TableRow {
     std::map<std::string, std::string> not_measured;  ///< reason by name, for metrics that were asked for
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;
-    std::optional<FrameTimes> frame_times;  ///< written by `gsapp bench --frames`
+    std::optional<FrameTimes> frame_times;  ///< of `gsapp bench --frames`
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training
     std::optional<std::int64_t> bytes_per_gaussian;  ///< size of the appearance
     std::string correction;     ///< correction_name; scores of different ones do not compare

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses, names and describes the photometric correction.
+// Chooses the correction of a view, and says it in words.
 #include "eval/runs/eval_correction.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws a packed scene with the run's renderer and scores it.
+// Scores the test views of the model and of its packed form.
 #include "eval/runs/packing_loss.h"
 
 #include "eval/runs/evaluate.h"

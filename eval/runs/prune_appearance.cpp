@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds and clears residuals that no camera shows.
+// Finds the Gaussians whose colour no camera sees change, and clears their parameters.
 #include "eval/runs/prune_appearance.h"
 
 #include <fmt/format.h>

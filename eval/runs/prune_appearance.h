@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Clears the residuals of Gaussians that show no view dependence (`gsapp prune-appearance`).
+// Takes the parameters of view dependence from Gaussians that show none.
 #pragma once
 
 #include <cstdint>

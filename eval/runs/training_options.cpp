@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Selects the options that decide what a run becomes.
+// Collects the options that decide what a training makes, as texts.
 #include "eval/runs/training_options.h"
 
 #include <algorithm>

@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 The 24 descriptions of an ellipsoid: all are the same one, and the chosen one
-// comes back from its codes better than the plain one.
+// SPDX-License-Identifier: Apache-2.0
+// The 24 descriptions of an ellipsoid: all are the same one, and the chosen one comes back from its codes better than
+// the plain one.
 #include "lib/export/ellipsoid_axes.h"
 
 #include <gtest/gtest.h>

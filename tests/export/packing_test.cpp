@@ -63,8 +63,7 @@ TEST(Packing, ShowsTheResidualAtEveryDegree) {
                     worst = std::max(worst, largest(model->packing->residual(scene.appearance, i, d) - exact_residual(g, i, d)));
                 }
             }
-            // Halves: a few units of 2^-11. SH: half a step of each coefficient, 15 of them, of bands that reach about
-            // 1.2.
+            // Halves: a few units of 2^-11. SH: half a step of each coefficient, 15 of them, of bands that reach about 1.2.
             EXPECT_LE(worst, scene.appearance.header.model == PackedModel::kSh ? 0.12 : 5e-3);
             if (degree == 0) { EXPECT_EQ(worst, 0); }
         }

@@ -29,8 +29,8 @@ void expect_images_within_bounds(Backend& backend, const TestScene& scene) {
 
 namespace {
 
-/// Compares one step from zero moments, after which m = 0.1 g, v = 0.001 g^2 and the parameter has moved by rate *
-/// sign(g).
+/// Compares one step from zero moments, after which m = 0.1 g, v = 0.001 g^2 and the parameter has moved by
+/// rate * sign(g).
 void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r, const StepReference& want, const std::vector<char>& seen) {
     backend.upload(scene.model);
     backend.step(r);

@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 Densification on the device against the CPU backend: the same rows, in the same
-// order. Skipped where there is no device.
+// SPDX-License-Identifier: Apache-2.0
+// Densification on the device against the CPU backend: the same rows, in the same order. Skipped where there is no
+// device.
 #include <gtest/gtest.h>
 
 #include <bit>

@@ -1,6 +1,7 @@
-// SPDX-License-Identifier: Apache-2.0 Every appearance model on the CUDA backend against the CPU's templates in double:
-// colours, gradients, shared weights; the separate pass against the fused kernels. Bounds on images and gradients as
-// such are in image_test.cpp and step_test.cpp.
+// SPDX-License-Identifier: Apache-2.0
+// Every appearance model on the CUDA backend against the CPU's templates in double: colours, gradients, shared weights;
+// the separate pass against the fused kernels. Bounds on images and gradients as such are in image_test.cpp and
+// step_test.cpp.
 #include "appearance/model_info.h"
 #include "kernels/loss/loss.h"
 #include "tests/gpu/gpu_test.h"

@@ -1,6 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 A scalar whose every operation is off by a random part of what single precision
-// may be off by: Monte Carlo arithmetic (Parker, Monte Carlo Arithmetic, 1997; Vignes, A stochastic arithmetic for
-// reliable scientific computation, 1993).
+// SPDX-License-Identifier: Apache-2.0
+// A scalar whose every operation is off by a random part of what single precision may be off by: Monte Carlo arithmetic
+// (Parker, Monte Carlo Arithmetic, 1997; Vignes, A stochastic arithmetic for reliable scientific computation, 1993).
 //
 // Several evaluations of the same formula with different noise spread like fp32 evaluations in different orders do.
 // Unlike running bounds (rounding.h) the spread knows that errors partly cancel: sums over thousands of pixels of both

@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 The settings that trade accuracy for speed: each does what it says, and nothing
-// else. Skipped where there is no device.
+// SPDX-License-Identifier: Apache-2.0
+// The settings that trade accuracy for speed: each does what it says, and nothing else. Skipped where there is no
+// device.
 #include <algorithm>
 #include <bit>
 

@@ -107,8 +107,7 @@ template <class Model, class Real> struct Projected {
     }
 };
 
-// --- images: bounds
-// ---------------------------------------------------------------------------------------------------
+// --- images: bounds --------------------------------------------------------------------------------------------------
 
 bool may_be_at_least(Rounded x, double threshold) { return x.v + x.e + kRoundoff * threshold >= threshold; }
 bool certain(Rounded x, double threshold) { return std::abs(x.v - threshold) > x.e + kRoundoff * threshold; }
@@ -159,8 +158,7 @@ template <class Model> RenderReference bounded_render(const Gaussians& model, co
     return out;
 }
 
-// --- gradients: samples
-// -----------------------------------------------------------------------------------------------
+// --- gradients: samples ----------------------------------------------------------------------------------------------
 
 /// A sum over the pixels of a sub-tile, with the sum of magnitudes.
 struct Sum {

@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 Every registered model in the renderer: gradients through each colour activation,
-// and the parts of a picture. Knows no model by name, so that it runs on any registry.
+// SPDX-License-Identifier: Apache-2.0
+// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows
+// no model by name, so that it runs on any registry.
 #include <gtest/gtest.h>
 
 #include <string>

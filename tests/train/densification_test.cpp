@@ -49,8 +49,8 @@ TrainOptions speedy_options() {
     return o;
 }
 
-/// Makes all calls of a whole training. Returns the Gaussians pruned by score in before_step
-/// and in after_step.
+/// Makes all calls of a whole training. Returns the numbers of Gaussians that before_step and
+/// after_step pruned by score.
 std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, std::vector<RenderRequest>(3));

@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 Photometric correction through the training loop: what is recovered, what auto
-// decides, resuming, taking over another run's values.
+// SPDX-License-Identifier: Apache-2.0
+// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another
+// run's values.
 #include "lib/train/photometric.h"
 
 #include <gtest/gtest.h>

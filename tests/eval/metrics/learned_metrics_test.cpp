@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 LPIPS, DISTS and MILO on seeded random weights, against their definitions in
-// plain loops in double; mistakes in weights.
+// SPDX-License-Identifier: Apache-2.0
+// LPIPS, DISTS and MILO on seeded random weights, against their definitions in plain loops in double; mistakes in
+// weights.
 #include <gtest/gtest.h>
 
 #include <algorithm>
