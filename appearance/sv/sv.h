@@ -50,7 +50,7 @@ template <int kSites> struct SphericalVoronoi {
     template <class T> struct Softmax {
         T largest = T(-1e30), sum = T(0);
 
-        /// What adding a logit does to the sums.
+        /// The change that a new logit makes to the sums.
         struct Change {
             bool likelier; ///< true: `factor` multiplies the sums so far; false: it multiplies the new term
             T factor;

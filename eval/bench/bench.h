@@ -15,7 +15,7 @@ namespace gs {
 /// The size at which renderers are usually compared.
 constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 
-/// How often things are measured.
+/// Numbers of repetitions.
 struct BenchOptions {
     int repeat = 20;       ///< iterations in one measurement
     int frame_repeat = 3;  ///< rounds through all views when frames are timed
@@ -65,8 +65,7 @@ double iteration_seconds(Backend& backend, const TrainOptions& options, const Sc
 /// it was: cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene at the same scale.
 Camera with_size(Camera camera, int width, int height);
 
-/// Returns the time, bytes and operations that the residual adds to stage `k`: the stage less the same stage at degree
-/// 0.
+/// Returns the time, bytes and operations that the residual adds to stage `k`: the stage less itself at degree 0.
 StageCost appearance_share(const BenchResult& result, std::size_t k);
 
 /// Writes the result as Markdown: frames, iterations, and one line a stage with time, items, time per item, floor and

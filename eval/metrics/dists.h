@@ -23,8 +23,7 @@ class Dists {
     /// layers of a VGG16 with L2 pooling. The images have values in [0,1] and 3 channels and are compared at their
     /// size: the authors' script, unlike their class, first shrinks the shorter side to 256. Throws UsageError when
     /// sizes differ. The result does not depend on the number of threads.
-    /// Source: Ding et al. 2020, "Image Quality Assessment: Unifying Structure and Texture Similarity", equations 6 to
-    /// 8.
+    /// Source: Ding et al. 2020, "Image Quality Assessment: Unifying Structure and Texture Similarity", eq. 6 to 8.
     double operator()(const Image& a, const Image& b) const;
 
     static constexpr int kMinSide = 1;  ///< fewest pixels in either direction; l2_pool rounds up

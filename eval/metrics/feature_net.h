@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// How a net shrinks its feature maps between stages.
+/// The operation that shrinks feature maps between stages.
 enum class Pooling {
     kMax2,  ///< maximum of 2x2, stride 2
     kMax3,  ///< maximum of 3x3, stride 2

@@ -33,8 +33,7 @@ class Lpips {
     /// of the mean over pixels of the weighted squared difference of features that have unit length in each pixel. The
     /// images have values in [0,1] and 3 channels. Throws UsageError when sizes differ or are below min_side(). The
     /// result does not depend on the number of threads.
-    /// Source: Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", version
-    /// 0.1.
+    /// Source: Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", v0.1.
     double operator()(const Image& a, const Image& b) const;
 
     /// Returns the fewest pixels in either direction. VGG16 halves four times and rounds down; 31 pixels leave AlexNet

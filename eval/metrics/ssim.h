@@ -8,8 +8,7 @@
 
 namespace gs {
 
-/// How windows of 11x11 pixels that leave the image are treated. The three conventions in circulation differ by up to
-/// 0.004.
+/// The treatment of 11x11 windows that leave the image. The three conventions in circulation differ by up to 0.004.
 enum class SsimBorder {
     kValid,    ///< only windows inside the image count: torchmetrics up to 1.4.1
     kReflect,  ///< all pixels count, the image is mirrored without repeating its edge: torchmetrics from 1.4.2

@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// One point, its label and how it looks.
+/// One point, its label and its look.
 struct ScatterPoint {
     double x = 0, y = 0;
     double deviation = 0;  ///< half the length of a bar along y; 0 = none

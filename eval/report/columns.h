@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// Which values of a column are better.
+/// The direction in which a column's values are better.
 enum class Better { kNeither, kHigher, kLower };
 
 /// A column: its names, and how its values are read and written.

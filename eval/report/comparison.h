@@ -37,7 +37,7 @@ struct ComparisonTable {
     std::vector<ComparisonLine> lines;
 };
 
-/// All tables.
+/// The tables of all scenes and datasets.
 struct Comparison {
     std::string protocol;  ///< protocol_line of all rows, or a note that none is stated
     std::vector<Column> columns;

@@ -58,7 +58,7 @@ TEST(Ngsplat, OffsetsAreThoseOfTheFormat) {
     EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "g.ngsplat"), 48), 1u << 6);
 }
 
-/// CRC-32 bit by bit, as its polynomial is defined.
+/// Computes CRC-32 bit by bit, as its polynomial is defined.
 std::uint32_t plain_crc(const std::string& bytes) {
     std::uint32_t crc = 0xffffffff;
     for (const char c : bytes) {

@@ -24,7 +24,8 @@ class GpuCapacity : public Gpu {
     }
 };
 
-/// 8192x8192 pixels are 512 x 683 tiles; 2^31 / 349 696 = 6141 Gaussians that cover all of them are too many.
+/// 8192x8192 pixels are 512 x 683 = 349 696 tiles. More than 2^31 / 349 696 = 6141 Gaussians that cover them all are
+/// too many.
 TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
     auto s = random_gaussians(7000, 0, 3);
     std::fill(s[Group::kScale].param.begin(), s[Group::kScale].param.end(), 4.0);

@@ -48,7 +48,7 @@ Difference compare(const std::vector<float>& a, const std::vector<float>& b) {
     return d;
 }
 
-/// Roundings decide about single fragments at the cutoff, so that few pixels may differ, by at most what is cut off.
+/// Rounding decides about single fragments at the cutoff, so a few pixels may differ by at most what is cut off.
 TEST_F(GpuPrecision, CutoffsAreThoseOfTheCpu) {
     const BackendOptions options{.min_alpha = 4.0 / 255, .min_transmittance = 0.01};
     const auto cpu = make_cpu_backend(scene_.model.appearance, options), gpu = make_cuda_backend(scene_.model.appearance, options);

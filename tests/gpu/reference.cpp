@@ -34,7 +34,7 @@ template <class Real> CameraParams<Real> camera_of(const CameraParams<float>& c)
 constexpr int kTile = 32; ///< of the reference; a whole number of the device's sub-tiles
 constexpr int kSubX = 8, kSubY = 4;
 
-/// All Gaussians as splats, and which of them may reach each tile, front to back.
+/// All Gaussians as splats, and for each tile those that may reach it, front to back.
 template <class Model, class Real> struct Projected {
     const Gaussians& model;
     CameraParams<Real> camera;
@@ -166,8 +166,8 @@ struct Sum {
     void add(double term, double magnitude) { v += term, size += magnitude; }
 };
 
-/// Roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of a
-/// product (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from
+/// The roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of
+/// a product (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from
 /// the sub-tile's centre to the mean (4 u).
 constexpr double kSumUnits = 8 + 18 + 4;
 /// Moments are taken about the sub-tile's centre, at most this far from a pixel of it in x and y together.

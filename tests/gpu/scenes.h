@@ -26,7 +26,7 @@ struct NamedScene {
     friend std::ostream& operator<<(std::ostream& out, const NamedScene& s) { return out << s.name; }
 };
 
-/// Where a pixel position at a depth lies in the world.
+/// Returns the point in the world that a pixel shows at this depth.
 inline Vec3<double> unproject(const CameraParams<double>& c, double x, double y, double depth) {
     return c.rotation.transposed_times(Vec3<double>{(x - c.cx) / c.fx * depth, (y - c.cy) / c.fy * depth, depth} - c.translation);
 }
@@ -65,7 +65,7 @@ inline TestScene random_scene(std::int64_t n, int degree, int width, int height,
     return finished(std::move(s), test_camera(width, height));
 }
 
-/// Returns faint Gaussians around one pixel (spread 0: exactly there). One tile gets a list of many chunks with saved
+/// Returns faint Gaussians around one pixel (spread 0: exactly there): one tile with a list of many chunks and saved
 /// states.
 inline TestScene one_tile_scene(double spread, double raw_opacity) {
     const auto camera = test_camera(30, 22);

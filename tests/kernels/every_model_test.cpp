@@ -31,7 +31,7 @@ class EveryModel : public ::testing::Test {
   protected:
     const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
 
-    /// Random Gaussians with the whole residual active and no colour near a kink from `camera`.
+    /// Returns random Gaussians with the whole residual active and no colour near a kink from `camera`.
     GaussianState<double> random_model(std::int64_t n, ColorActivation activation, const CameraParams<double>& camera) {
         auto s = random_gaussians(n, 0, 31);
         s.appearance = {info.name, info.max_degree_limit, activation};

@@ -78,7 +78,7 @@ Isp<double> random_isp(std::uint32_t seed, double brightest, const Stages& stage
     return isp;
 }
 
-/// Analytic gradients against central differences. Returns how many were not zero.
+/// Compares analytic gradients with central differences. Returns how many were not zero.
 int check_gradient(Isp<double> isp) {
     const std::vector<double> analytic = isp.gradient();
     std::vector<double*> value;

@@ -123,8 +123,7 @@ struct Bump {
     double value = 0;
 };
 
-/// Blends all Gaussians at every pixel in depth order, in double, straight from the definitions (matrix inverse and
-/// all).
+/// Blends all Gaussians at every pixel in depth order, in double, straight from the definitions.
 class BruteForce {
   public:
     BruteForce(const GaussianState<double>& s, const CameraParams<double>& camera) {

@@ -19,7 +19,7 @@ struct Case {
     std::vector<double> params;
 };
 
-/// One strongly but sensibly distorted 640x480 camera per model.
+/// Returns one strongly but sensibly distorted 640x480 camera per model.
 const std::vector<Case>& cases() {
     static const std::vector<Case> list = {
         {M::kSimplePinhole, {500, 310, 245}},

@@ -128,7 +128,7 @@ TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
     expect_resuming_equals_not_stopping(small_options(tmp.path() / "whole", GetParam()), 37, tmp.path() / "part");
 }
 
-/// Values of `name` in the log lines of this event.
+/// Returns the values of `name` in the log lines of this event.
 std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event, const std::string& name) {
     std::ifstream log(RunFolder{o.model}.train_log());
     std::vector<std::int64_t> values;

@@ -21,7 +21,7 @@ inline Image noise_image(int width, int height, std::uint64_t seed) {
     return image;
 }
 
-/// Tensors by name, and a file of them.
+/// Tensors by name that are written to a file.
 struct WeightFile {
     std::map<std::string, std::pair<std::vector<std::int64_t>, std::vector<float>>> tensors;
 
