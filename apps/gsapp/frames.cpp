@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Times the frames of runs and of generated sets, and prints one table.
 #include "apps/gsapp/frames.h"
 
 #include <cstdio>
@@ -15,7 +16,7 @@
 namespace gs {
 namespace {
 
-FrameTimesLine time_run(const std::string& folder, const FramesArguments& arguments, const std::string& device) {
+FrameTimesLine time_run(const std::string& folder, const FramesArguments& arguments, Device device) {
     const SavedRun run = open_saved_run(folder, arguments.iteration, {.device = device});
     const RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
     std::vector<Camera> cameras;
@@ -30,8 +31,7 @@ FrameTimesLine time_generated(std::int64_t count, const FramesArguments& argumen
     const AppearanceSpec appearance = appearance_spec(options);
     const auto backend = choose_backend(options.device, appearance, backend_options(options));
     backend->upload(generated_gaussians(count, options.seed, appearance));
-    const auto rgb = parse_background(options.background).rgb;
-    return {"-", "generated", options.appearance, count, measure_frame_times(*backend, generated_cameras(), {rgb[0], rgb[1], rgb[2]}, arguments.frames_per_view)};
+    return {"-", "generated", options.appearance, count, measure_frame_times(*backend, generated_cameras(), options.background.color, arguments.frames_per_view)};
 }
 
 }  // namespace

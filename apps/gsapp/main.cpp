@@ -89,7 +89,7 @@ int report(const std::string& message, ExitCode code) {
 }  // namespace gs
 
 int main(int argc, char** argv) {
-    gs::setup_log("info");
+    gs::setup_log(gs::LogLevel::kInfo);
     try {
         return gs::run(argc, argv);
     } catch (const gs::Interrupted& e) {

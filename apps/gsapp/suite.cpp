@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs the cells of a suite, writes its tables after each, and prints them.
 #include "apps/gsapp/suite.h"
 
 #include <fmt/format.h>

@@ -182,7 +182,7 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
     command->callback([train, arguments, &selected] {
         selected = [train, arguments] {
             const TrainOptions base = train->combine();
-            setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
+            setup_log(shown_messages(base));
             run_tradeoff(base, *arguments);
         };
     });

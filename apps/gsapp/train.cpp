@@ -41,11 +41,6 @@ std::string default_run_folder(const TrainOptions& options, const std::string& s
     }
 }
 
-std::string log_level(const TrainOptions& options) {
-    if (options.quiet) return "warn";
-    return options.verbose ? "debug" : options.log_level;
-}
-
 void describe_scene(const Scene& scene) {
     log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
                  scene.split_rule, scene.points.positions.size());
@@ -57,20 +52,18 @@ class Evaluation {
   public:
     /// `frame_rounds`: how often frames of the trained model are timed; 0 = not at all.
     Evaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds)
-        : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
-        const auto rgb = parse_background(options.background).rgb;  // black where the training draws random ones
-        background_ = {rgb[0], rgb[1], rgb[2]};
-    }
+        : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {}
 
     void operator()(std::int64_t iteration, Backend& backend) {
         // Pictures of intermediate iterations would fill disks; their scores are kept.
         const bool last = iteration == options_.iterations;
+        const Vec3<float>& background = options_.background.color;
         eval_ = {.run_folder = last ? fs::path(options_.model) : fs::path(), .iteration = iteration, .correction = saved_correction(options_.model)};
-        result_ = evaluate_views(backend, scene_.test, background_, eval_);
-        facts_ = run_facts(options_, scene_, background_, backend.count());
-        if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
+        result_ = evaluate_views(backend, scene_.test, background, eval_);
+        facts_ = run_facts(options_, scene_, background, backend.count());
+        if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background, frame_rounds_);
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
-        if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
+        if (last) write_comparison(comparison(), backend, scene_.test, background, kComparisonViews, eval_.correction);
         const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
         log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
                      corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
@@ -103,7 +96,6 @@ class Evaluation {
     const Scene& scene_;
     Progress& progress_;
     const int frame_rounds_;
-    Vec3<float> background_;
     EvalOptions eval_;
     EvalResult result_;
     RunFacts facts_;
@@ -115,8 +107,8 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
 
 /// Trains one run. Returns its row where views were held out.
 std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
-    setup_log(log_level(options));
-    if (options.device == "cuda" && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+    setup_log(shown_messages(options));
+    if (options.device == Device::kCuda && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = default_run_folder(options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     const Scene scene = load_scene(scene_options(options));

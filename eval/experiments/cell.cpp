@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads what a finished run left, and says how a run differs from the one in its folder.
 #include "eval/experiments/cell.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Starts and watches the processes, and collects their results.
 #include "eval/experiments/cell_runner.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads axes from words, and spreads the configurations over them.
 #include "eval/experiments/tradeoff_axes.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Rounds of a grid and of successive halving.
 #include "eval/experiments/tradeoff_rounds.h"
 
 #include <fmt/format.h>

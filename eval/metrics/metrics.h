@@ -11,6 +11,7 @@
 #include "eval/metrics/flip.h"
 #include "eval/metrics/lpips.h"
 #include "eval/metrics/ssim.h"
+#include "lib/core/choices.h"
 
 namespace gs {
 
@@ -37,7 +38,7 @@ struct MetricOptions {
     LpipsRange lpips_range = LpipsRange::kSymmetric;
     double flip_pixels_per_degree = kFlipPixelsPerDegree;
     std::filesystem::path weights;  ///< folder that scripts/export_metric_weights.py wrote; empty = none
-    std::string device = "auto";    ///< that learned metrics compute on: auto, cpu, cuda
+    Device device = Device::kAuto;  ///< device of learned metrics
 };
 
 /// A metric ready to be computed.
@@ -51,7 +52,7 @@ struct Metric {
 
 /// Makes the named metrics in that order and loads their weights to the device, those of VGG16 once. A metric whose
 /// files are missing answers with that reason. Throws DataError naming file and tensor for damaged files, UsageError
-/// naming the known metrics for another name, and DeviceError for "cuda" without a device.
+/// naming the known metrics for another name, and DeviceError for kCuda without a device.
 std::vector<Metric> make_metrics(const std::vector<std::string>& names, const MetricOptions& options);
 
 /// Splits a list as typed, e.g. "psnr,ssim,flip", into names without repetitions in the order of known_metrics(). "all"

@@ -66,15 +66,14 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     run.options = load_run_options(run_folder);
     run.options.model = run_folder.string(); // the folder may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
-    if (!instead.device.empty()) run.options.device = instead.device;
+    if (instead.device) run.options.device = *instead.device;
     const SavedModel model = read_saved_model(run_folder, iteration);
     run.iteration = model.iteration;
     run.correction = model.correction;
     run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
     run.backend->upload(model.state);
     run.scene = load_scene(scene_options(run.options));
-    const Background background = parse_background(run.options.background);
-    run.background = {background.rgb[0], background.rgb[1], background.rgb[2]};
+    run.background = run.options.background.color;
     return run;
 }
 
@@ -96,7 +95,7 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
     facts.appearance_choice = read_appearance_choice(options.model);
     if (!facts.appearance_choice.is_null()) facts.model += " by auto";
-    facts.strategy = options.strategy + (options.speedy_splat ? " + speedy-splat" : "");
+    facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.background = background;
     facts.num_gaussians = num_gaussians;

@@ -41,7 +41,8 @@ SavedModel read_saved_model(const std::filesystem::path& run_folder, std::option
 
 /// Values that replace the run's own options where they are not empty.
 struct RunChanges {
-    std::string source = {}, device = {};
+    std::string source = {};
+    std::optional<Device> device = {};
 };
 
 /// Opens a model as read_saved_model does, and the scene that the run was trained on, or the one that `instead` names.

@@ -5,15 +5,14 @@
 #include <fmt/core.h>
 
 #include <filesystem>
-#include <string>
+
+#include "lib/core/choices.h"
 
 namespace gs {
 
-/// Sends messages of `level` ("trace", "debug", "info", "warn", "error") and above to stderr through spdlog's default
+/// Sends messages of `level` and above to stderr through spdlog's default
 /// logger. Replaces an earlier set-up.
-void setup_log(const std::string& level);
-
-enum class LogLevel { kDebug, kInfo, kWarning, kError };
+void setup_log(LogLevel level);
 
 /// Writes one message. The arguments come without their types, so that a call costs its unit no templates.
 void log_message(LogLevel level, fmt::string_view format, fmt::format_args arguments);
@@ -26,7 +25,7 @@ template <class... Args> void log_info(fmt::format_string<Args...> format, Args&
     log_message(LogLevel::kInfo, format, fmt::make_format_args(args...));
 }
 template <class... Args> void log_warning(fmt::format_string<Args...> format, Args&&... args) {
-    log_message(LogLevel::kWarning, format, fmt::make_format_args(args...));
+    log_message(LogLevel::kWarn, format, fmt::make_format_args(args...));
 }
 template <class... Args> void log_error(fmt::format_string<Args...> format, Args&&... args) {
     log_message(LogLevel::kError, format, fmt::make_format_args(args...));

@@ -12,14 +12,14 @@ namespace gs {
 namespace {
 
 const char* type_word(const Option& option) {
-    switch (option.field.index()) {
-        case 0:
+    return std::visit(
+        [](auto member) {
+            using T = std::decay_t<decltype(TrainOptions{}.*member)>;
+            if constexpr (std::is_same_v<T, double>) return "NUMBER";
+            if constexpr (std::is_integral_v<T> || std::is_same_v<T, std::vector<std::int64_t>>) return "INTEGER";
             return "TEXT";
-        case 5:
-            return "NUMBER";
-        default:
-            return "INTEGER";
-    }
+        },
+        option.field);
 }
 
 bool is_switch(const Option& option) { return std::holds_alternative<bool TrainOptions::*>(option.field); }
@@ -98,7 +98,7 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
         }
     }
     const bool white = std::any_of(white_.begin(), white_.end(), [](const CLI::Option* o) { return o->count() > 0; });
-    if (white) options.background = "white";
+    if (white) options.background = Background::white();
 }
 
 TrainOptions TrainArguments::base(bool stored_run) const {

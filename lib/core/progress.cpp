@@ -9,6 +9,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "kernels/core/clock.h"
+
 namespace gs {
 namespace {
 
@@ -37,25 +39,24 @@ Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, 
     : style_(style),
       bar_(bar),
       lines_(lines),
-      interval_(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds_between_lines))) {}
+      interval_(seconds_between_lines) {}
 
 void Progress::start(std::int64_t total, std::int64_t done, const std::string& stage) {
     stage_ = stage;
     total_ = total;
     shown_iteration_ = done;
-    shown_time_ = Clock::now();
+    shown_time_ = seconds_now();
     rate_ = 0;
 }
 
 bool Progress::due(std::int64_t iteration) const {
     if (style_ == ProgressStyle::kSilent || iteration <= shown_iteration_) return false;
-    return iteration == total_ || Clock::now() - shown_time_ >= interval_;
+    return iteration == total_ || seconds_now() - shown_time_ >= interval_;
 }
 
 void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
     if (!due(iteration)) return;
-    const Clock::time_point now = Clock::now();
-    const double seconds = std::chrono::duration<double>(now - shown_time_).count();
+    const double now = seconds_now(), seconds = now - shown_time_;
     if (seconds > 0) {
         const double latest = double(iteration - shown_iteration_) / seconds;
         // Smoothed over a few lines, because iterations get slower as the model grows and single ones differ by view.

@@ -2,7 +2,6 @@
 // Shows the progress of a run: one changing line on a terminal, JSON lines for programs, nothing when quiet.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
@@ -46,7 +45,6 @@ class Progress {
     void finish();
 
   private:
-    using Clock = std::chrono::steady_clock;
     void show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     void show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     double eta_seconds(std::int64_t iteration) const { return double(total_ - iteration) / rate_; }
@@ -54,11 +52,11 @@ class Progress {
     ProgressStyle style_;
     std::ostream& bar_;
     std::ostream& lines_;
-    Clock::duration interval_;
+    double interval_;  ///< seconds between two lines
     std::string stage_;
     std::int64_t total_ = 0;
     std::int64_t shown_iteration_ = 0;
-    Clock::time_point shown_time_;
+    double shown_time_ = 0;
     double rate_ = 0;        ///< iterations per second, smoothed; 0 = not known yet
     bool bar_open_ = false;  ///< the cursor is at the end of a bar
 };

@@ -13,12 +13,12 @@
 #include "appearance/sh/sh.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/core/spherical_harmonics.h"
 
 namespace gs {
 namespace {
 
 constexpr int kDirections = 256;
-constexpr double kY0 = 0.28209479177387814;
 
 /// Returns a Fibonacci lattice of unit vectors; `phase` turns it about its axis, radians.
 std::vector<Vec3<double>> directions(double phase) {

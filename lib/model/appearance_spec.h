@@ -9,11 +9,6 @@
 
 namespace gs {
 
-/// Returns relu, softplus, sigmoid or hardsigmoid, as on the command line and in files.
-const char* color_activation_name(ColorActivation activation);
-/// Returns the activation of a name. Throws UsageError naming the known activations.
-ColorActivation parse_color_activation(const std::string& name);
-
 /// Returns the options' appearance as the kernels take it. Throws UsageError for unknown names.
 AppearanceSpec appearance_spec(const TrainOptions& options);
 

@@ -14,6 +14,7 @@
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/core/portable.h"
+#include "lib/core/choices.h"
 #include "lib/core/version.h"
 #include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
@@ -125,7 +126,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
                                                    {"active_degree", std::to_string(g.active_degree)},
                                                    {"appearance", g.appearance.model},
                                                    {"max_degree", std::to_string(g.appearance.max_degree)},
-                                                   {"color_activation", color_activation_name(g.appearance.activation)},
+                                                   {"color_activation", word(g.appearance.activation)},
                                                    {"options", checkpoint.options_yaml}};
     add_ppisp(g.ppisp, tensors, metadata);
     write_safetensors(path, tensors, metadata);

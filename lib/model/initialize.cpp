@@ -35,7 +35,8 @@ struct PointAdaptor {
 };
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAdaptor>, PointAdaptor, 3>;
 
-bool sees(const Camera& camera, const Eigen::Vector3d& point) {
+/// Whether the rasterizer would draw a Gaussian here: in the image and between its near and far planes.
+bool in_frustum(const Camera& camera, const Eigen::Vector3d& point) {
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;
     const CameraParams<double> planes{};
     if (!(p.z() > planes.near_plane && p.z() < planes.far_plane)) return false;
@@ -58,7 +59,7 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
         Eigen::Vector3d p;
         for (int k = 0; k < 3; ++k) p[k] = center[k] + half * (2 * uniform_from_bits<double>(r.v[k]) - 1);
         drawn[std::size_t(i)] = p.cast<float>();
-        seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return sees(v.camera, p); });
+        seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return in_frustum(v.camera, p); });
     });
     PointCloud cloud;
     for (std::size_t i = 0; i < drawn.size(); ++i) {
@@ -93,7 +94,7 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     return means;
 }
 
-InitOptions init_options(const TrainOptions& options) { return {options.strategy == "mcmc", options.init_points, options.seed}; }
+InitOptions init_options(const TrainOptions& options) { return {options.strategy == Strategy::kMcmc, options.init_points, options.seed}; }
 
 PointCloud initial_points(const Scene& scene, const InitOptions& options) {
     if (scene.points.positions.empty()) return random_points(scene, options);

@@ -189,7 +189,7 @@ void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
                                   "source_path={}, white_background={})",
                                   flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())), options.resolution,
                                   options.appearance == "sh" ? options.sh_degree : 0, quoted(absolute(options.source)),
-                                  flag(options.background == "white")));
+                                  flag(options.background.always(1, 1, 1))));
 }
 
 void write_input_points(const RunFolder& folder, const PointCloud& points) {

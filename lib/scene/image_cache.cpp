@@ -2,8 +2,9 @@
 // Keeps decoded views in memory under a byte budget and decodes ahead on background threads.
 #include "lib/scene/image_cache.h"
 
-#include <chrono>
 #include <utility>
+
+#include "kernels/core/clock.h"
 
 namespace gs {
 namespace {
@@ -30,7 +31,7 @@ std::shared_ptr<const ViewImage> ImageCache::get(std::size_t index) {
     std::unique_lock lock(mutex_);
     Entry& entry = entries_.at(index);
     if (entry.state == State::kReady) return take(index);
-    const auto start = std::chrono::steady_clock::now();
+    const double start = seconds_now();
     // Between the image's arrival and our waking up, another thread may take it and, with a small budget, drop it. Then
     // decode here.
     while (entry.state != State::kReady && entry.state != State::kFailed) {
@@ -39,7 +40,7 @@ std::shared_ptr<const ViewImage> ImageCache::get(std::size_t index) {
         else
             load(index, lock);
     }
-    wait_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    wait_seconds_ += seconds_now() - start;
     if (entry.state == State::kReady) return take(index);
     entry.state = State::kAbsent;
     entry.pinned = false;

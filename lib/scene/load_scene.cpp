@@ -20,11 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 
 void check_options(const SceneOptions& options) {
-    const auto one_of = [](const std::string& name, const std::string& value, const char* a, const char* b) {
-        if (value != a && value != b) throw UsageError(fmt::format("{} is '{}'; must be '{}' or '{}'", name, value, a, b));
-    };
-    one_of("mask_mode", options.mask_mode, "ignore", "transparent");
-    one_of("alpha_mode", options.alpha_mode, "transparent", "mask");
     const int r = options.resolution;
     // Other small numbers are mistyped divisors, not widths.
     if (r != -1 && r != 1 && r != 2 && r != 4 && r != 8 && r < 16)

@@ -25,9 +25,9 @@ std::optional<MaskFile> find_mask(const std::filesystem::path& scene, const std:
 /// Reads a mask and resizes it to the given size: loss weights, 255 = use, 0 = ignore.
 Image load_mask(const MaskFile& file, bool invert, int width, int height);
 
-/// Applies SceneOptions::alpha_mode and then mask_mode to a decoded view. The alpha_mode "mask" moves the alpha channel
-/// into the mask. The mask_mode "transparent" multiplies the mask into the alpha channel. `mask` must have the size of
+/// Applies SceneOptions::alpha_mode and then mask_mode to a decoded view. AlphaMode::kMask moves the alpha channel
+/// into the mask. MaskMode::kTransparent multiplies the mask into the alpha channel. `mask` must have the size of
 /// `color`.
-ViewImage combine(Image color, std::optional<Image> mask, const std::string& alpha_mode, const std::string& mask_mode);
+ViewImage combine(Image color, std::optional<Image> mask, AlphaMode alpha_mode, MaskMode mask_mode);
 
 }  // namespace gs

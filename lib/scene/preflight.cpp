@@ -22,7 +22,8 @@ std::string listed(const std::vector<std::string>& items) {
     return text;
 }
 
-bool sees(const Camera& camera, const Eigen::Vector3d& point) {
+/// Whether the point lies in the image, at any depth before the camera.
+bool in_image(const Camera& camera, const Eigen::Vector3d& point) {
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;
     if (!(p.z() > 0)) return false;
     const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
@@ -83,7 +84,7 @@ std::optional<std::string> check_points(const std::vector<View>& views, const Po
         for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
             const Eigen::Vector3d point = points.positions[i].cast<double>();
             std::size_t tried = 0;
-            for (; tried < views.size() && !sees(views[last].camera, point); ++tried) last = (last + 1) % views.size();
+            for (; tried < views.size() && !in_image(views[last].camera, point); ++tried) last = (last + 1) % views.size();
             unseen += tried == views.size();
         }
     });

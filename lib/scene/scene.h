@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "lib/core/choices.h"
 #include "lib/io/image.h"
 
 namespace gs {
@@ -73,9 +74,9 @@ struct SceneOptions {
     bool eval = false;            ///< hold out test views
     int test_every = 8;           ///< every n-th view of the name-sorted list is a test view; 0 = none
     std::string test_list;        ///< file with one image name per line; overrides test_every
-    std::string mask_mode = "ignore"; ///< "ignore" = loss weight, "transparent" = target composited on the background
+    MaskMode mask_mode = MaskMode::kIgnore;
     bool invert_masks = false;
-    std::string alpha_mode = "transparent"; ///< for RGBA photographs: "transparent" or "mask"
+    AlphaMode alpha_mode = AlphaMode::kTransparent; ///< for RGBA photographs
     bool exif = false;            ///< read View::exif_exposure, which opens every image file once more
     std::uint64_t seed = 0;
 };

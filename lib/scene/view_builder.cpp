@@ -23,7 +23,8 @@ struct LoadJob {
     SourceView source;
     Camera pinhole;  ///< after undistortion, before resizing
     int width, height;
-    std::string alpha_mode, mask_mode;
+    AlphaMode alpha_mode;
+    MaskMode mask_mode;
     bool invert_masks;
 
     ViewImage operator()() const {
@@ -75,11 +76,11 @@ View ViewBuilder::build(const SourceView& source) {
         camera = resized(camera, width, height);
     }
 
-    const bool mask_to_alpha = source.mask && options_.mask_mode == "transparent";
-    const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == "mask";
+    const bool mask_to_alpha = source.mask && options_.mask_mode == MaskMode::kTransparent;
+    const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == AlphaMode::kMask;
     const bool alpha =
-        (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha || (alpha_to_mask && options_.mask_mode == "transparent");
-    const bool mask = (source.mask || alpha_to_mask) && options_.mask_mode != "transparent";
+        (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha || (alpha_to_mask && options_.mask_mode == MaskMode::kTransparent);
+    const bool mask = (source.mask || alpha_to_mask) && options_.mask_mode != MaskMode::kTransparent;
     has_alpha_ = has_alpha_ || alpha;
     View view;
     view.name = source.name;

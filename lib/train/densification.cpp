@@ -42,8 +42,8 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         if (iteration > 0) degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
         backend.set_active_degree(degree_);
     }
-    const bool adc = options_.strategy == "adc";
-    const bool due = options_.strategy != "none" && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
+    const bool adc = options_.strategy == Strategy::kAdc;
+    const bool due = options_.strategy != Strategy::kNone && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
                      (iteration - options_.densify_from_iter) % options_.densification_interval == 0;
     if (due && adc) {
         AdcParams p;

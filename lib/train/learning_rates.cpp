@@ -20,7 +20,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
                                   double(options.position_lr_max_steps))),
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
-      noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {
+      noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0) {
     spacing_ = camera_spacing(scene.train);
     opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
     appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.lobe_lr});

@@ -29,7 +29,7 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     const bool cuda = uses_cuda(options.device);
     const double per_gaussian = 12.0 * floats + (cuda ? 104 : 56), per_pixel = cuda ? 60 : 4.0 * (3 + 1 + 3 + 3 + 9);
     const int per_instance = (cuda ? 21 : 58) + (cuda && options.deterministic ? 288 : 0);
-    const std::int64_t most = options.strategy == "none" ? num_gaussians : std::max(num_gaussians, options.cap_max);
+    const std::int64_t most = options.strategy == Strategy::kNone ? num_gaussians : std::max(num_gaussians, options.cap_max);
     log_info("memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for a view of {:.1f} Mpx, plus "
                  "{} B per Gaussian-tile instance",
                  std::min(images, budget) / kMiB, images > budget ? " (all: " + std::to_string(std::int64_t(images / kMiB)) + " MiB, re-read beyond --image-cache)" : "",

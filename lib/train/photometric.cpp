@@ -39,10 +39,10 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
     }
     if (!options.ppisp_from.empty())
         take_from(options.ppisp_from);
-    else if (options.ppisp == "on")
+    else if (options.ppisp == PpispMode::kOn)
         initial_ = begin();
     active_ = initial_.active();
-    if (options.ppisp == "auto" && options.iterations <= kPhotometricDecision)
+    if (options.ppisp == PpispMode::kAuto && options.iterations <= kPhotometricDecision)
         log_warning("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off", kPhotometricDecision, options.iterations);
     if (active_) log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
 }
@@ -91,7 +91,7 @@ void Photometric::take_from(const std::filesystem::path& path) {
 void Photometric::resume(Gaussians& state, std::int64_t iteration) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
-        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
+        if (options_.ppisp == PpispMode::kOff) throw UsageError("option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
         if (held.num_frames != int(scene_.train.size()) || held.num_cameras != scene_.num_cameras)
             throw DataError(fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of {}; is it another scene or split?", held.num_frames,
                                         held.num_cameras, scene_.train.size(), scene_.num_cameras));
@@ -105,7 +105,7 @@ void Photometric::resume(Gaussians& state, std::int64_t iteration) {
 
 std::optional<PhotometricDecision> Photometric::decide(Backend& backend, std::int64_t iteration, const Vec3<float>& background,
                                                        const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
-    if (options_.ppisp != "auto" || active_ || iteration != kPhotometricDecision) return {};
+    if (options_.ppisp != PpispMode::kAuto || active_ || iteration != kPhotometricDecision) return {};
     PhotometricDecision decision;
     decision.variation = measure_variation(backend, scene_.train, background, image);
     decision.on = decision.variation.nothing_to_tell.empty() && decision.variation.stops > kPhotometricThreshold;

@@ -44,7 +44,7 @@ class Run {
           hooks_(hooks),
           appearance_(appearance_spec(options)),
           views_(options_, scene),
-          schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
+          schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
           writer_(std::move(start.folder), options_, scene, photometric_) {

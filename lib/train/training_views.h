@@ -37,7 +37,7 @@ class TrainingViews {
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
     double wait_seconds() const { return images_.wait_seconds(); }
     /// Returns the background, RGB; black if the steps' background is random.
-    Vec3<float> fixed_background() const { return {background_.rgb[0], background_.rgb[1], background_.rgb[2]}; }
+    Vec3<float> fixed_background() const { return background_.color; }
 
   private:
     Vec3<float> background_at(std::int64_t iteration) const;

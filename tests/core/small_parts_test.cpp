@@ -57,7 +57,7 @@ TEST(Version, NamesTheProgram) {
 
 TEST(Log, MessagesReachTheFileByLevel) {
     test::TemporaryFolder folder;
-    setup_log("warn");
+    setup_log(LogLevel::kWarn);
     add_log_file(folder.path() / "gsapp.log");
     log_info("not this");
     log_warning("but this");
