@@ -12,7 +12,7 @@
 
 namespace gs::tensor {
 
-/// Where values saturate as they become halves; the largest half is 65504.
+/// Magnitude at which values saturate when they become halves. The largest half is 65504.
 inline constexpr float kSaturation = 60000.0f;
 
 /// Adds A B to C.

@@ -49,7 +49,7 @@ TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
     ASSERT_EQ(image.rgb.size(), expected.rgb.size());
     for (std::size_t i = 0; i < image.rgb.size(); ++i) ASSERT_NEAR(image.rgb[i], expected.rgb[i], 1e-3);
 
-    // The same from a step, which is refused when its count is known.
+    // A step is refused, too, when its count is known.
     const RandomTarget large_target(8192, 8192, 3), small_target(32, 24, 3);
     expect_too_many_instances(device_error([&] {
         gpu->step(step_request(large.camera, large_target.image()));

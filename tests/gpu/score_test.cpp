@@ -54,7 +54,7 @@ TEST_P(GpuScoresOf, AreThoseOfTheCpu) {
 TEST_P(GpuScoresOf, PruneTheRowsOfTheCpu) {
     const TestScene scene = GetParam().make();
     for (const double ratio : {0.0, 0.3, 0.8, 1.0}) {
-        // With a fixed order the scores that are asked for are the very ones that it prunes by.
+        // Pruning uses the very scores that are asked for when the order is fixed.
         const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true});
         gpu->upload(scene.model);
         Gaussians expected = gpu->download(true);

@@ -104,7 +104,7 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
                 EXPECT_NEAR(std::abs(full[i] - base[i]), residual[i], 2e-6f);
                 moved += residual[i];
             }
-            // Of several the distances add up, while in the full picture opposite ones cancel.
+            // The distances of several Gaussians add up, while opposite ones cancel in the full picture.
             backend->upload(cast<float>(this->random_model(6, activation, camera)));
             full = part(*backend, camera, RenderMode::kFull), base = part(*backend, camera, RenderMode::kBaseOnly),
             residual = part(*backend, camera, RenderMode::kResidualOnly);
