@@ -19,7 +19,8 @@ const ModelInfo& nasgabor_info();
 namespace {
 
 using appearance::LobeDensity;
-// With the frame of the reference, in which golden values are given; WholeSphere below compares the registered models with it.
+// These models have the frame of the reference, in which golden values are given. WholeSphere below compares the
+// registered models with them.
 using Nasg = appearance::NasgLobes<false, 1, false>;
 using Nasgabor = appearance::NasgLobes<true, 1, false>;
 template <class T> using LobeFrame = appearance::LobeFrame<T, false>;
@@ -79,7 +80,7 @@ TEST(Nasg, DensityIntegratesToOne) {
             constexpr int kRings = 4000, kSectors = 128;
             double sum = 0;
             for (int i = 0; i < kRings; ++i) {
-                // Rings of equal area where lambda is small, crowded at the axis where it is large: z = 1 - 2 u^2.
+                // Rings have equal areas where lambda is small and crowd at the axis where it is large: z = 1 - 2 u^2.
                 const double u = (i + .5) / kRings, z = 1 - 2 * u * u, r = std::sqrt(1 - z * z);
                 for (int j = 0; j < kSectors; ++j) {
                     const double phi = 2 * M_PI * (j + .5) / kSectors;
@@ -112,7 +113,7 @@ TEST(Nasg, IsContinuousAtTheAxis) {
 }
 
 TEST(Nasg, AntipodeIsDarkExceptAcrossTheRidge) {
-    // Where v_x = 0 the density stays N exp(-2 lambda); in every other azimuth it falls to 0.
+    // The density stays N exp(-2 lambda) where v_x = 0 and falls to 0 in every other azimuth.
     const double lambda = .5, a = .5, bottom = std::sqrt(1.5) / (4 * M_PI) / -std::expm1(-1) * std::exp(-1);
     EXPECT_NEAR(density_at<double>(0, 0, true, lambda, a).value, bottom, 1e-3 * bottom);
     EXPECT_NEAR(density_at<float>(0, 0, true, lambda, a).value, bottom, 1e-3 * bottom);
@@ -121,8 +122,8 @@ TEST(Nasg, AntipodeIsDarkExceptAcrossTheRidge) {
     EXPECT_LT(density_at<double>(1e-6, 0, true, lambda, a).value, density_at<double>(1e-4, 0, true, lambda, a).value);
 }
 
-/// Worst difference of the analytic gradients to fourth-order central ones at a direction `s` away from the axis (or its
-/// antipode); relative to the length of the direction's gradient, of the angles', and of all others.
+/// Returns the worst difference of the analytic gradients to fourth-order central ones at a direction `s` away from the
+/// axis (or its antipode), relative to the length of the direction's gradient, of the angles', and of all others.
 template <class Model> double gradient_error(double s, double azimuth, bool antipode, double raw_sharpness, double raw_anisotropy, double h) {
     std::vector<double> p = {.3, -.4, .2, raw_sharpness, raw_anisotropy};
     if (Model::kPerLobe == 9) p.push_back(-.3);
@@ -231,7 +232,8 @@ TEST(Nasg, ClampedShapesComeBack) {
 }
 
 TEST(Nasg, SharpnessOfUniformLobesHasAGradient) {
-    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float 1 - t/(e^t - 1) is off by more than that.
+    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float 1 - t/(e^t - 1) is off by more
+    // than that.
     for (const float raw : {-13.f, -10.f, -7.f, -2.5f, -2.f}) {
         const auto narrow = LobeDensity<float>::of({.6f, .48f, .64f}, raw, -1.f);
         const auto wide = LobeDensity<double>::of({.6f, .48f, .64f}, raw, -1.);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neural: a few features per Gaussian and one tiny network for all of them.
+// Neural: a few features per Gaussian and one small network for all of them.
 #pragma once
 
 #include "appearance/clamps.h"
@@ -10,19 +10,21 @@
 
 namespace gs::appearance {
 
-/// Features that enter as they are count as this at most: products with weights over a few layers stay finite. The gradient
-/// passes, so that one beyond comes back.
+/// Limit of features that enter the network as they are, so that products with weights over a few layers stay finite.
+/// The gradient passes, so that a feature beyond the limit comes back.
 inline constexpr double kLargestFeature = 1e4;
 
+/// The sine and cosine of the encoding at full precision.
 struct ExactSinCos {
     template <class T> GS_HD void operator()(T x, T& s, T& c) const { gs_sincos(x, s, c); }
 };
 
-/// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]; no biases, the constant
-/// of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or enter as they are (0).
+/// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]. There are no
+/// biases; the constant of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or
+/// enter as they are where kFrequencies is 0.
 ///
-/// Layout of the shared weights: every row belongs to all neurons of a layer. W_0 as (kInputs, kNeurons), hidden matrices as
-/// (from, to), the output as (3, kNeurons).
+/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as
+/// (3, kNeurons). Every row belongs to all neurons of a layer.
 template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
     static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers, kNeurons = kNeuronCount;
     static constexpr int kMaxResidual = kFeatures;
@@ -33,9 +35,9 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     static constexpr int kFirstOutput = kInputs * kNeurons + (kLayers - 1) * kNeurons * kNeurons;
     static constexpr int kNumShared = kFirstOutput + 3 * kNeurons;
 
-    /// Where the matrix into hidden layer `layer` begins.
+    /// Returns where the matrix into hidden layer `layer` begins.
     static GS_HD constexpr int matrix(int layer) { return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons; }
-    /// Inputs in use: bands of the direction above `degree` are 0.
+    /// Returns the number of inputs in use; bands of the direction above `degree` are 0.
     static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
 
     template <class T, class SinCos = ExactSinCos> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x, SinCos sin_cos = {}) {
@@ -51,7 +53,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         Sh::basis(direction, degree, x + kEncoded + 1);
     }
 
-    /// Gradient of the features from that of their encoding.
+    /// Computes the gradient of the features from that of their encoding.
     template <class T> static GS_HD void encode_backward(const T* x, const T* dL_dx, T* dL_dfeatures) {
         GS_UNROLL
         for (int i = 0; i < kFeatures; ++i) {
@@ -69,6 +71,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         }
     }
 
+    /// One forward pass and its activations.
     template <class T> struct Pass {
         using Layer = Neurons<T, kNeurons>;
         T x[kInputs];
@@ -121,7 +124,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
             Layer before = Layer::zero();
             for (int j = 0; j < kNeurons; ++j) {
                 const T h = p.hidden[layer - 1][j];
-                if (!(h > T(0))) continue; // neither passes on nor receives
+                if (!(h > T(0))) continue; // an inactive neuron neither passes on a gradient nor receives one
                 before.set(j, delta.dot(w + j * kNeurons));
                 delta.add_to(dw + j * kNeurons, h);
             }
@@ -137,7 +140,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     }
 
   private:
-    /// delta where the neuron was active. The derivative of ReLU at 0 is 0.
+    /// Returns delta where the neuron was active and 0 elsewhere. The derivative of ReLU at 0 is 0.
     template <class Layer> static GS_HD Layer masked(const Layer& delta, const Layer& activation) {
         Layer out = delta;
         for (int j = 0; j < kNeurons; ++j)

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The network for 32 Gaussians at a time, on the tensor cores.
+// Evaluates the network for 32 Gaussians at a time on the tensor cores.
 //
-// Operands are halves, sums float. Activations go from one layer to the next in registers; only the inputs and the three
-// outputs pass through shared memory, from and to the lane of their Gaussian. The backward pass evaluates the network again
-// instead of storing activations: 7 more products for 16 Gaussians, against 134 bytes for each.
+// Operands are halves and sums are float. Activations go from one layer to the next in registers. Only the inputs and
+// the three outputs pass through shared memory, from and to the lane of their Gaussian. The backward pass evaluates the
+// network again instead of storing activations: 7 more products for 16 Gaussians, against 134 bytes for each.
 //
-// Gradients arrive as small as 1e-10 (a loss is a mean over pixels). Each warp multiplies its own by the power of two that
-// takes the largest to [32, 64), and what it adds to the sums of the weights, in float, by the inverse: nothing has to be
-// chosen for a scene, and neither half's subnormals nor its overflow are met.
+// Gradients can be as small as 1e-10, because a loss is a mean over pixels. Each warp multiplies its gradients by the
+// power of two that takes the largest to [32, 64), and its contributions to the sums of the weights, in float, by the
+// inverse. So neither subnormals nor overflow of half occur, and nothing has to be chosen for a scene.
 #pragma once
 
 #include "appearance/neural/neural.h"
@@ -23,10 +23,11 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
     static_assert(kInputs % 16 == 0 && kEncoded % 8 == 0 && kNeurons % 16 == 0, "matrices of whole tiles");
     static_assert(kFrequencies <= 1, "a feature's gradient comes from one pair of inputs");
     static_assert(kInputs >= 2 * Model::kBases, "the gradient of the bases takes the place of the inputs");
-    /// Halves of one Gaussian's inputs, and 16 bytes for its outputs or their gradient. Rows then lie on different banks.
+    /// Halves of one Gaussian's row: its inputs, and 16 bytes for its outputs or their gradient. Rows of this length
+    /// lie on different banks.
     static constexpr int kStride = kInputs + 8;
 
-    // Fragments of B operands: of the matrices on the way forward, then of their transposes on the way back.
+    // The fragments of B operands hold the matrices of the forward pass, then the transposes for the backward pass.
     static constexpr int forward_matrix(int layer) { return layer == 0 ? 0 : kInTiles * kColumns + (layer - 1) * kTiles * kColumns; }
     static constexpr int kForwardOutput = forward_matrix(kLayers);
     static constexpr int kBackwardOutput = kForwardOutput + kTiles;
@@ -67,7 +68,7 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
             float c[4] = {};
 #pragma unroll
             for (int k = 0; k < kTiles; ++k) multiply(c, hidden_[tile][kLayers - 1][k], kForwardOutput + k);
-            // Three columns: the first two are with a group's first lane, the third with its second.
+            // A group's first lane holds the first two of the three columns, its second lane the third.
             float *upper = outputs(16 * tile + group()), *lower = outputs(16 * tile + group() + 8);
             if ((lane() & 3) == 0) upper[0] = c[0], upper[1] = c[1], lower[0] = c[2], lower[1] = c[3];
             if ((lane() & 3) == 1) upper[2] = c[0], lower[2] = c[2];
@@ -87,7 +88,7 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         if (largest < 0x00800000u) return; // all 0 (or subnormal)
         const unsigned exponent = min(259 - (largest >> 23), 247u);
         const float scale = __uint_as_float(exponent << 23), inverse = __uint_as_float((254 - exponent) << 23);
-        __syncwarp(); // all have read their outputs
+        __syncwarp(); // until all have read their outputs
         *reinterpret_cast<uint4*>(outputs(lane())) = make_uint4(tensor::pack(d[0] * scale, d[1] * scale), tensor::pack(d[2] * scale, 0), 0, 0);
         __syncwarp();
 #pragma unroll
@@ -105,7 +106,7 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
     }
 
     static __device__ void prepare(unsigned* prepared, int k, float w) {
-        const int row = k / kNeurons, column = k % kNeurons; // rows of a whole layer each
+        const int row = k / kNeurons, column = k % kNeurons; // each row belongs to a whole layer
         if (k >= Model::kFirstOutput) {
             const int output = row - Model::kFirstOutput / kNeurons;
             put(prepared, kForwardOutput, 1, column, output, w);
@@ -150,13 +151,13 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         const uint2 b = fragments_[fragment * 32];
         tensor::multiply(c, a, b.x, b.y);
     }
-    /// Element (k, n) of a B operand, whose tiles begin at fragment `first`, `columns` of them side by side.
+    /// Writes element (k, n) of a B operand whose tiles begin at fragment `first`, `columns` of them side by side.
     static __device__ void put(unsigned* prepared, int first, int columns, int k, int n, float w) {
         const int fragment = first + k / 16 * columns + n / 8, in_lane = n % 8 * 4 + k % 8 / 2;
         reinterpret_cast<__half*>(prepared)[((fragment * 32 + in_lane) * 2 + k % 16 / 8) * 2 + k % 2] = __float2half_rn(w);
     }
 
-    /// Sine and cosine to 1e-6, which half rounds away, in a fifth of sincosf's instructions.
+    /// Computes sine and cosine to 1e-6, an error that half rounds away, in a fifth of sincosf's instructions.
     struct SinCosForHalf {
         __device__ void operator()(float x, float& s, float& c) const {
             if (fabsf(x) < 1e4f) {
@@ -172,7 +173,7 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
     __device__ void stage_inputs(const float* features, const Vec3<float>& direction, int degree, bool active) {
         float x[kInputs] = {};
         if (active) Model::encode(features, direction, degree, x, SinCosForHalf{});
-        __syncwarp(); // all are done with what was there
+        __syncwarp(); // until all have used the previous inputs
         uint4* to = reinterpret_cast<uint4*>(stage_ + lane() * kStride);
 #pragma unroll
         for (int k = 0; k < kInputs; k += 8)
@@ -180,11 +181,11 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         __syncwarp();
     }
 
-    /// A operand of the transpose of a 16x16 piece.
+    /// Transposes a 16x16 A operand.
     static __device__ void transposed(unsigned (&t)[4], const unsigned (&a)[4]) {
         t[0] = tensor::transpose(a[0]), t[1] = tensor::transpose(a[2]), t[2] = tensor::transpose(a[1]), t[3] = tensor::transpose(a[3]);
     }
-    /// sum += inverse * A B
+    /// Adds inverse * A B to sum.
     static __device__ void add_product(float (&sum)[4], const unsigned (&a)[4], unsigned b0, unsigned b1, float inverse) {
         float c[4] = {};
         tensor::multiply(c, a, b0, b1);
@@ -244,7 +245,7 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
         unsigned t[kTiles][4];
 #pragma unroll
         for (int m = 0; m < kTiles; ++m) transposed(t[m], delta[m]);
-        unsigned encoded[kEncoded / 16][4]; // read before the gradient of the bases takes their place
+        unsigned encoded[kEncoded / 16][4]; // read before the gradient of the bases overwrites them
 #pragma unroll
         for (int k = 0; k < kInTiles; ++k) {
             unsigned columns[4];
@@ -279,9 +280,9 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
     }
 
     __half* stage_;
-    const uint2* fragments_; ///< of this lane
+    const uint2* fragments_; ///< fragments of this lane
     unsigned hidden_[2][kLayers][kTiles][4]; ///< activations after ReLU, as A operands
-    Vec3<float> output_;     ///< of this lane's Gaussian, before tanh
+    Vec3<float> output_;     ///< output of this lane's Gaussian, before tanh
     float input_sums_[kTiles][kInColumns][4] = {}, hidden_sums_[kLayers > 1 ? kLayers - 1 : 1][kTiles][kColumns][4] = {}, output_sums_[kColumns][2] = {};
 };
 

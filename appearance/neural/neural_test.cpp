@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neural: golden vector, what is zero at the start, vectors against scalars, the variants' sizes.
+// Neural: golden vector, zeros at the start, vectors against scalars, the variants' sizes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -93,7 +93,7 @@ TEST(Neural, InitialWeightsAreUniformInGlorotsBounds) {
 }
 
 TEST(Neural, VectorsEqualScalars) {
-    // long double has no vectors: the scalar form of the same network.
+    // long double has no vectors and takes the scalar form of the network.
     std::mt19937 rng(3);
     std::normal_distribution<double> normal;
     std::vector<double> w(16 * 3);
@@ -116,7 +116,7 @@ TEST(Neural, VariantsHaveThePapersSizes) {
 }
 
 TEST(Neural, SaturatedOutputKeepsItsGradient) {
-    // Output beyond 9: 1 - tanh^2 would be 0 in float, and the weights could never come back.
+    // 1 - tanh^2 would be 0 in float for outputs beyond 9, and the weights could never come back.
     std::vector<float> w(Neural::kNumShared, 0.2f), dw(w.size());
     const float f[8] = {.1f, .2f, .3f, .4f, .5f, .6f, .7f, .8f};
     float df[8] = {};

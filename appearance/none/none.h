@@ -6,6 +6,7 @@
 
 namespace gs::appearance {
 
+/// residual(d) = 0, without parameters.
 struct None {
     static constexpr int kMaxResidual = 0;
     static constexpr bool kDirectional = false;

@@ -36,7 +36,8 @@ TEST(Sh, GoldenResidualAndMeanGradient) {
 }
 
 TEST(Sh, IsOrthonormalOnTheSphere) {
-    // Gauss-Legendre in z (8 nodes: exact to degree 15), trapezoid in the azimuth (exact above degree 6).
+    // Integrates by Gauss-Legendre in z (8 nodes: exact to degree 15) and by the trapezoid rule in the azimuth (exact
+    // above degree 6).
     const double x[4] = {.1834346424956498, .5255324099163290, .7966664774136267, .9602898564975363};
     const double w[4] = {.3626837833783620, .3137066458778873, .2223810344533745, .1012285362903763};
     double gram[15][15] = {};

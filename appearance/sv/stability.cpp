@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kSites = Sv::kMaxResidual / Sv::kPerSite;
 
-/// Sites on the axes (exact in float) and one between them; colours all different. Site 0 is +z.
+/// Returns sites on the axes (exact in float) and one between them, all of different colours. Site 0 is +z.
 std::vector<double> sites_on_axes(double raw_temperature) {
     const double sites[kSites][3] = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}, {0.6, -0.7, 0.4}};
     std::vector<double> rows;
@@ -49,7 +49,7 @@ void add_sites(StabilityPlan& plan) {
 
                     auto twins = rows;
                     set_site(twins, 1, {0, 0, 1});
-                    if (temperature <= 0) twins[7 + 3] = 2; // also at temperatures of their own
+                    if (temperature <= 0) twins[7 + 3] = 2; // the two sites then differ in temperature
                     plan.cases.push_back({"coincident sites", twins, view, {}, {}});
                     for (int i = 2; i < kSites; ++i) set_site(twins, i, {0, 0, i % 2 ? -1. : 1.});
                     plan.cases.push_back({"opposite sites", twins, view, {}, {}});

@@ -14,20 +14,20 @@
 namespace gs {
 namespace {
 
-/// Enough views to average over, few enough that their images fit every memory.
+/// Most views that are used: enough to average over, few enough that their images fit every memory.
 constexpr std::size_t kMaxViews = 64;
-/// Rates are multiplied by this: Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
-/// without the moments of a real run would make another model of the one to be measured.
+/// Factor on all rates. Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps without
+/// the moments of a real run would change the model that is measured.
 constexpr double kFrozen = 1e-6;
 
-/// Training steps one after another, over decoded views.
+/// Takes training steps over decoded views, one after another.
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
         : backend_(backend), composer_(options, model.appearance, scene, nullptr, kFrozen), background_(options.background.color) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
-            views_.push_back(k * all / used);  // spread over the scene
+            views_.push_back(k * all / used);  // spreads them over the scene
             images_.push_back(scene.train[views_.back()].load());
         }
         for (std::size_t k = 0; k < std::max<std::size_t>(2, used); ++k) step();
@@ -40,7 +40,7 @@ class Steps {
         ++iteration_;
     }
 
-    /// Mean of `count` steps of which none is waited for but the last.
+    /// Returns the mean seconds of `count` steps, of which only the last is waited for.
     double in_a_row(int count) {
         const double start = seconds_now();
         for (int k = 0; k < count; ++k) step();
@@ -48,6 +48,7 @@ class Steps {
         return (seconds_now() - start) / count;
     }
 
+    /// Returns the median seconds of `count` steps that are each waited for.
     double median_alone(int count) {
         std::vector<double> times;
         for (int k = 0; k < count; ++k) {
@@ -69,7 +70,7 @@ class Steps {
     std::int64_t iteration_ = 0;
 };
 
-/// Costs of the stages per iteration; returns the mean time of one.
+/// Measures the costs of the stages per iteration. Returns the mean seconds of an iteration.
 double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<StageCost>& stages) {
     backend.timer().measure_stages(true);
     steps.step();  // a backend may have to prepare for the marks

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The measurements of a bench as text.
+// Writes the measurements of a bench as text.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The frame time protocol and its table.
+// Follows the frame time protocol and makes its table.
 #include "eval/bench/frame_times.h"
 
 #include <fmt/format.h>

@@ -22,10 +22,10 @@ using Eigen::Vector3d;
 
 constexpr int kNumSpheres = 16;
 constexpr int kNumCameras = 8;
-/// Close enough for the ball to fill the height of the image and most of its width.
+/// Distance (world units) and focal length (px) with which the ball fills the image's height and most of its width.
 constexpr double kDistance = 1.9, kFocal = 800;
 
-/// The numbers drawn for one Gaussian, four at a time.
+/// Draws the random numbers of one Gaussian, four at a time.
 class Draw {
   public:
     Draw(std::uint64_t seed, std::uint64_t index) : seed_(seed), index_(index) {}
@@ -58,7 +58,7 @@ struct Sphere {
 std::array<Sphere, kNumSpheres> spheres(std::uint64_t seed) {
     std::array<Sphere, kNumSpheres> out;
     for (int k = 0; k < kNumSpheres; ++k) {
-        const auto u = Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();  // behind the indices of the Gaussians
+        const auto u = Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();  // beyond the Gaussians' indices
         out[std::size_t(k)] = {0.7 * std::cbrt(u[2]) * direction(u[0], u[1]), 0.1 + 0.2 * u[3]};
     }
     return out;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stability of the colour activations: value, slope and inverse.
+// Measures the stability of the colour activations: value, slope and inverse.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -25,7 +25,8 @@ StabilityRow row(const std::string& activation, std::string kind) {
     return r;
 }
 
-/// The sweep, the corners of relu and hardsigmoid and their neighbours, and where the smooth ones saturate.
+/// Returns the values of the sweep, those around the corners of relu and hardsigmoid, and those where the smooth
+/// activations saturate.
 std::vector<float> pre_activations() {
     std::vector<float> y(stability_sweep().begin(), stability_sweep().end());
     for (const float corner : {-0.5f, 0.5f})

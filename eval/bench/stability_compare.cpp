@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Error scales of the stability measurement; stability.h defines them.
+// Computes the errors of the stability measurement in the scales that stability.h defines.
 #include "eval/bench/stability_compare.h"
 
 #include <fmt/format.h>
@@ -17,20 +17,21 @@ namespace {
 using Real = long double;
 using Results = StabilitySubject::Results;
 
-/// Half a spacing of float, relative: what rounding an input changes.
+/// Relative change of an input by rounding: half a spacing of float.
 constexpr Real kRounding = 0x1p-24L;
-/// Below this, float's own range ends: products of a few factors underflow.
+/// Floor of both scales: below it products of a few factors underflow in float.
 constexpr Real kFloor = 1e-30L;
-/// A value counts for the relative error where one rounding of the inputs leaves this much of it.
+/// A value counts for the relative error where its scale is this many times the change by one rounding of the inputs.
 constexpr Real kDetermined = 1000;
-/// Enough to meet the worst direction of a few inputs closely, cheap enough for 1e5 cases.
+/// Number of perturbations: enough to come close to the worst one of a few inputs, cheap enough for 1e5 cases.
 constexpr int kPerturbations = 8;
 
 template <class T> StabilityInputs<T> widened(const StabilityInputs<float>& in) {
     return {{in.numbers.begin(), in.numbers.end()}, in.view};
 }
 
-/// Every number moved by one rounding. The first two move all one way, so that a limit of any one parameter is crossed.
+/// Moves every number by one rounding. The first two samples move all numbers one way, so that a limit of any one
+/// parameter is crossed.
 StabilityInputs<Real> perturbed(StabilityInputs<Real> in, int sample, std::mt19937& signs) {
     const auto turn = [&] { return sample == 0 || (sample > 1 && signs() % 2) ? kRounding : -kRounding; };
     Real length = 0;
@@ -42,7 +43,7 @@ StabilityInputs<Real> perturbed(StabilityInputs<Real> in, int sample, std::mt199
     return in;
 }
 
-/// Largest change of each result under one rounding of the inputs.
+/// Returns the largest change of each result under one rounding of the inputs.
 Results response(const StabilitySubject& subject, const StabilityInputs<Real>& inputs, const Results& exact) {
     std::mt19937 signs(1);
     Results noise(exact.size(), 0);
@@ -61,7 +62,7 @@ Results group_maxima(const Results& values, const std::vector<int>& groups) {
     return out;
 }
 
-/// Spacing of numbers with `digits` binary digits at x.
+/// Returns the spacing of numbers with `digits` binary digits at x.
 Real spacing(Real x, int digits) { return std::ldexp(Real(1), std::ilogb(x) + 1 - digits); }
 
 }  // namespace

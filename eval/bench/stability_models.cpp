@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stability of every registered appearance model: residual, colour and all gradients, swept one kind of input at a time.
+// Measures residual, colour and all gradients of every registered model while one kind of input is swept at a time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,17 +24,17 @@ namespace {
 using Results = StabilitySubject::Results;
 
 constexpr float kLargest = std::numeric_limits<float>::max();
-/// Largest value that all columns of a kind take at once: a sum of more would exceed float's range, however computed.
+/// Largest value that all columns of a kind take at once. A sum of larger ones would exceed float's range.
 constexpr float kLargestTogether = 1e30f;
-/// What a Gaussian's pixels add up to in a loss that is a mean over an image, rather more than less.
+/// Upper end of the usual gradient of a Gaussian's colour when the loss is a mean over an image.
 constexpr float kTypicalGradient = 1e-3f;
-/// Share of its value that an exact limit may be missed by: NASG's floor under the exponent of K shows with 2e-4.
+/// Allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
 constexpr double kLimitTolerance = 3e-4;
 constexpr const char* kSharedKind = "shared weights";
-/// Cases per value at least, and per column and value.
+/// Fewest cases per value, and cases per column and value.
 constexpr int kTrials = 24, kTrialsPerColumn = 2;
 
-/// Where the inputs of a model are among the numbers of a case.
+/// The indices of a model's inputs among the numbers of a case.
 template <class Model> struct Layout {
     static constexpr int kResidual = 0, kShared = Model::kMaxResidual, kBase = kShared + kNumSharedOf<Model>, kView = kBase + 3, kGradient = kView + 3,
                          kCount = kGradient + 3;
@@ -43,13 +43,13 @@ template <class Model> struct Layout {
 template <class T> Vec3<T> vec3(const T* p) { return {p[0], p[1], p[2]}; }
 template <class T> void append(Results& out, const Vec3<T>& v) { out.insert(out.end(), {v.x, v.y, v.z}); }
 
-/// Results: residual, colour, then the gradients of residual parameters, shared weights and mean. The colour's gradient goes
-/// straight to the residual: behind a saturated activation there would be none to look at.
+/// Returns residual, colour, then the gradients of residual parameters, shared weights and mean. The colour's gradient
+/// goes straight to the residual, because a saturated activation would leave none to look at.
 template <class Model, class T> Results evaluate(const StabilityInputs<T>& in, ColorActivation activation, int degree) {
     using L = Layout<Model>;
     const T* numbers = in.numbers.data();
     const ViewDirection<T> direction = view_direction(vec3(numbers + L::kView), Vec3<T>{T(0), T(0), T(0)});
-    std::vector<T> dL_dparams(L::kBase); // of residual, then shared
+    std::vector<T> dL_dparams(L::kBase); // of the residual's parameters, then of the shared weights
     Vec3<T> dL_ddirection;
     const T *params = numbers, *shared = numbers + L::kShared;
     const Vec3<T> residual = model_residual<Model>(shared, params, direction.unit, degree);
@@ -61,7 +61,8 @@ template <class Model, class T> Results evaluate(const StabilityInputs<T>& in, C
     append(out, activate(activation, y));
     out.insert(out.end(), dL_dparams.begin(), dL_dparams.end());
     append(out, direction_pullback(direction, dL_ddirection));
-    // Scale of the mean's gradient only: it is a sum over sites, lobes or bands, less its radial part, and both may cancel.
+    // The rest only gives the scale of the mean's gradient. That is a sum over sites, lobes or bands less its radial
+    // part, and both may cancel.
     append(out, dL_ddirection * direction.inverse_distance);
     T largest = T(0);
     for (const T g : dL_dparams) largest = gs_max(largest, gs_abs(g));
@@ -109,7 +110,7 @@ template <class Model> class Sweep {
         return rows_.back();
     }
 
-    /// Ordinary values everywhere: parameters and weights around 1 and below, seen from 1 to 10 units away.
+    /// Returns ordinary values: parameters and weights around 1 and below, seen mostly from 1 to 10 units away.
     StabilityInputs<float> ordinary() {
         StabilityInputs<float> in{std::vector<float>(L::kCount), L::kView};
         for (int k = 0; k < L::kCount; ++k) in.numbers[k] = normal_(random_) * (k < L::kShared ? 1.0f : 0.3f);
@@ -120,7 +121,7 @@ template <class Model> class Sweep {
     }
 
     Results compare(const StabilityInputs<float>& in, StabilityRow& row) {
-        const auto activation = ColorActivation(row.cases % 4); // in turn
+        const auto activation = ColorActivation(row.cases % 4); // each in turn
         const auto f = [&]<class T>(const StabilityInputs<T>& inputs) { return evaluate<Model>(inputs, activation, info_.max_degree_limit); };
         return compare_case({f, f, f, groups_, 6, int(groups_.size()) - 4}, in, row);
     }
@@ -132,14 +133,15 @@ template <class Model> class Sweep {
         sweep(kind, numbers);
     }
 
-    /// One of `numbers` at each value of the sweep, and all of them together with signs of their own, the rest ordinary.
+    /// Sets one of `numbers` to each value of the sweep, or all of them together with random signs. The rest is
+    /// ordinary.
     void sweep(const std::string& kind, const std::vector<int>& numbers) {
         StabilityRow& r = row(kind);
-        // Many weights share a row of a matrix: two looks at each of 800 would tell no more than at 50.
+        // Many weights share a row of a matrix: testing each of 800 twice would tell no more than testing 50.
         const int trials = std::clamp(kTrialsPerColumn * int(numbers.size()), kTrials, 100);
         double ends[2] = {};
         for (const float value : stability_sweep()) {
-            if (kind == kSharedKind && std::abs(value) > float(kLargestSharedWeight)) continue; // the optimizer never lets them
+            if (kind == kSharedKind && std::abs(value) > float(kLargestSharedWeight)) continue; // the optimizer's limit
             for (int trial = 0; trial < trials; ++trial) {
                 StabilityInputs<float> in = ordinary();
                 if (trial % 2 && std::abs(value) <= kLargestTogether)
@@ -153,7 +155,7 @@ template <class Model> class Sweep {
         r.limit = kind == kSharedKind ? fmt::format("the optimizer keeps them within {:g}", kLargestSharedWeight) : ends_text(ends[0], ends[1]);
     }
 
-    /// Axes, planes, directions a rounding away from them, and every distance from the camera centre outwards.
+    /// Sweeps axes, planes, directions a rounding away from them, and distances from the camera centre outwards.
     void sweep_views() {
         StabilityRow& r = row("view");
         const float small[] = {0, 1e-38f, 1e-20f, 1e-8f, 1e-7f, 1e-6f, 1e-3f, 1};

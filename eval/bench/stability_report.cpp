@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stability measurement as a table.
+// Writes the stability measurement as a table.
 #include <fmt/format.h>
 
 #include "eval/bench/stability.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layouts of VGG16 and AlexNet.
+// Defines the layouts of VGG16 and AlexNet.
 #include "eval/metrics/feature_net.h"
 
 #include <fmt/format.h>
@@ -36,9 +36,9 @@ std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine>
         for (int i = 0; i < count; ++i) {
             stage.layers.push_back(weights.read_layer(*net.engine, fmt::format("features.{}", index), {in, channels, 3, 1, 1}));
             in = channels;
-            index += 2;  // a ReLU follows
+            index += 2;  // torchvision counts the ReLU as a layer
         }
-        index += 1;  // pooling
+        index += 1;  // the pooling counts, too
         net.stages.push_back(std::move(stage));
     }
     return std::make_shared<const FeatureNet>(std::move(net));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checked reading of weights.
+// Reads and checks the weights of learned metrics.
 #include "eval/metrics/metric_weights.h"
 
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The list of metrics.
+// Lists the metrics and makes them by name.
 #include "eval/metrics/metrics.h"
 
 #include <fmt/format.h>
@@ -28,7 +28,7 @@ const MetricInfo& metric_info(const std::string& name) {
 
 MetricScore measured(double value) { return {value, ""}; }
 
-/// compute() of a metric with weights. It is shared, as functions are copied.
+/// Returns compute() of a metric with weights. The net is shared because functions are copied.
 template <class Net>
 auto checked_size(std::shared_ptr<const Net> net, int min_side) {
     return [net, min_side](const Image& render, const Image& truth) {
@@ -51,7 +51,7 @@ std::optional<MetricScore> without_weights(const std::filesystem::path& folder, 
     return std::nullopt;
 }
 
-/// What learned metrics share, made when the first of them asks.
+/// The engine and net that learned metrics share. Each is made when the first metric asks for it.
 class SharedNets {
   public:
     explicit SharedNets(const MetricOptions& options) : options_(options) {}
@@ -73,7 +73,7 @@ class SharedNets {
 
 Metric make_metric(const std::string& name, const MetricOptions& options, SharedNets& nets) {
     Metric metric{metric_info(name), "", nullptr};
-    // Of a metric with weights: absent files are an answer, damaged ones are an error now rather than after rendering.
+    // Absent weights are an answer. Damaged ones are an error now rather than after rendering.
     const auto learned = [&](const std::vector<std::string>& files, const auto& load) {
         if (const auto missing = without_weights(options.weights, files)) {
             metric.compute = [score = *missing](const Image&, const Image&) { return score; };

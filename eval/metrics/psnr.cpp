@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PSNR in double precision, summed row by row.
+// Computes PSNR in double precision, summed row by row.
 #include "eval/metrics/psnr.h"
 
 #include <fmt/format.h>

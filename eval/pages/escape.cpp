@@ -7,7 +7,8 @@
 namespace gs {
 namespace {
 
-/// `text` with every character replaced by what `replacement` returns; a null pointer keeps it.
+/// Returns `text` with every character replaced by what `replacement` returns for it; a null pointer keeps the
+/// character.
 template <class Replacement>
 std::string replaced(const std::string& text, const Replacement& replacement) {
     std::string out;

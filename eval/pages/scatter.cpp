@@ -14,20 +14,20 @@ namespace {
 
 constexpr double kWidth = 460, kHeight = 300, kLeft = 56, kRight = 16, kTop = 16, kBottom = 48;  // px
 constexpr double kRightEnd = kWidth - kRight, kBottomEnd = kHeight - kBottom;
-constexpr double kLabelHeight = 13, kLetterWidth = 7, kLabelGap = 10;  // px, of text at 12 px; an estimate, as browsers' fonts differ
+constexpr double kLabelHeight = 13, kLetterWidth = 7, kLabelGap = 10;  // px, estimated for text of 12 px
 
 struct Axis {
-    std::vector<double> ticks;  ///< the first and the last are its ends
+    std::vector<double> ticks;  ///< ascending; the first and the last are the axis's ends
     bool log = false;
 
-    /// 0 at the first tick, 1 at the last.
+    /// Returns where v lies: 0 at the first tick, 1 at the last.
     double place(double v) const {
         const auto f = [&](double x) { return log ? std::log(x) : x; };
         return (f(v) - f(ticks.front())) / (f(ticks.back()) - f(ticks.front()));
     }
 };
 
-/// Round limits around the values, with about five steps.
+/// Returns an axis with round limits around the values and about five steps.
 Axis linear_axis(double low, double high) {
     if (high - low < 1e-9 * std::max(1.0, std::abs(high))) low -= 0.5, high += 0.5;
     const double raw = (high - low) / 4, magnitude = std::pow(10, std::floor(std::log10(raw)));
@@ -39,13 +39,13 @@ Axis linear_axis(double low, double high) {
     return axis;
 }
 
-/// Ticks at 1, 2, 5, 10, ...
+/// Returns an axis with ticks at 1, 2, 5, 10, ...
 Axis log_axis(double low, double high) {
     Axis axis{{}, true};
     for (double decade = std::pow(10, std::floor(std::log10(low)));; decade *= 10) {
         for (const double factor : {1.0, 2.0, 5.0}) {
             const double tick = factor * decade;
-            if (tick <= low) axis.ticks.clear(); // begins later
+            if (tick <= low) axis.ticks.clear(); // the axis begins later
             axis.ticks.push_back(tick);
             if (tick >= high && axis.ticks.size() > 1) return axis;
         }
@@ -88,10 +88,10 @@ class Drawing {
                            html_escaped(plot_.y_title));
         std::vector<const ScatterPoint*> order = front();
         if (plot_.connect_front) out += connected(order);
-        for (const bool grey : {true, false}) // what counts lies on top
+        for (const bool grey : {true, false}) // coloured points lie on top
             for (const ScatterPoint& p : plot_.points)
                 if (p.grey == grey) out += point(p);
-        // Those of the front choose their places first.
+        // The labels of the front choose their places first.
         for (const ScatterPoint& p : plot_.points)
             if ((p.ring || !plot_.connect_front) && std::find(order.begin(), order.end(), &p) == order.end()) order.push_back(&p);
         for (const ScatterPoint* p : order) out += label(*p);
@@ -102,7 +102,7 @@ class Drawing {
     double px(double x) const { return kLeft + x_.place(x) * (kRightEnd - kLeft); }
     double py(double y) const { return kBottomEnd - y_.place(y) * (kBottomEnd - kTop); }
 
-    /// The points that have no other with less x and more y, from left to right.
+    /// Returns the points that have no other with less x and more y, from left to right.
     std::vector<const ScatterPoint*> front() const {
         std::vector<const ScatterPoint*> order, front;
         for (const ScatterPoint& p : plot_.points) order.push_back(&p);
@@ -128,7 +128,7 @@ class Drawing {
         return out + fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"/></g>\n", x, y, p.grey ? 3.5 : 5);
     }
 
-    /// Beside, above or below the point, where there is room; below all that is there if there is none.
+    /// Draws the label beside, above or below the point where there is room, and further down where there is none.
     std::string label(const ScatterPoint& p) {
         const double x = px(p.x), y = py(p.y), width = kLetterWidth * double(p.label.size());
         const auto box_at = [&](bool left, double dy) { return Box{left ? x - kLabelGap - width : x + kLabelGap, y + dy - kLabelHeight / 2, width, kLabelHeight}; };
@@ -149,7 +149,7 @@ class Drawing {
                std::none_of(plot_.points.begin(), plot_.points.end(), [&](const ScatterPoint& p) { return overlap(box, {px(p.x) - 4, py(p.y) - 4, 8, 8}); });
     }
 
-    /// The label, and a line to its point unless it stands right beside it.
+    /// Draws the label in `box`, and a line to its point unless it stands right beside it.
     std::string placed(const ScatterPoint& p, const Box& box, bool left) {
         labels_.push_back(box);
         const double x = left ? box.x + box.width : box.x, middle = box.y + kLabelHeight / 2;
@@ -160,7 +160,7 @@ class Drawing {
 
     const ScatterPlot& plot_;
     Axis x_, y_;
-    std::vector<Box> labels_;  ///< those that stand already
+    std::vector<Box> labels_;  ///< places of the labels drawn so far
 };
 
 }  // namespace

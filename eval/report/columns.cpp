@@ -20,7 +20,7 @@ std::string whole(double v) { return fmt::format("{:.0f}", v); }
 std::string one_digit(double v) { return fmt::format("{:.1f}", v); }
 std::string gibibytes(double v) { return fmt::format("{:.2f} GiB", v / double(1 << 30)); }
 
-/// The metrics in the order of columns. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
+/// Returns the metrics in the order of columns. 3DGS's metrics.py writes "LPIPS" without naming the net.
 std::vector<MetricInfo> column_metrics() {
     std::vector<MetricInfo> metrics = known_metrics();
     const auto flip = std::find_if(metrics.begin(), metrics.end(), [](const MetricInfo& info) { return info.name == "flip"; });

@@ -38,7 +38,8 @@ std::vector<Sample> samples_of(const ComparisonLine& line, const std::vector<Col
     return samples;
 }
 
-/// A column that one run lacks is empty: the mean of the others would be taken for that of all.
+/// Returns the statistics of every column. A column that one run lacks is empty, since readers would take the mean of
+/// the others for that of all.
 std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples, const std::vector<Column>& columns) {
     std::vector<std::optional<ColumnStats>> stats;
     for (std::size_t c = 0; c < columns.size(); ++c) {
@@ -50,7 +51,7 @@ std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samp
     return stats;
 }
 
-/// Element by element; empty where one of the samples is.
+/// Returns the mean element by element; empty where one of the samples is.
 Sample mean_sample(const std::vector<Sample>& samples) {
     Sample mean(samples[0].size(), 0.0);
     for (const Sample& sample : samples)
@@ -64,7 +65,7 @@ std::vector<std::uint64_t> seeds_of(const ComparisonLine& line) {
     return seeds;
 }
 
-/// The same runs of several scenes.
+/// Returns the line of a dataset from lines of its scenes.
 ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, const std::vector<Column>& columns) {
     ComparisonLine line = *scenes[0];
     line.num_scenes = scenes.size();
@@ -87,10 +88,10 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     return line;
 }
 
-/// What a reader would take two runs of one scene for the same by.
+/// Returns what readers see of a line: lines of one look seem to be the same experiment.
 std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) { return {line.model, line.strategy, line.correction}; }
 
-/// Says on every line by which options it differs from lines of the same look.
+/// Writes on every line the options in which lines of the same look differ.
 void name_options(ComparisonTable& table) {
     std::map<std::tuple<std::string, std::string, std::string>, std::vector<ComparisonLine*>> looks;
     for (ComparisonLine& line : table.lines) looks[look_of(line)].push_back(&line);
@@ -119,7 +120,7 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
         const double sign = columns[c].better == Better::kHigher ? -1 : 1;
         std::stable_sort(stats.begin(), stats.end(), [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
         const auto text = [&](const ColumnStats* s) { return columns[c].text(s->mean); };
-        // One line alone, or lines that are all equal, have no best.
+        // There is no best where all lines read the same, or only one line is there.
         if (stats.empty() || text(stats.front()) == text(stats.back())) continue;
         int place = 1;
         for (std::size_t i = 0; i < stats.size(); ++i) {
@@ -151,7 +152,7 @@ std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
     return lines;
 }
 
-/// Tables of the datasets of which there are several scenes.
+/// Returns the tables of the datasets that have several scenes.
 std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes, const std::vector<Column>& columns) {
     std::vector<std::string> order;
     for (const ComparisonTable& scene : scenes)
@@ -163,7 +164,7 @@ std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& 
         for (const ComparisonTable& scene : scenes) {
             if (scene.dataset != dataset) continue;
             ++table.num_scenes;
-            std::set<std::size_t> taken;  // a second line of the same look and options in one scene stands for itself
+            std::set<std::size_t> taken;  // matches of this scene; a second line of one look and options starts its own
             for (const ComparisonLine& line : scene.lines) {
                 std::size_t k = 0;
                 while (k < matches.size() && (taken.count(k) > 0 || look_of(*matches[k][0]) != look_of(line) || matches[k][0]->options != line.options)) ++k;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables for programs: CSV and JSON.
+// Writes tables for programs: CSV and JSON.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -54,7 +54,7 @@ std::string comparison_json(const Comparison& comparison) {
         for (const ComparisonLine& line : table.lines) lines.push_back(json_of(line, comparison.columns));
         json["tables"].push_back({{"dataset", table.dataset}, {"scene", table.scene.empty() ? Json(nullptr) : Json(table.scene)}, {"lines", lines}});
     }
-    // Names of files need not be UTF-8; JSON must be.
+    // JSON must be UTF-8, which names of files need not be.
     return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

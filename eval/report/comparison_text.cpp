@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables for readers: what stands in each cell, and LaTeX made of it.
+// Fills the cells of tables for readers and writes them as LaTeX.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ std::string or_dash(const std::string& text) { return text.empty() ? "-" : text;
 
 TextCell cell_of(const ComparisonLine& line, const Column& column, const std::optional<ColumnStats>& stats) {
     if (stats) {
-        // Of a metric even "+- 0" says something; sizes are mostly equal by construction.
+        // "+- 0" says something about a metric; sizes are mostly equal by construction.
         const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
         return {column.text(stats->mean), varies ? column.text(*stats->deviation) : "", stats->place};
     }
@@ -27,11 +27,11 @@ TextCell cell_of(const ComparisonLine& line, const Column& column, const std::op
     return {std::any_of(line.rows.begin(), line.rows.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
 }
 
-/// The run of least PSNR.
+/// Returns the lowest PSNR and its run.
 TextCell worst_cell(const ComparisonLine& line, const Column& psnr, const std::optional<ColumnStats>& stats) {
     if (line.num_runs < 2 || !stats) return {"-", "", 0};
     const std::string value = psnr.text(stats->worst);
-    // Of a dataset the k-th run is one of every scene.
+    // A dataset's k-th run has one row in every scene, so that the seed names it.
     return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.rows[stats->worst_run].seed) : fmt::format("{} ({})", value, line.rows[stats->worst_run].run), "", 0};
 }
 

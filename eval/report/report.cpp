@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: everything put into its place.
+// Puts every part of the page into its place.
 #include "eval/report/report.h"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// Of all scenes; tables of datasets repeat them.
+/// Returns the rows of all scenes. The tables of datasets repeat them and are skipped.
 std::vector<const TableRow*> rows_of(const Comparison& comparison) {
     std::vector<const TableRow*> rows;
     for (const ComparisonTable& table : comparison.tables) {
@@ -57,7 +57,7 @@ std::string report_frame_times(const Comparison& comparison) {
 
 std::string report_stability(const Comparison& comparison) {
     std::vector<std::string> models;
-    for (const TableRow* row : rows_of(comparison)) models.push_back(row->model.substr(0, row->model.find(' ')));  // without the degree
+    for (const TableRow* row : rows_of(comparison)) models.push_back(row->model.substr(0, row->model.find(' ')));  // no degree
     TextTable table = stability_table(measure_stability(models));
     table.title = "Largest errors of single precision at the extremes of every input";
     return html_table(table, "");
@@ -65,7 +65,7 @@ std::string report_stability(const Comparison& comparison) {
 
 void write_report(const std::filesystem::path& path, const Comparison& comparison, const ReportOptions& options) {
     std::string page = page_head("gsapp: comparison of runs") + kReportPage;
-    // From the end of the page: texts of users may hold marks themselves.
+    // Fills in from the end of the page, because texts of users may hold placeholders themselves.
     fill(page, "pictures", report_pictures(comparison, options));
     fill(page, "program", html_escaped(version_text()));
     fill(page, "stability", report_stability(comparison));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of the run folders as data URIs.
+// Embeds pictures of the run folders as data URIs.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,8 +17,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kJpegQuality = 90;    ///< no artefact is seen beside those of the models
-constexpr int kErrorGain = 4;       ///< errors of a trained model are a few per cent; the page names the factor
+constexpr int kJpegQuality = 90;    ///< its artefacts vanish beside those of the models
+constexpr int kErrorGain = 4;       ///< factor on errors, a few per cent for a trained model; the page names it
 
 std::string base64(const std::vector<std::uint8_t>& bytes) {
     static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -32,14 +32,14 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
     return text;
 }
 
-/// |a - b|, amplified.
+/// Returns |a - b|, amplified.
 Image error_of(const Image& a, const Image& b) {
     Image error = a;
     for (std::size_t i = 0; i < error.u8.size(); ++i) error.u8[i] = std::uint8_t(std::min(255, kErrorGain * std::abs(int(a.u8[i]) - int(b.u8[i]))));
     return error;
 }
 
-/// Data URIs, each kept once: runs of one scene share their photographs.
+/// The data URIs, each kept once because runs of one scene share their photographs.
 class Images {
   public:
     explicit Images(int max_width) : max_width_(max_width) {}
@@ -59,7 +59,7 @@ class Images {
     std::vector<std::string> uris_;
 };
 
-/// File index and name of the test views that the run has pictures of.
+/// Returns file index and name of up to `max_views` test views that the run has pictures of.
 std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_views) {
     std::vector<std::pair<int, std::string>> all, chosen;
     std::ifstream file(RunFolder{row.folder}.per_view(), std::ios::binary);
@@ -103,14 +103,14 @@ std::string report_pictures(const Comparison& comparison, const ReportOptions& o
             Json own = Json::array();
             for (const auto& view : views) own.push_back(view.second);
             if (names.empty()) names = own;
-            if (own.empty() || own != names) continue; // other views than those of the first run do not compare
+            if (own.empty() || own != names) continue; // runs with other views than the first one do not compare
             runs.push_back({{"label", line.rows[0].run + (line.model.empty() ? "" : ", " + line.model)}, {"layers", layers_of(line.rows[0], views, images)}});
         }
         if (!runs.empty()) scenes.push_back({{"name", table.scene}, {"views", names}, {"runs", runs}});
     }
     const Json json = {{"gain", kErrorGain}, {"scenes", scenes}, {"images", images.uris()}};
     std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
-    // "</script>" in a name would end the element.
+    // A name that contains "</script>" would end the element.
     for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at)) text.replace(at, 1, "\\u003c");
     return text;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which plots the page of a comparison has.
+// Chooses and fills the plots of the page.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading results.json.
+// Reads results.json and config.yaml of a run.
 #include "eval/report/table.h"
 
 #include <fmt/format.h>
@@ -37,7 +37,7 @@ double score(const Json& json, const std::string& file, const std::string& key, 
     return value.get<double>();
 }
 
-/// json[section][key], or null when any of it is missing.
+/// Returns json[section][key], or null when either is missing.
 Json fact(const Json& json, const char* section, const std::string& key) {
     const auto found = json.find(section);
     return found != json.end() && found->is_object() && found->contains(key) ? found->at(key) : Json();
@@ -57,7 +57,7 @@ std::optional<double> number_fact(const Json& object, const char* name) {
     return object.at(name).get<double>();
 }
 
-/// Empty unless all of it is there.
+/// Returns the frame times; empty unless all of their numbers are there.
 std::optional<FrameTimes> frame_times_fact(const Json& object) {
     const auto views = count_fact(object, "num_views"), frames = count_fact(object, "frames_per_view");
     const auto mean = number_fact(object, "mean_seconds"), median = number_fact(object, "median_seconds"), min = number_fact(object, "min_seconds"),
@@ -84,7 +84,7 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     const std::string key = fmt::format("ours_{}", *chosen);
     TableRow row;
     row.folder = run_folder;
-    const auto folder = std::filesystem::absolute(run_folder).lexically_normal();  // also "." has a name
+    const auto folder = std::filesystem::absolute(run_folder).lexically_normal();  // so that "." has a name, too
     row.run = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
     row.iteration = *chosen;
     row.psnr = score(json, file, key, "PSNR");
@@ -118,7 +118,7 @@ void read_training(TableRow& row, const std::filesystem::path& run_folder) {
         const TrainOptions options = load_run_options(run_folder);
         row.seed = options.seed;
         row.training = training_options(options);
-    } catch (const Error&) { // a folder of another program or version: the run stands for itself
+    } catch (const Error&) { // the folder is of another program or version
     }
 }
 
@@ -136,7 +136,7 @@ std::optional<TableRow> finished_run(const TrainOptions& options) {
         TableRow row = read_table_row(folder.root, options.iterations);
         read_training(row, folder.root);
         return row.train_seconds ? std::optional(row) : std::nullopt; // the time is written last
-    } catch (const DataError&) { // results of another iteration, or cut short
+    } catch (const DataError&) { // the results are of another iteration or cut short
         return std::nullopt;
     }
 }

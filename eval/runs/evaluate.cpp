@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The evaluation loop and the side-by-side picture.
+// Runs the evaluation loop and writes the side-by-side picture.
 #include "eval/runs/evaluate.h"
 
 #include <fmt/format.h>
@@ -23,7 +23,7 @@ struct Pair {
     double render_seconds = 0;
 };
 
-/// The photograph, of the size of its camera, as the protocol compares it.
+/// Returns the photograph as the protocol compares it. Throws DataError unless it has the size of its camera.
 Image truth_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
     const Image loaded = view.load().color;
     Image truth = protocol.eight_bit ? quantized_target(loaded, background) : float_target(loaded, background);
@@ -32,7 +32,7 @@ Image truth_of(const View& view, const Vec3<float>& background, const Protocol& 
     return truth;
 }
 
-/// Views as the renderer and, of the aligned modes, the fit make them.
+/// Renders views and, in the aligned modes, fits their colours to the photographs.
 class Renderer {
   public:
     Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction, const Protocol& protocol)
@@ -47,7 +47,7 @@ class Renderer {
     Renderer(const Renderer&) = delete;
     Renderer& operator=(const Renderer&) = delete;
 
-    /// Fits the map that all views share.
+    /// Fits the map that all views share in the mode kSceneAligned.
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         ColourFit fit;
@@ -87,11 +87,11 @@ class Renderer {
     const Vec3<float> background_;
     const EvalCorrection correction_;
     const Protocol protocol_;
-    PpispState before_;  ///< active where the backend's was changed
+    PpispState before_;  ///< the backend's own state while it is changed
     std::optional<ColourMap> common_;
 };
 
-/// Renders the parts beside the full picture, writes them where pictures are wanted, and returns the residual's mean.
+/// Renders base and residual, writes them where pictures are wanted, and returns the residual's mean.
 double decompose(Backend& backend, const View& view, int index, const Vec3<float>& background, const EvalOptions& options) {
     double residual_mean = 0;
     for (const auto& [mode, name] : kPictureParts) {
@@ -105,7 +105,8 @@ double decompose(Backend& backend, const View& view, int index, const Vec3<float
     return residual_mean;
 }
 
-/// Means over views; a metric that fails on one view has none, since means over different views do not compare.
+/// Returns the means over views. A metric that fails on one view has none, since means over different views do not
+/// compare.
 std::map<std::string, MetricScore> mean_scores(const std::vector<ViewScore>& views) {
     std::map<std::string, MetricScore> means;
     for (const ViewScore& view : views) {
@@ -164,7 +165,7 @@ void write_comparison(const std::filesystem::path& path, Backend& backend, const
     const int count = std::min<int>(max_views, int(views.size()));
     if (count <= 0) throw UsageError(fmt::format("{}: no views to compare", path.string()));
     std::vector<Pair> pairs;
-    Renderer renderer(backend, background, correction, protocols().front()); // a picture: 8 bits
+    Renderer renderer(backend, background, correction, protocols().front()); // a protocol of 8 bits
     renderer.align(views);
     Image sheet{0, 0, 3, {}, {}};
     for (int i = 0; i < count; ++i) {

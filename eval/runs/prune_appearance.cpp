@@ -22,7 +22,7 @@ using Cameras = std::vector<CameraParams<float>>;
 
 constexpr float kHalfStep = 0.5f / 255;
 
-/// Whether one of the cameras that draw Gaussian i sees its colour changed by more than `limit`.
+/// Returns whether the residual changes the colour of Gaussian i by more than `limit` for a camera that draws it.
 template <class Model> bool shows_residual(const ParameterView<float>& params, std::int64_t i, int degree, const Cameras& cameras, float limit) {
     const GaussianGeometry<float> geometry = params.geometry(i);
     return std::any_of(cameras.begin(), cameras.end(), [&](const CameraParams<float>& camera) {

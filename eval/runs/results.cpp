@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merging scores into the JSON files of a run.
+// Merges scores into the JSON files of a run.
 #include "eval/runs/results.h"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ Json existing(const std::filesystem::path& path) {
     return json;
 }
 
-/// The object under `key`, made anew if something else stands there.
+/// Returns the object under `key` and makes one where there is none.
 Json& section(Json& json, const char* key) {
     if (!json[key].is_object()) json[key] = Json::object();
     return json[key];
@@ -62,7 +62,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
         {"program", version_text()},
     };
     for (const Metric& metric : options.metrics) results["protocol"][key][metric.info.name] = metric.protocol + ", mean over images";
-    // Why a score that was asked for is not there; an earlier answer no longer holds.
+    // The reasons of this evaluation replace earlier ones.
     section(results, "not_measured").erase(key);
     for (const auto& [name, score] : result.scores) {
         if (!score.value) results["not_measured"][key][name] = score.reason;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a run folder back to a model on a backend.
+// Loads a run folder's model to a backend.
 #include "eval/runs/saved_run.h"
 
 #include <fmt/format.h>
@@ -64,7 +64,7 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     SavedRun run;
     run.folder = run_folder;
     run.options = load_run_options(run_folder);
-    run.options.model = run_folder.string(); // which may have been moved
+    run.options.model = run_folder.string(); // the folder may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
     if (instead.device) run.options.device = *instead.device;
     const SavedModel model = read_saved_model(run_folder, iteration);

@@ -27,7 +27,7 @@ template <class Model> class Conformance : public ::testing::Test {
         const Vec3<double> v = vector();
         return v * (1 / std::sqrt(dot(v, v)));
     }
-    /// Of a Gaussian, and behind them the shared weights, at `scale` times their usual size.
+    /// Returns random parameters of a Gaussian, then shared weights, at `scale` times their usual size.
     std::vector<double> parameters(double scale = 1) {
         std::vector<double> p(kAll);
         for (int k = 0; k < kAll; ++k) p[k] = (k < Model::kMaxResidual ? scale : 0.3 * scale) * normal(rng);
@@ -35,7 +35,7 @@ template <class Model> class Conformance : public ::testing::Test {
     }
     static constexpr int kAll = Model::kMaxResidual + kNumSharedOf<Model>;
     template <class T> static Vec3<T> residual(const T* p, const Vec3<T>& d, int degree) { return model_residual<Model>(p + Model::kMaxResidual, p, d, degree); }
-    /// dp: zeroed by the caller.
+    /// Writes gradients to `dp`, which the caller has zeroed.
     template <class T> static void residual_backward(const T* p, const Vec3<T>& d, int degree, const Vec3<T>& g, T* dp, Vec3<T>& dd) {
         model_residual_backward<Model>(p + Model::kMaxResidual, p, d, degree, g, dp, dd, dp + Model::kMaxResidual);
     }
@@ -160,7 +160,8 @@ TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
             for (const double g : dp) largest = std::max(largest, std::abs(g));
             for (int k = 0; k < this->kAll; ++k) {
                 EXPECT_TRUE(std::isfinite(dq[k]));
-                // What is below the rounding of the largest gradient may have any sign; all of it may be below float's range.
+                // What is below the rounding of the largest gradient may have any sign; all of it may be below float's
+                // range.
                 if (std::abs(dp[k]) > 1e-5 * largest && std::abs(dp[k]) > 1e-30) {
                     EXPECT_GE(double(dq[k]) * dp[k], 0) << "scale " << scale << ", column " << k << ": " << dq[k] << " for " << dp[k];
                 }

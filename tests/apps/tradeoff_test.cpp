@@ -45,7 +45,7 @@ TEST(TradeoffProgram, ASecondCallKeepsAllRunsAndGivesTheSameResult) {
     EXPECT_EQ(program.read("out/tradeoff.md"), first.out) << "nothing is touched";
 }
 
-/// In front of the program: sends it alone SIGINT as soon as `file` is there.
+/// Returns a prefix of the program's command that sends the program alone SIGINT as soon as `file` is there.
 std::string interrupted_at(const std::string& file) {
     return "sh -c '\"$0\" \"$@\" & p=$!; while kill -0 $p && ! test -e " + file + "; do sleep 0.1; done; kill -INT $p; wait $p'";
 }

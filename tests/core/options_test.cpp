@@ -29,7 +29,7 @@ const Option& find(const std::string& key) {
     throw std::runtime_error("no option " + key);
 }
 
-/// Message of the UsageError that `validate` throws; empty when it throws nothing.
+/// Returns the message of the UsageError that `validate` throws; empty when it throws nothing.
 std::string complaint(const std::string& key, const std::string& value) {
     TrainOptions options = with_source();
     try {

@@ -13,7 +13,8 @@ namespace fs = std::filesystem;
 
 const fs::path kScenes = fs::path(GSAPP_SOURCE_DIR) / "scenes";
 
-/// What differs between the scenes; written out here a second time, so that a slip in a file does not pass unseen.
+/// The options in which scenes differ. They are written here a second time, so that a slip in a file does not pass
+/// unseen.
 struct Expected {
     const char* scene;
     std::int64_t cap_max;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 24 descriptions of an ellipsoid: all are the same one, and the chosen one comes back from its codes better than the plain one.
+// The 24 descriptions of an ellipsoid: all are the same one, and the chosen one comes back from its codes better than
+// the plain one.
 #include "lib/export/ellipsoid_axes.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +14,7 @@ namespace {
 
 PackedGeometry ellipsoid(const std::array<double, 4>& rotation, const std::array<double, 3>& scale) { return {{0, 0, 0}, 1, {0, 0, 0}, scale, rotation}; }
 
-/// Axes times standard deviations: the covariance is its product with its transpose.
+/// Returns axes times standard deviations. The covariance is the product of this matrix with its transpose.
 Eigen::Matrix3d axes(const std::array<double, 4>& rotation, const std::array<double, 3>& scale) {
     return Eigen::Quaterniond(rotation.data()).normalized().toRotationMatrix() * Eigen::Vector3d(scale.data()).asDiagonal();
 }
@@ -23,7 +24,8 @@ Eigen::Matrix3d covariance(const PackedGeometry& g) {
     return m * m.transpose();
 }
 
-/// Error of the covariance after the codes of the rotation, relative to the ellipsoid's own size in each direction (at least a tenth of the largest).
+/// Returns the error of the covariance that the codes of the rotation leave, relative to the ellipsoid's own size in
+/// each direction (at least a tenth of the largest).
 double rotation_error(const PackedGeometry& g) {
     std::array<double, 3> thick = g.scale;
     for (double& s : thick) s = 1 / std::max({s, 0.1 * g.scale[0], 0.1 * g.scale[1], 0.1 * g.scale[2], 1e-100});

@@ -48,7 +48,7 @@ TEST(Ngsplat, OffsetsAreThoseOfTheFormat) {
     EXPECT_EQ(value_at<std::uint32_t>(bytes, 88), 0u);  // nTestCameras
     EXPECT_EQ(value_at<std::uint32_t>(bytes, 92), 0u);  // nWeightTexels
     EXPECT_EQ(bytes.substr(96 + 3 * 16, 2045 * 16), std::string(2045 * 16, '\0')) << "padding";
-    // With SH three scales more, with two cameras and PPISP 2*72 + 4*(18 + 9 + 2*9); the trailer 8 + 4 + 4 + text + 4.
+    // SH adds three scales, PPISP with two cameras 2*72 + 4*(18 + 9 + 2*9), the trailer 8 + 4 + 4 + text + 4.
     write_ngsplat(folder / "t.ngsplat", packed("sh", 2049, true));
     EXPECT_EQ(slurp(folder / "t.ngsplat").size(), 108u + 144 + 180 + (16 + 8 + 16 + 16) * 4096 + 20 + 18);
     // 140 texels of weights; NASGabor's number needs the later bit.
@@ -58,7 +58,7 @@ TEST(Ngsplat, OffsetsAreThoseOfTheFormat) {
     EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "g.ngsplat"), 48), 1u << 6);
 }
 
-/// CRC-32 bit by bit, as its polynomial is defined.
+/// Computes CRC-32 bit by bit, as its polynomial is defined.
 std::uint32_t plain_crc(const std::string& bytes) {
     std::uint32_t crc = 0xffffffff;
     for (const char c : bytes) {

@@ -17,7 +17,7 @@
 namespace gs::test {
 namespace {
 
-/// Directions at random.
+/// Draws random directions.
 class Directions {
   public:
     Vec3<double> next() {
@@ -39,7 +39,8 @@ Vec3<double> exact_residual(const Gaussians& g, std::int64_t row, const Vec3<dou
 
 double largest(const Vec3<double>& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-/// Parameters of usual size: lobes of a sharpness that pictures show, amplitudes and weights below 1.
+/// Returns Gaussians with parameters of usual size: lobes of a sharpness that pictures show, amplitudes and weights
+/// below 1.
 Gaussians usual_gaussians(const ModelInfo& model, int active_degree) {
     Gaussians g = random_gaussians(50, {model.name, model.default_max_degree, ColorActivation::kRelu});
     g.active_degree = active_degree;

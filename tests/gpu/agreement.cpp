@@ -29,7 +29,8 @@ void expect_images_within_bounds(Backend& backend, const TestScene& scene) {
 
 namespace {
 
-/// After one step from zero moments m = 0.1 g, v = 0.001 g^2, and the parameter has moved by rate * sign(g).
+/// Compares one step from zero moments, after which m = 0.1 g, v = 0.001 g^2 and the parameter has moved by
+/// rate * sign(g).
 void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r, const StepReference& want, const std::vector<char>& seen) {
     backend.upload(scene.model);
     backend.step(r);
@@ -58,8 +59,9 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
             // m = 0.1 g and v = 0.001 g^2: the factor, the product and the fma are rounded.
             m.add(now.m[i], {0.1 * g.v, 0.1 * g.e + 4 * kRoundoff * 0.1 * size + kFlushed});
             v.add(now.v[i], {1e-3 * g.v * g.v, 1e-3 * (2 * size + g.e) * g.e + 8 * kRoundoff * 1e-3 * size * size + kFlushed});
-            // p - rate m / (sqrt(v) + 1e-15), both without their bias: whatever g is, it cancels but for its sign. 16 roundings, and
-            // that of p. Where the sign is not certain, p moves by at most the rate; where g is exactly zero it stays.
+            // p - rate m / (sqrt(v) + 1e-15), both without their bias: whatever g is, it cancels but for its sign. 16
+            // roundings, and that of p. Where the sign is not certain, p moves by at most the rate; where g is exactly
+            // zero it stays.
             const double p0 = before.param[i], rounding = 2 * kRoundoff * (std::abs(p0) + rate);
             moving += size > 0;
             if (size == 0 && g.e == 0) {
@@ -79,7 +81,8 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
     Agreement statistic("statistic");
     for (std::int64_t i = 0; i < n; ++i) {
         statistic.add(after.gradient_sum[i], want.statistic[i]);
-        // Tiles differ in size: an ellipse between pixel centres may touch one in one backend only. It adds nothing to the sum then.
+        // Tiles differ in size: an ellipse between pixel centres may touch one in one backend only. It adds nothing to
+        // the sum then.
         EXPECT_TRUE(after.gradient_count[i] == 1 || (after.gradient_count[i] == 0 && !seen[i])) << "Gaussian " << i;
     }
     statistic.expect(scene.informative, kBeyond);

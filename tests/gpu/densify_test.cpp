@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Densification on the device against the CPU backend: the same rows, in the same order. Skipped where there is no device.
+// Densification on the device against the CPU backend: the same rows, in the same order. Skipped where there is no
+// device.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -27,7 +28,7 @@ struct Both {
     std::unique_ptr<Backend> cpu, gpu;
     explicit Both(const Gaussians& s) : cpu(make_cpu_backend(s.appearance)), gpu(make_cuda_backend(s.appearance)) { cpu->upload(s), gpu->upload(s); }
 
-    /// tolerance: of what libm has a part in; everything else has the same bits.
+    /// Expects the same bits, and of the groups `inexact`, in which libm has a part, values within `tolerance`.
     void expect_same(float tolerance, std::initializer_list<Group> inexact) const {
         const Gaussians a = cpu->download(true), b = gpu->download(true);
         ASSERT_EQ(a.count, b.count);
@@ -59,7 +60,7 @@ void expect_same(const DensifyStats& a, const DensifyStats& b) {
     EXPECT_EQ(a.count, b.count);
 }
 
-/// Random rows whose moments tell them apart.
+/// Returns random rows whose moments tell them apart.
 Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
     Gaussians s = cast<float>(random_gaussians(n, degree, seed));
     if (degree == 0) s.appearance.model = "none", s[Group::kResidual].width = 0, s[Group::kResidual].param.clear();
@@ -71,7 +72,7 @@ Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
     return s;
 }
 
-/// Every 7th faint, every 11th without a rotation, every 13th a copy of the row before.
+/// Returns rows of which every 7th is faint, every 11th has no rotation, and every 13th is a copy of the row before.
 Gaussians mixed_model(std::int64_t n, int degree, std::uint32_t seed) {
     Gaussians s = random_model(n, degree, seed);
     for (std::int64_t i = 0; i < n; ++i) {
@@ -83,7 +84,7 @@ Gaussians mixed_model(std::int64_t n, int degree, std::uint32_t seed) {
     return s;
 }
 
-/// Few different values, so that many gradients are equal.
+/// Fills the statistic with few different values, so that many gradients are equal.
 void gather_statistic(Gaussians& s, std::uint32_t seed) {
     std::mt19937 rng(seed);
     const float sums[] = {0, 1e-4f, 2e-4f, 4e-4f, 1e-3f};
@@ -250,7 +251,7 @@ TEST_F(CudaDensification, MortonOrderIsTheOneOfTheCpu) {
     }
 }
 
-/// So many rows that a gather cannot take all columns of a residual at once.
+/// A gather of so many rows cannot take all columns of a residual at once.
 TEST_F(CudaDensification, RowsOfALargeModelMoveInSlices) {
     const Gaussians s = random_model(400000, 3, 18);
     const Both both(s);
@@ -280,7 +281,7 @@ TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
         }
 }
 
-/// What trainers do: everything on one backend, so that memory of earlier calls is used again.
+/// Does everything on one backend, as trainers do, so that memory of earlier calls is used again.
 TEST_F(CudaDensification, AllOperationsFollowEachOther) {
     Gaussians s = mixed_model(3000, 3, 20);
     gather_statistic(s, 9);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians at the ends of what floats hold: nothing becomes NaN or infinite that was not, and the image is that of the CPU.
-// Skipped where there is no device.
+// Gaussians at the ends of what floats hold: nothing becomes NaN or infinite that was not, and the image is that of the
+// CPU. Skipped where there is no device.
 #include "kernels/backend.h"
 #include "tests/gpu/scenes.h"
 
@@ -12,7 +12,8 @@ constexpr int kWidth = 40, kHeight = 30;
 
 class GpuExtremes : public Gpu {
   protected:
-    /// Renders and trains 40 Gaussians after `change`. Values off by more than `tolerance` may be as many as `share` of all.
+    /// Renders and trains 40 Gaussians after `change`. At most the share `share` of the values may be off by more than
+    /// `tolerance`.
     void check(const std::string& what, const std::function<void(GaussianState<double>&)>& change, double tolerance = 1e-4, double share = 0.01) {
         SCOPED_TRACE(what);
         auto d = random_gaussians(40, 3, 9);
@@ -57,8 +58,9 @@ class GpuExtremes : public Gpu {
 TEST_F(GpuExtremes, Scales) {
     for (const double x : {-30.0, -10.0, -5.0, 3.0, 5.0, 8.0, 10.0, 14.0, 20.0, 30.0, 45.0, 1e30})
         for (const double y : {-30.0, -3.0, x}) {
-            // Thin ones of 1000 and more pixels' length have variances of 1e6 and more, whose products cancel to a determinant of
-            // 1e6 * 0.3: float has no digit to spare for that, and every evaluation shows something else. Above e^12 they are culled.
+            // Thin ones of 1000 and more pixels' length have variances of 1e6 and more, whose products cancel to a
+            // determinant of 1e6 * 0.3: float has no digit to spare for that, and every evaluation shows something
+            // else. Above e^12 they are culled.
             const bool arbitrary = x >= 5 && x < 12 && y != x;
             check("scales " + std::to_string(x) + ", " + std::to_string(y), [&](auto& s) {
                 for (const std::int64_t i : {0, 7, 20}) set(s, Group::kScale, i, {x, y, y});
@@ -107,7 +109,7 @@ TEST_F(GpuExtremes, WhatIsNotANumberStaysWhereItIs) {
             check(std::string(kGroupNames[g]) + " of " + std::to_string(bad), [&](auto& s) { s.groups[g].param[std::size_t(5 * s.groups[g].width)] = bad; });
 }
 
-/// Everything at once, as before pruning: combinations that no case above has.
+/// Tries combinations that no case above has, as they may occur before pruning.
 TEST_F(GpuExtremes, Combinations) {
     for (const double mean : {0.0, double(kNan), double(kInf), -double(kInf), 1e30})
         for (const double scale : {-30.0, 0.0, 30.0, 60.0, double(kNan)})

@@ -44,7 +44,7 @@ struct RandomTarget {
     }
 };
 
-/// A step with rates, regularisers and statistic.
+/// Returns a step with rates, regularisers and statistic.
 inline StepRequest step_request(const CameraParams<float>& camera, const TargetImage& target) {
     StepRequest r;
     r.camera = camera;
@@ -56,7 +56,7 @@ inline StepRequest step_request(const CameraParams<float>& camera, const TargetI
     return r;
 }
 
-/// Model none where the appearance has no degree.
+/// Returns the scene in float, with the model `none` where the appearance has no degree.
 inline Gaussians float_model(const GaussianState<double>& s) {
     Gaussians f = cast<float>(s);
     if (f.appearance.max_degree == 0) f.appearance.model = "none";
@@ -67,7 +67,7 @@ inline bool same_bits(const std::vector<float>& a, const std::vector<float>& b) 
     return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0);
 }
 
-/// Parameters and moments, to the bit.
+/// Expects equal bits of parameters and moments.
 inline void expect_same_bits(const Gaussians& a, const Gaussians& b) {
     ASSERT_EQ(a.count, b.count);
     EXPECT_EQ(a.step, b.step);

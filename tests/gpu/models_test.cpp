@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every appearance model on the CUDA backend against the CPU's templates in double: colours, gradients, shared weights; the
-// separate pass against the fused kernels. Bounds on images and gradients as such are in image_test.cpp and step_test.cpp.
+// Every appearance model on the CUDA backend against the CPU's templates in double: colours, gradients, shared weights;
+// the separate pass against the fused kernels. Bounds on images and gradients as such are in image_test.cpp and
+// step_test.cpp.
 #include "appearance/model_info.h"
 #include "kernels/loss/loss.h"
 #include "tests/gpu/gpu_test.h"
@@ -12,11 +13,11 @@ namespace gs::test {
 namespace {
 
 constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
-/// Half precision rounds inputs, weights and activations of a network to 2^-11; single precision the rest to 2^-24, which
-/// sums over pixels and a lobe's exponential multiply by some hundred.
+/// True for models that compute in half precision. It rounds inputs, weights and activations of a network to 2^-11.
+/// Single precision rounds the rest to 2^-24, which sums over pixels and a lobe's exponential multiply by some hundred.
 template <class Model> constexpr bool kHalf = kNumSharedOf<Model> > 0;
 
-/// |a - b| / |b|, Euclidean.
+/// Returns |a - b| / |b| in the Euclidean norm.
 double relative_distance(const std::vector<float>& a, const std::vector<double>& b, double factor = 1) {
     double difference = 0, size = 0;
     for (std::size_t i = 0; i < b.size(); ++i) difference += (a[i] * factor - b[i]) * (a[i] * factor - b[i]), size += b[i] * b[i];
@@ -48,7 +49,7 @@ template <class Model> class GpuModel : public ::testing::Test {
         std::vector<double> image;
         GaussianState<double> gradients;
     };
-    /// Of the loss without regularisers, as the CPU's templates give it in double.
+    /// Returns the image and the gradients of the loss without regularisers from the CPU's templates in double.
     static Expected expected(const TestScene& t, const StepRequest& r) {
         const auto d = cast<double>(t.model);
         Pipeline<double, Model> pipe;
@@ -89,7 +90,8 @@ TYPED_TEST(GpuModel, ShowsTheSameColors) {
                     gpu->render(r, image);
                     Pipeline<double, TypeParam> pipe;
                     pipe.render(cast<double>(t.model), cast<double>(t.camera), {t.background.x, t.background.y, t.background.z}, mode);
-                    // A fragment at the alpha threshold counts on one side only; it may show as much as 1/255 of a colour.
+                    // A fragment at the alpha threshold counts on one side only; it may show as much as 1/255 of a
+                    // colour.
                     const double limit = kHalf<TypeParam> ? 4e-3 : 2e-4;
                     std::size_t beyond = 0;
                     double worst = 0;
@@ -119,8 +121,8 @@ TYPED_TEST(GpuModel, LearnsTheSame) {
                 std::printf(" %s %.1e", name, error);
                 EXPECT_LE(error, limit) << name;
             };
-            // Sums over thousands of fragments, some at the threshold, in single precision: 1e-4 at the most. Through halves
-            // each of a network's products is off by 2^-11, and a neuron near 0 may be on or off.
+            // Sums over thousands of fragments, some at the threshold, in single precision: 1e-4 at the most. Through
+            // halves each of a network's products is off by 2^-11, and a neuron near 0 may be on or off.
             for (int g = 0; g < kNumGroups; ++g)
                 check(now.groups[g].m, want.gradients.groups[g].param, kGroupNames[g], kHalf<TypeParam> ? 2e-2 : 1e-3);
             check(now.shared.m, want.gradients.shared.param, "shared", 1e-2);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kFrames = 7, kCameras = 2;
 
-/// Values as training leaves them, by hand-made noise.
+/// Returns values like those of a training, made of noise.
 PpispState random_ppisp(std::uint32_t seed, bool with_controllers) {
     PpispState state = identity_ppisp(kFrames, kCameras);
     std::mt19937 rng(seed);
@@ -45,7 +45,8 @@ struct Pair {
 
 TestScene view_of(int width, int height) { return random_scene(400, 1, width, height, -0.5, 9); }
 
-/// Largest difference of two gradients, which are Adam's first moments of a first step, over the largest value.
+/// Returns the largest difference of two gradients over the largest value. The gradients are Adam's first moments of a
+/// first step.
 double difference(const std::vector<float>& a, const std::vector<float>& b, std::size_t begin, std::size_t end) {
     double largest = 0, error = 0;
     for (std::size_t i = begin; i < end; ++i) largest = std::max(largest, std::abs(double(b[i]))), error = std::max(error, std::abs(double(a[i]) - b[i]));

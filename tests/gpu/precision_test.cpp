@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The settings that trade accuracy for speed: each does what it says, and nothing else. Skipped where there is no device.
+// The settings that trade accuracy for speed: each does what it says, and nothing else. Skipped where there is no
+// device.
 #include <algorithm>
 #include <bit>
 
@@ -47,7 +48,7 @@ Difference compare(const std::vector<float>& a, const std::vector<float>& b) {
     return d;
 }
 
-/// Roundings decide about single fragments at the cutoff, so that few pixels may differ, by at most what is cut off.
+/// Rounding decides about single fragments at the cutoff, so a few pixels may differ by at most what is cut off.
 TEST_F(GpuPrecision, CutoffsAreThoseOfTheCpu) {
     const BackendOptions options{.min_alpha = 4.0 / 255, .min_transmittance = 0.01};
     const auto cpu = make_cpu_backend(scene_.model.appearance, options), gpu = make_cuda_backend(scene_.model.appearance, options);
@@ -114,7 +115,7 @@ TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
     expect_same_bits(again->download(true), b);
 }
 
-/// Every kind of step and of moved rows, among them residuals that are caught up late.
+/// Takes every kind of step and moves rows, among them residuals that are caught up late.
 TEST_F(GpuPrecision, PackedMomentsTrainLikeFullOnes) {
     const auto train = [&](const BackendOptions& options) {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);

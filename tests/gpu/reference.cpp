@@ -13,7 +13,7 @@
 namespace gs::test {
 namespace {
 
-/// Of what float holds.
+/// Returns a value that float holds exactly.
 template <class Real> Real exact(double x) {
     if constexpr (std::is_same_v<Real, Rounded>)
         return {x, 0};
@@ -34,7 +34,7 @@ template <class Real> CameraParams<Real> camera_of(const CameraParams<float>& c)
 constexpr int kTile = 32; ///< of the reference; a whole number of the device's sub-tiles
 constexpr int kSubX = 8, kSubY = 4;
 
-/// All Gaussians as splats, and which of them may reach each tile, front to back.
+/// All Gaussians as splats, and for each tile those that may reach it, front to back.
 template <class Model, class Real> struct Projected {
     const Gaussians& model;
     CameraParams<Real> camera;
@@ -91,7 +91,8 @@ template <class Model, class Real> struct Projected {
         const Real* q = params[int(Group::kRotation)].data() + 4 * i;
         return {row3(Group::kMean, i), row3(Group::kScale, i), {q[0], q[1], q[2], q[3]}, params[int(Group::kOpacity)][i]};
     }
-    /// Most Gaussians of a tile are far from a given pixel; the error of alpha is nowhere near a factor of 16.
+    /// Returns whether a splat is too far to reach the pixel, as most of a tile are. The error of alpha is nowhere near
+    /// a factor of 16.
     bool far(const Splat<Real>& s, int x, int y) const {
         const double dx = s.mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
         return s.opacity.v * std::exp(-0.5 * (s.a.v * dx * dx + s.c.v * dy * dy) - s.b.v * dx * dy) < kMinAlpha / 16;
@@ -106,7 +107,7 @@ template <class Model, class Real> struct Projected {
     }
 };
 
-// --- images: bounds ---------------------------------------------------------------------------------------------------
+// --- images: bounds --------------------------------------------------------------------------------------------------
 
 bool may_be_at_least(Rounded x, double threshold) { return x.v + x.e + kRoundoff * threshold >= threshold; }
 bool certain(Rounded x, double threshold) { return std::abs(x.v - threshold) > x.e + kRoundoff * threshold; }
@@ -157,7 +158,7 @@ template <class Model> RenderReference bounded_render(const Gaussians& model, co
     return out;
 }
 
-// --- gradients: samples -----------------------------------------------------------------------------------------------
+// --- gradients: samples ----------------------------------------------------------------------------------------------
 
 /// A sum over the pixels of a sub-tile, with the sum of magnitudes.
 struct Sum {
@@ -165,9 +166,9 @@ struct Sum {
     void add(double term, double magnitude) { v += term, size += magnitude; }
 };
 
-/// Roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of a product
-/// (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from the sub-tile's
-/// centre to the mean (4 u).
+/// The roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of
+/// a product (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from
+/// the sub-tile's centre to the mean (4 u).
 constexpr double kSumUnits = 8 + 18 + 4;
 /// Moments are taken about the sub-tile's centre, at most this far from a pixel of it in x and y together.
 constexpr double kMomentShift = 7;
@@ -182,7 +183,7 @@ struct LossPlanes {
     std::vector<Noisy> x, y, xx, yy, xy, weight, p, q, r, across, filtered[8];
 };
 
-/// 11x11 window with zero padding, separable.
+/// Filters with the separable 11x11 window and zero padding.
 void filter_window(const std::vector<Noisy>& in, int w, int h, const SsimTaps<double>& taps, std::uint64_t sample, std::vector<Noisy>& across, std::vector<Noisy>& out) {
     constexpr double kUnits = 3.3; // eleven roundings of the sum so far, in quadrature
     const auto pass = [&](const std::vector<Noisy>& from, bool down, std::vector<Noisy>& to) {
@@ -397,7 +398,7 @@ template <class Model> class Sample {
     std::vector<Noisy> rgb_, transmittance_, dL_dimage_;
 };
 
-/// The same in double, by the CPU backend's parts.
+/// Computes the step in double with the CPU backend's parts.
 template <class Model> StepReference double_step(const Gaussians& model, const StepRequest& r) {
     const auto d = cast<double>(model);
     Pipeline<double, Model> pipe;

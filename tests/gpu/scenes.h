@@ -26,7 +26,7 @@ struct NamedScene {
     friend std::ostream& operator<<(std::ostream& out, const NamedScene& s) { return out << s.name; }
 };
 
-/// Where a pixel position at a depth lies in the world.
+/// Returns the point in the world that a pixel shows at this depth.
 inline Vec3<double> unproject(const CameraParams<double>& c, double x, double y, double depth) {
     return c.rotation.transposed_times(Vec3<double>{(x - c.cx) / c.fx * depth, (y - c.cy) / c.fy * depth, depth} - c.translation);
 }
@@ -58,14 +58,15 @@ inline TestScene finished(GaussianState<double> s, const CameraParams<double>& c
     return t;
 }
 
-/// Random Gaussians, all log scales moved by `size`.
+/// Returns random Gaussians whose log scales are moved by `size`.
 inline TestScene random_scene(std::int64_t n, int degree, int width, int height, double size, std::uint32_t seed) {
     auto s = random_gaussians(n, degree, seed);
     for (double& x : s[Group::kScale].param) x += size;
     return finished(std::move(s), test_camera(width, height));
 }
 
-/// Faint ones around one pixel (spread 0: exactly there): lists of many chunks in one tile, saved states included.
+/// Returns faint Gaussians around one pixel (spread 0: exactly there): one tile with a list of many chunks and saved
+/// states.
 inline TestScene one_tile_scene(double spread, double raw_opacity) {
     const auto camera = test_camera(30, 22);
     auto s = random_gaussians(5000, 1, 31);
@@ -79,7 +80,7 @@ inline TestScene one_tile_scene(double spread, double raw_opacity) {
     return finished(std::move(s), camera);
 }
 
-/// All behind the camera.
+/// Returns Gaussians behind the camera.
 inline TestScene behind_scene() {
     const auto camera = test_camera(50, 40);
     auto s = random_gaussians(300, 3, 41);
@@ -87,7 +88,7 @@ inline TestScene behind_scene() {
     return finished(std::move(s), camera);
 }
 
-/// Each covers the whole image.
+/// Returns Gaussians that each cover the whole image.
 inline TestScene huge_scene() {
     const auto camera = test_camera(200, 150);
     auto s = random_gaussians(40, 3, 51);
@@ -96,7 +97,8 @@ inline TestScene huge_scene() {
     return finished(std::move(s), camera);
 }
 
-/// Scale ratio 1e4, at all angles: the longer they are, the more of the determinant cancels, and the bounds say so.
+/// Returns Gaussians of scale ratio 1e4 at all angles. The longer they are, the more of the determinant cancels, and
+/// the bounds say so.
 inline TestScene needle_scene(std::int64_t n, double log_length) {
     auto s = random_gaussians(n, 2, 61);
     for (std::int64_t i = 0; i < s.count; ++i)
@@ -104,7 +106,7 @@ inline TestScene needle_scene(std::int64_t n, double log_length) {
     return finished(std::move(s), test_camera(320, 240));
 }
 
-/// Means on corners and edges of tiles and sub-tiles, of sizes whose outlines end there, too.
+/// Returns Gaussians with means on corners and edges of tiles and sub-tiles, and with outlines that end there, too.
 inline TestScene border_scene() {
     CameraParams<double> camera = test_camera(100, 74);
     camera.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -163,7 +165,7 @@ inline std::vector<NamedScene> test_scenes() {
     };
 }
 
-/// For INSTANTIATE_TEST_SUITE_P.
+/// Names a parameter for INSTANTIATE_TEST_SUITE_P.
 inline std::string scene_name(const ::testing::TestParamInfo<NamedScene>& info) { return info.param.name; }
 
 }  // namespace gs::test

@@ -17,8 +17,9 @@ std::vector<RenderRequest> views_of(const TestScene& scene) {
     return views;
 }
 
-/// Both within rounding of the same sum: float exponentials and atomics differ in the last bits, and a fragment may lie on the
-/// other side of a threshold. `rounding`: TestScene::informative, what single precision is good for in a scene.
+/// Expects scores that differ by rounding only. Float exponentials and atomics differ in the last bits, and a fragment
+/// may lie on the other side of a threshold. `rounding` is TestScene::informative, what single precision is good for in
+/// a scene.
 void expect_near(const std::vector<float>& cpu, const std::vector<float>& gpu, double rounding) {
     ASSERT_EQ(cpu.size(), gpu.size());
     const float largest = cpu.empty() ? 0 : *std::max_element(cpu.begin(), cpu.end());
@@ -53,7 +54,7 @@ TEST_P(GpuScoresOf, AreThoseOfTheCpu) {
 TEST_P(GpuScoresOf, PruneTheRowsOfTheCpu) {
     const TestScene scene = GetParam().make();
     for (const double ratio : {0.0, 0.3, 0.8, 1.0}) {
-        // With a fixed order the scores that are asked for are the very ones that it prunes by.
+        // Pruning uses the very scores that are asked for when the order is fixed.
         const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true});
         gpu->upload(scene.model);
         Gaussians expected = gpu->download(true);

@@ -51,8 +51,8 @@ TEST_F(GpuSteps, UnderAMaskOfZerosOnlyRegularise) {
     for (const float m : after[Group::kOpacity].m) EXPECT_GT(m, 0);
 }
 
-/// Five steps on two views, noise and rates per residual column included: float on both sides, so each may be a few roundings
-/// off per step, which Adam turns into parts of a rate where gradients are near zero.
+/// Takes five steps on two views with noise and rates per residual column. Both sides compute in float, so each may be
+/// a few roundings off per step, which Adam turns into parts of a rate where gradients are near zero.
 TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
     const TestScene scene = random_scene(2000, 3, 160, 120, -1.5, 8);
     const auto cpu = make_cpu_backend(scene.model.appearance), gpu = make_cuda_backend(scene.model.appearance);
@@ -79,7 +79,7 @@ TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
     }
 }
 
-/// As for images: the CPU in float is the measure, and the root mean square tells about all Gaussians but those whose order
+/// The CPU in float is the measure, as for images. The root mean square tells about all Gaussians but those whose order
 /// rounding swapped.
 TEST_F(GpuSteps, OfAMillionGaussiansHaveTheGradientsOfTheCpu) {
     auto s = random_gaussians(1000000, 0, 22);

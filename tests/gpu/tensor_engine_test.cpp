@@ -11,8 +11,8 @@
 namespace gs::test {
 namespace {
 
-/// Of one value, relative to the sum of the magnitudes that it is made of. Both engines add up to 3^2 * 512 products one after another or in
-/// blocks; the error grows with the square root of their number.
+/// Error of one value, relative to the sum of the magnitudes that it is made of. Both engines add up to 3^2 * 512
+/// products one after another or in blocks; the error grows with the square root of their number.
 constexpr double kTolerance = 1e-5;
 
 class GpuTensors : public Gpu {
@@ -22,7 +22,8 @@ class GpuTensors : public Gpu {
         if (!IsSkipped()) gpu_ = make_cuda_tensor_engine();
     }
 
-    /// Calls make(engine) for both, and compares what it returns with `scale` for each value (its own magnitude, at least 1, where none).
+    /// Calls make(engine) for both engines and compares the results. Errors are relative to `scale` of each value, or
+    /// to its magnitude (at least 1) where there is no scale.
     template <class Make> void expect_same(const char* what, Make make, const std::vector<float>& scale = {}) {
         const Tensor a = make(*cpu_), b = make(*gpu_);
         ASSERT_EQ(a.channels, b.channels) << what;
@@ -46,7 +47,7 @@ class GpuTensors : public Gpu {
     std::unique_ptr<TensorEngine> cpu_ = make_cpu_tensor_engine(), gpu_;
 };
 
-/// |values| of a tensor of the CPU.
+/// Returns the magnitudes of a tensor of the CPU.
 Tensor magnitude(const TensorEngine& engine, const Tensor& t) {
     std::vector<float> values = engine.download(t);
     for (float& v : values) v = std::abs(v);
@@ -57,8 +58,8 @@ TEST_F(GpuTensors, ConvolutionsAreTheOnesOfTheCpu) {
     struct Case {
         int in, out, kernel, stride, padding, height, width;
     };
-    // Images of one pixel, windows wider than the image, tiles (64 channels, 128 pixels, 8 of the depth) that are full and that are not, and the
-    // layers of AlexNet, VGG16 and MILO.
+    // Images of one pixel, windows wider than the image, tiles (64 channels, 128 pixels, 8 of the depth) that are full
+    // and that are not, and the layers of AlexNet, VGG16 and MILO.
     for (const Case& c : {Case{1, 1, 1, 1, 0, 1, 1}, {1, 1, 3, 1, 1, 1, 1}, {5, 3, 3, 1, 1, 1, 7}, {4, 6, 5, 1, 2, 3, 2}, {2, 2, 3, 2, 0, 9, 10},
                           {8, 64, 1, 1, 0, 8, 16}, {9, 65, 1, 1, 0, 3, 43}, {7, 63, 3, 1, 1, 17, 15}, {3, 64, 11, 4, 2, 63, 91}, {64, 192, 5, 1, 2, 15, 22},
                           {192, 384, 3, 1, 1, 7, 10}, {3, 64, 3, 1, 1, 61, 67}, {512, 512, 3, 1, 1, 5, 9}, {7, 32, 3, 1, 1, 33, 40}, {16, 1, 3, 1, 1, 33, 40}}) {

@@ -22,14 +22,14 @@ int in_child(F&& f) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/// From here on no file may grow beyond `bytes`: write() fails after a short write, as on a full disk.
+/// Lets no file grow beyond `bytes` from here on: write() fails after a short write, as on a full disk.
 void limit_file_size(std::size_t bytes) {
     ::signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{bytes, bytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
 }
 
-/// 0 when `f` throws a DataError that contains both parts, 1 when it throws nothing, 2 for another message.
+/// Returns 0 when `f` throws a DataError that contains both parts, 1 when it throws nothing, 2 for another message.
 template <class F>
 int data_error_status(F&& f, const std::string& part, const std::string& other_part) {
     try {

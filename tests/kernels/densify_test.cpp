@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// Rows that can be recognised: every value of row i is i + a fraction of its group.
+/// Returns rows that can be recognised: every value of row i is i + a fraction of its group.
 Gaussians numbered(std::int64_t n) {
     Gaussians s;
     s.count = n;
@@ -191,7 +191,7 @@ TEST(Noise, FollowsTheCovarianceAndTheOpacityGate) {
     EXPECT_EQ(sgld_noise(g, 0.5f, 1, 2, 0).x, 0);
 }
 
-/// As if every Gaussian had been seen once with this gradient.
+/// Fills the statistic as if every Gaussian had been seen once with this gradient.
 void gather(Gaussians& s, float gradient) {
     s.gradient_sum.assign(s.count, gradient);
     s.gradient_count.assign(s.count, 1.0f);

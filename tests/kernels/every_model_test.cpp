@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows no
-// model by name, so that it runs on any registry.
+// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows
+// no model by name, so that it runs on any registry.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -18,7 +18,7 @@ namespace {
 constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
                                             ColorActivation::kHardSigmoid};
 
-/// Whether phi has a kink near y: closer than a parameter that is moved by a finite difference's step can carry it.
+/// Returns whether phi has a kink so near to y that the step of a finite difference may cross it.
 bool near_kink(ColorActivation activation, double y) {
     constexpr double kMargin = 1e-3;
     const bool low = activation == ColorActivation::kRelu || activation == ColorActivation::kHardSigmoid;
@@ -31,7 +31,7 @@ class EveryModel : public ::testing::Test {
   protected:
     const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
 
-    /// Random Gaussians with the whole residual active and no colour near a kink from `camera`.
+    /// Returns random Gaussians with the whole residual active and no colour near a kink from `camera`.
     GaussianState<double> random_model(std::int64_t n, ColorActivation activation, const CameraParams<double>& camera) {
         auto s = random_gaussians(n, 0, 31);
         s.appearance = {info.name, info.max_degree_limit, activation};
@@ -72,7 +72,7 @@ TYPED_TEST(EveryModel, RendersWithMatchingGradientsThroughEachActivation) {
     }
 }
 
-/// The picture of one mode; a residual, which is a difference, before black.
+/// Renders the picture of one mode. A residual is a difference and stands before black.
 std::vector<float> part(Backend& backend, const CameraParams<double>& camera, RenderMode mode) {
     RenderRequest request;
     request.camera = cast<float>(camera);
@@ -104,7 +104,7 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
                 EXPECT_NEAR(std::abs(full[i] - base[i]), residual[i], 2e-6f);
                 moved += residual[i];
             }
-            // Of several the distances add up, while in the full picture opposite ones cancel.
+            // The distances of several Gaussians add up, while opposite ones cancel in the full picture.
             backend->upload(cast<float>(this->random_model(6, activation, camera)));
             full = part(*backend, camera, RenderMode::kFull), base = part(*backend, camera, RenderMode::kBaseOnly),
             residual = part(*backend, camera, RenderMode::kResidualOnly);

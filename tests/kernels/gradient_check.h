@@ -8,7 +8,8 @@
 
 namespace gs::test {
 
-/// Relative to the largest gradient of the same group: entries that cancel to nearly nothing carry its rounding.
+/// Compares gradients. Errors are relative to the largest gradient of the same group, whose rounding is in entries that
+/// cancel to nearly nothing.
 struct GradientCheck {
     double tolerance = 1e-6;
     int checked = 0, nonzero = 0;

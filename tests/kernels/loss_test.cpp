@@ -33,7 +33,7 @@ struct Fixture {
     }
 };
 
-/// SSIM and L1 straight from the definition: 2-D window, zero padding.
+/// Computes SSIM and L1 straight from the definition: 2-D window, zero padding.
 std::pair<double, double> brute_force(const Fixture& f) {
     double taps[11], sum = 0, l1 = 0, ssim = 0, weights = 0;
     for (int k = 0; k < 11; ++k) sum += taps[k] = std::exp(-(k - 5) * (k - 5) / 4.5);

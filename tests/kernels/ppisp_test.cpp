@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kRaw = kIspFrameValues + kIspCameraValues;
 
-/// A small image with all it takes to correct it, and weights that make a loss of it.
+/// A small image, the parameters of its correction, and the weights of a loss.
 template <class Real> struct Isp {
     int w = 7, h = 5;
     std::vector<Real> raw; ///< one frame, then one camera
@@ -31,7 +31,7 @@ template <class Real> struct Isp {
         for (std::size_t i = 0; i < out.size(); ++i) sum += dot(out[i], weights[i]);
         return sum;
     }
-    /// dL/draw, then dL/dimage.
+    /// Returns dL/draw, then dL/dimage.
     std::vector<Real> gradient() const {
         const IspFrame<Real> frame = isp_frame(raw.data());
         const IspCamera<Real> camera = isp_camera(raw.data() + kIspFrameValues);
@@ -51,7 +51,7 @@ template <class Real = double> std::vector<Real> identity() {
     return {state.param.begin(), state.param.end()};
 }
 
-/// Which parameters are moved away from the identity.
+/// The parameters that are moved away from the identity.
 struct Stages {
     bool exposure = true, colour = true, vignetting = true, response = true;
 };
@@ -78,7 +78,7 @@ Isp<double> random_isp(std::uint32_t seed, double brightest, const Stages& stage
     return isp;
 }
 
-/// Analytic gradients against central differences. Returns how many were not zero.
+/// Compares analytic gradients with central differences. Returns how many were not zero.
 int check_gradient(Isp<double> isp) {
     const std::vector<double> analytic = isp.gradient();
     std::vector<double*> value;
@@ -178,7 +178,7 @@ TEST(Ppisp, ColourMovesTheFourPointsToTheirTargets) {
     }
 }
 
-/// Everything that comes out of one image, forward and backward.
+/// Expects finite results for one image, forward and backward.
 template <class Real> void expect_finite(const Isp<Real>& isp, const std::string& what) {
     for (const Vec3<Real>& p : isp.correct()) {
         for (const Real x : {p.x, p.y, p.z}) EXPECT_TRUE(x >= 0 && x <= Real(1.000001)) << what << " " << x;
@@ -251,7 +251,7 @@ TEST(Ppisp, NanIsNotHidden) {
     EXPECT_TRUE(std::isnan(isp.correct()[0].x));
 }
 
-/// docs/math/ppisp.md#regularizers, term by term.
+/// Computes docs/math/ppisp.md#regularizers term by term.
 double regularizer(const std::vector<double>& raw, int frames, int cameras) {
     const auto smooth_l1 = [](double x, double beta) { return std::abs(x) < beta ? x * x / (2 * beta) : std::abs(x) - beta / 2; };
     double mean[9] = {}, loss = 0;

@@ -44,7 +44,7 @@ template <class T, class U> GaussianState<T> cast(const GaussianState<U>& s) {
     return o;
 }
 
-/// n Gaussians around the point the test camera looks at, of 0.05 to 1 units size.
+/// Returns n Gaussians of 0.05 to 1 units size around the point that the test camera looks at.
 inline GaussianState<double> random_gaussians(std::int64_t n, int degree, std::uint32_t seed) {
     std::mt19937 rng(seed);
     std::normal_distribution<double> normal;
@@ -65,7 +65,7 @@ inline GaussianState<double> random_gaussians(std::int64_t n, int degree, std::u
     return s;
 }
 
-/// Image and gradients of sum(weights * image).
+/// Computes the image and the gradients of sum(weights * image).
 template <class Real, class Model> struct Pipeline {
     CpuRasterizer<Real, Model> raster;
     std::vector<Real> image, transmittance;
@@ -78,7 +78,7 @@ template <class Real, class Model> struct Pipeline {
     }
     Real weighted_sum(const std::vector<Real>& weights) const { return std::inner_product(image.begin(), image.end(), weights.begin(), Real(0)); }
 
-    /// Gradients in the layout of GaussianState.
+    /// Returns the gradients in the layout of GaussianState.
     GaussianState<Real> gradients(const GaussianState<Real>& s, const std::vector<Real>& dL_dimage) {
         raster.backward(image.data(), transmittance.data(), dL_dimage.data());
         GaussianState<Real> out = s;
@@ -110,20 +110,20 @@ inline std::vector<double> random_weights(std::size_t n, std::uint32_t seed) {
     return w;
 }
 
-/// What a renderer without tiles, and on request without truncation, shows at one pixel.
+/// One pixel of a renderer without tiles and, on request, without truncation.
 struct BruteForcePixel {
     Vec3<double> color;
     double dropped_alpha = 0;        ///< sum of alphas below 1/255
     double threshold_distance = 1e9; ///< nearest relative distance of an alpha to 1/255 or of T to 1e-4
 };
 
-/// Added to the value of one Gaussian at a pixel.
+/// An amount that is added to the value of one Gaussian at a pixel.
 struct Bump {
     std::int64_t gaussian = -1;
     double value = 0;
 };
 
-/// All Gaussians at every pixel in depth order, in double, straight from the definitions (matrix inverse and all).
+/// Blends all Gaussians at every pixel in depth order, in double, straight from the definitions.
 class BruteForce {
   public:
     BruteForce(const GaussianState<double>& s, const CameraParams<double>& camera) {

@@ -61,7 +61,7 @@ TEST(Render, EqualsBruteForceInFloat) {
 }
 
 TEST(Render, LanesAndScalarAgree) {
-    // The same fragment through sixteen float lanes and through a plain float.
+    // Evaluates one fragment through sixteen float lanes and through a plain float.
     for (const float alpha_raw : {-3.0f, 0.0f, 4.0f}) {
         Splat<float> s{};
         s.mean = {3.2f, 1.7f}, s.a = 0.4f, s.b = 0.1f, s.c = 0.3f, s.opacity = sigmoid(alpha_raw);

@@ -121,7 +121,7 @@ TEST(Scores, ExtremesAreZeroOrFinite) {
     }
 }
 
-/// Rows that tell their number.
+/// Returns rows whose values tell their number.
 Gaussians rows(std::int64_t n) {
     Gaussians s = float_scene(n, 3);
     for (std::int64_t i = 0; i < n; ++i) s[Group::kMean].param[3 * i] = float(i);

@@ -98,7 +98,7 @@ TEST(Checkpoint, WrongContentIsNamed) {
     EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }), "truncated");
 }
 
-/// With PPISP of 3 frames and 2 cameras.
+/// Returns a checkpoint with PPISP of 3 frames and 2 cameras.
 Checkpoint corrected(bool with_moments, bool with_controller) {
     Checkpoint c = sample(with_moments);
     PpispState& p = c.state.ppisp = identity_ppisp(3, 2);

@@ -16,7 +16,7 @@ namespace gs::test {
 namespace {
 
 
-/// Header text and the packed floats after it.
+/// The header of a PLY file and the packed floats after it.
 struct RawPly {
     std::string header;
     std::vector<float> values;
@@ -30,7 +30,7 @@ RawPly raw_ply(const std::filesystem::path& path) {
     return raw;
 }
 
-/// Property names of a header, blank-separated.
+/// Returns the property names of a header, separated by blanks.
 std::string property_names(const std::string& header) {
     std::istringstream in(header);
     std::string line, names;

@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// 3 frames of 2 cameras, all numbers random, some of them extreme.
+/// Returns PPISP of 3 frames and 2 cameras; all numbers are random, some of them extreme.
 PpispFile sample(bool controllers) {
     PpispFile file;
     file.iteration = 30000;

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Files below `root`, relative, sorted, blank-separated.
+/// Lists the files below `root`: relative, sorted, separated by blanks.
 std::string listing(const fs::path& root) {
     std::vector<std::string> names;
     for (const auto& entry : fs::recursive_directory_iterator(root)) names.push_back(fs::relative(entry.path(), root).string());

@@ -19,7 +19,7 @@ struct Case {
     std::vector<double> params;
 };
 
-/// One strongly but sensibly distorted 640x480 camera per model.
+/// Returns one strongly but sensibly distorted 640x480 camera per model.
 const std::vector<Case>& cases() {
     static const std::vector<Case> list = {
         {M::kSimplePinhole, {500, 310, 245}},
@@ -91,7 +91,7 @@ TEST(CameraModels, RaysSurviveTheWayToAPixelAndBack) {
     }
 }
 
-/// Straight from the definitions of COLMAP's models, written once more without the library's helpers.
+/// Compares with the definitions of COLMAP's models, written once more without the library's helpers.
 TEST(CameraModels, KnownValues) {
     const double u = 0.3, v = -0.2, r2 = u * u + v * v, r = std::sqrt(r2), theta = std::atan(r);
     const auto at = [&](M model, std::vector<double> params) {

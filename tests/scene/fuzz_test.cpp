@@ -91,7 +91,7 @@ std::string mutate(std::string bytes, std::mt19937& random) {
     return bytes;
 }
 
-/// Loads, and decodes one view of what loads. Returns whether there was a scene.
+/// Loads a scene and decodes one of its views. Returns whether there was a scene.
 bool survives(const std::filesystem::path& source, bool& decoded) {
     SceneOptions options;
     options.source = source.string();

@@ -348,7 +348,7 @@ TEST(CameraExtent, IsElevenTenthsOfTheLargestDistance) {
     EXPECT_GT(camera_extent({}, {}), 0);
 }
 
-/// Names a.png, b.png, ...; the camera ids of the model for each.
+/// Loads a scene of images a.png, b.png, ... whose cameras have the given ids.
 Scene scene_with_cameras(const std::vector<std::uint32_t>& ids, bool eval) {
     TempFolder folder;
     const auto names = numbered(int(ids.size()));

@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// The dataset folder, or nothing if it is not there.
+/// Returns the dataset folder, or an empty path if it is not there.
 std::string data(const std::string& name) {
     const char* root = std::getenv("GSAPP_TEST_DATA");
     const std::filesystem::path path =
@@ -29,7 +29,7 @@ Scene load(const std::string& source, bool eval) {
     return load_scene(options);
 }
 
-/// Share of the points that project into a view.
+/// Returns the share of the points that project into a view.
 double visible_share(const Scene& scene, const Camera& camera) {
     int inside = 0;
     for (const Eigen::Vector3f& point : scene.points.positions) {
@@ -40,8 +40,8 @@ double visible_share(const Scene& scene, const Camera& camera) {
     return double(inside) / double(scene.points.positions.size());
 }
 
-/// Mean absolute difference between the colours of points and the pixels they project to, over all views. Points hidden
-/// behind others are included, so it is no small number; but it is a much smaller one than for wrong poses.
+/// Returns the mean absolute difference between the colours of points and the pixels they project to, over all views.
+/// Points hidden behind others are included, so it is no small number, but a much smaller one than for wrong poses.
 double color_error(const Scene& scene, double shift) {
     double sum = 0;
     std::int64_t count = 0;

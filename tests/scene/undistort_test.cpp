@@ -14,7 +14,7 @@ LensCamera opencv_lens(double k1, double k2 = 0) {
     return make_lens_camera(CameraModel::kOpenCV, 120, 90, std::vector<double>{100, 102, 61, 44, k1, k2, 0.001, -0.0005});
 }
 
-/// Smooth and slow, so that bilinear interpolation is nearly exact.
+/// A smooth, slow pattern, for which bilinear interpolation is nearly exact.
 float pattern(double u, double v) { return float(0.5 + 0.2 * std::sin(3 * u + 1) + 0.2 * std::cos(2 * v - u)); }
 
 Image distorted_pattern(const LensCamera& lens) {

@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// Writes down what is asked of it and does nothing.
+/// Writes down every request and does nothing.
 class Watched : public test::ForwardingBackend {
   public:
     Watched() : ForwardingBackend({}) {}
@@ -49,7 +49,8 @@ TrainOptions speedy_options() {
     return o;
 }
 
-/// All calls of a whole training; returns how many Gaussians before_step and after_step said went.
+/// Makes all calls of a whole training. Returns the numbers of Gaussians that before_step and
+/// after_step pruned by score.
 std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, std::vector<RenderRequest>(3));

@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t kViews = 5;
 constexpr int kEpochs = 12;
 
-/// Some views of a glossy built-in scene; made once, because its rays take longer than a training.
+/// Returns some views of a glossy built-in scene. They are made once, because its rays take longer than a training.
 const Scene& glossy_scene() {
     static const Scene scene = [] {
         SceneOptions options;
@@ -36,7 +36,8 @@ const Scene& glossy_scene() {
     return scene;
 }
 
-/// Trains with the whole residual from the first step on (the schedule would wait for iteration 1000) and writes down each loss.
+/// Trains with the whole residual from the first step on (the schedule would wait for iteration 1000) and writes down
+/// each loss.
 class WatchedBackend : public test::ForwardingBackend {
   public:
     WatchedBackend(const AppearanceSpec& appearance, std::vector<double>& losses)

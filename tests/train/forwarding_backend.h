@@ -6,7 +6,7 @@
 
 namespace gs::test {
 
-/// Passes every call on.
+/// Passes every call on to another backend.
 class ForwardingBackend : public Backend, public BackendTimer {
   public:
     explicit ForwardingBackend(const AppearanceSpec& appearance) : inner_(make_cpu_backend(appearance)) {}

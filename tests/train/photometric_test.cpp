@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another run's values.
+// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another
+// run's values.
 #include "lib/train/photometric.h"
 
 #include <gtest/gtest.h>
@@ -93,7 +94,7 @@ TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
     EXPECT_NEAR(ppisp_rate(0.002, 30000), 2.16e-5, 1e-7);
 }
 
-/// Renders 0.5 everywhere; the photographs are given.
+/// Renders 0.5 everywhere.
 class FlatBackend : public test::ForwardingBackend {
   public:
     FlatBackend() : ForwardingBackend({"none", 0, ColorActivation::kRelu}) {}
@@ -103,7 +104,7 @@ class FlatBackend : public test::ForwardingBackend {
     }
 };
 
-/// Of photographs whose pixels are 0.5 * 2^stops(view, x, y).
+/// Measures the variation of photographs whose pixels are 0.5 * 2^stops(view, x, y).
 PhotometricVariation variation_of(int views, const std::function<double(int, int, int)>& stops) {
     std::vector<View> list(static_cast<std::size_t>(views));
     for (View& view : list) view.camera.width = 32, view.camera.height = 24;
@@ -118,7 +119,7 @@ PhotometricVariation variation_of(int views, const std::function<double(int, int
     });
 }
 
-/// Uniform in -1..1, its standard deviation 0.577.
+/// Returns uniform noise in -1..1, whose standard deviation is 0.577.
 double noise(int view, int block) { return 2 * uniform_from_bits<double>(philox(3, RngStream::kScene, std::uint64_t(view), std::uint32_t(block)).v[0]) - 1; }
 
 TEST(PhotometricVariation, CountsWhatMovesWholeImages) {
@@ -138,7 +139,8 @@ TEST(PhotometricVariation, SaysWhyThereIsNothingToTell) {
     EXPECT_EQ(variation_of(5, [](int, int, int) { return 0; }).nothing_to_tell, "all training images have the same pixels");
 }
 
-// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there slowly.
+// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there
+// slowly.
 TEST(Photometric, RecoversTheExposuresOfTheScene) {
     const test::TemporaryFolder tmp;
     const Scene scene = builtin("exposure", 32);
@@ -162,7 +164,7 @@ TEST(Photometric, RecoversTheExposuresOfTheScene) {
     EXPECT_EQ(degrees.at(2100), 1);
 }
 
-/// The model's PPISP, given. Frames 0, 1, ... have the exposures of a list in turn.
+/// Holds PPISP in which frames 0, 1, ... have the exposures of a list in turn.
 class ExposedBackend : public test::ForwardingBackend {
   public:
     explicit ExposedBackend(std::vector<float> exposures) : ForwardingBackend({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}

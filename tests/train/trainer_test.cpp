@@ -83,7 +83,7 @@ std::string bytes_of(const fs::path& file) {
     return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// Of the last "step" line of the log.
+/// Reads the loss in the last "step" line of the log.
 double last_loss(const TrainOptions& o) {
     std::ifstream log(RunFolder{o.model}.train_log());
     double loss = -1;
@@ -128,7 +128,7 @@ TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
     expect_resuming_equals_not_stopping(small_options(tmp.path() / "whole", GetParam()), 37, tmp.path() / "part");
 }
 
-/// Values of `name` in the log lines of this event.
+/// Returns the values of `name` in the log lines of this event.
 std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event, const std::string& name) {
     std::ifstream log(RunFolder{o.model}.train_log());
     std::vector<std::int64_t> values;
@@ -139,8 +139,8 @@ std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event
     return values;
 }
 
-// The pruning at 6000 is soft, before the step, where densification lasts, and else hard, after it. The runs start from a
-// checkpoint that says it had 5990 iterations.
+// The pruning at 6000 is soft, before the step, where densification lasts, and else hard, after it. The runs start from
+// a checkpoint that says it had 5990 iterations.
 TEST(TrainSpeedySplat, ResumingAroundAPruningEqualsNotStopping) {
     const test::TemporaryFolder tmp;
     Scene scene = small_scene();
@@ -228,7 +228,7 @@ TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
     EXPECT_EQ(densifications > 0, o.strategy != Strategy::kNone);
 }
 
-/// Loss of a run of 600 iterations, of the last 100 of them on average; expects a falling loss and finite results.
+/// Runs 600 iterations and returns the mean loss of the last 100. Expects a falling loss and finite results.
 double hostile_run(const fs::path& folder, const std::string& model, double share) {
     TrainOptions o = small_options(folder, Strategy::kMcmc);
     o.appearance = model;
@@ -311,7 +311,7 @@ TEST(Train, NonFiniteImagesEndTheRunWithTheReason) {
     }
 }
 
-/// Fails at one step, as a device does whose memory is full; afterwards the model may still be read, or not.
+/// Fails at one step, as a device does whose memory is full. Afterwards the model can be read or not, as the test asks.
 class FailingBackend : public test::ForwardingBackend {
   public:
     FailingBackend(const AppearanceSpec& appearance, std::int64_t failing_iteration, bool readable)
@@ -332,7 +332,7 @@ class FailingBackend : public test::ForwardingBackend {
     bool failed_ = false;
 };
 
-/// The message of the DeviceError with which a run ends whose backend fails at that iteration.
+/// Trains with a backend that fails at that iteration and returns the message of the run's DeviceError.
 std::string failure(const TrainOptions& options, std::int64_t failing_iteration, bool readable) {
     TrainHooks hooks;
     hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
@@ -370,7 +370,7 @@ TEST(Train, OutOfMemoryWithoutAModelToSaveKeepsItsMessage) {
     EXPECT_FALSE(fs::exists(tmp.path() / "lost/checkpoints"));
 }
 
-/// Statistics that lag two steps behind until somebody waits, and an image kept per id.
+/// Gives statistics that lag two steps behind until somebody waits, and keeps one image per id.
 class LaggingBackend : public test::ForwardingBackend {
   public:
     using ForwardingBackend::ForwardingBackend;
@@ -488,7 +488,8 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     EXPECT_LT(r.rates[3], 0.05);
 }
 
-/// The degrees of the steps at the given iterations, all steps before them taken too; held at those of `held`.
+/// Returns the degrees of the steps at the given iterations. All steps before them are taken, too, and the degree is
+/// held at the iterations of `held`.
 std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t> iterations, const std::set<std::int64_t>& held = {}) {
     TrainOptions o;
     o.source = "x", o.appearance = appearance, o.strategy = Strategy::kNone;

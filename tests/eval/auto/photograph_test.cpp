@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// 4x2 pixels of one colour; the first `masked` do not count.
+/// Returns a view of 4x2 pixels of one colour; the first `masked` do not count.
 View view(std::uint8_t value, int masked) {
     View v;
     v.camera.width = 4, v.camera.height = 2;

@@ -20,7 +20,7 @@ namespace {
 constexpr int kSize = 100;
 const Vec3<float> kBackground{0, 0, 0};
 
-/// `k` of a spiral around the origin, looking there from 4 units away.
+/// Returns photograph `k` of a spiral around the origin, at which it looks from 4 units away.
 Photograph photograph_from(int k, int count) {
     const double height = 0.2 + 0.6 * k / count, angle = 2.4 * k;
     const Eigen::Vector3d at = 4 * Eigen::Vector3d(std::sqrt(1 - height * height) * std::cos(angle), std::sqrt(1 - height * height) * std::sin(angle), height);
@@ -55,8 +55,8 @@ Gaussians ball() {
     return g;
 }
 
-/// Parts of the ball's errors against photographs in which red and green of every Gaussian are brighter by `color(photograph, camera position, mean)`. Both
-/// corrected by `ppisp`.
+/// Returns the parts of the ball's errors against photographs in which red and green of every Gaussian are brighter by
+/// `color(photograph, camera position, mean)`. Ball and photographs are corrected by `ppisp`.
 ResidualParts parts_of(const std::function<double(int photograph, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean)>& color, const PpispState& ppisp = {}) {
     Gaussians plain = ball();
     plain.ppisp = ppisp;
@@ -128,7 +128,7 @@ TEST(ResidualParts, WhatHeldOutImagesContradictIsBelowZero) {
     EXPECT_LT(parts.held_out_direction, -0.2);
 }
 
-/// Of a model without Gaussians, against photographs of one value.
+/// Returns the parts of a model without Gaussians against photographs of one value.
 ResidualParts parts_of_nothing(std::uint8_t value) {
     Gaussians nothing = ball();
     nothing.count = 0;

@@ -29,7 +29,7 @@ TrainOptions some_options() {
     return options;
 }
 
-/// Generated views, seen in 24x16 pixels: the tests are about order, not about time.
+/// Returns generated views of 24x16 pixels: the tests are about order, not about time.
 Scene small_scene(Backend& backend, const Gaussians& model) {
     backend.upload(model);
     Scene scene = generated_scene(backend, {0, 0, 1});
@@ -41,7 +41,7 @@ Scene small_scene(Backend& backend, const Gaussians& model) {
     return scene;
 }
 
-/// Writes down what it is asked for.
+/// Writes down every request.
 class WatchedBackend : public test::ForwardingBackend {
   public:
     using ForwardingBackend::ForwardingBackend;

@@ -24,7 +24,7 @@ Image constant(int width, int height, std::uint8_t r, std::uint8_t g, std::uint8
     return image;
 }
 
-/// The definition with full two-dimensional kernels.
+/// Computes FLIP by its definition, with full two-dimensional kernels.
 class PaperFlip {
   public:
     explicit PaperFlip(double ppd) : ppd_(ppd) {
@@ -69,7 +69,7 @@ class PaperFlip {
         return {116 * n[1] - 16, 500 * (n[0] - n[1]), 200 * (n[1] - n[2])};
     }
 
-    /// Linear rgb after contrast sensitivity, clamped.
+    /// Returns clamped linear rgb after the filter of contrast sensitivity.
     Vector3d seen(const Image& image, int x, int y) const {
         const int r = int(std::ceil(3 * std::sqrt(0.04 / (2 * M_PI * M_PI)) * ppd_));
         Vector3d sum = Vector3d::Zero(), total = Vector3d::Zero();

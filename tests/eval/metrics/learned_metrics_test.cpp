@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// LPIPS, DISTS and MILO on seeded random weights, against their definitions in plain loops in double; mistakes in weights.
+// LPIPS, DISTS and MILO on seeded random weights, against their definitions in plain loops in double; mistakes in
+// weights.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,7 +30,7 @@ constexpr int kVggConvs[13][2] = {{0, 64},   {2, 64},   {5, 128},  {7, 128},  {1
                                   {17, 512}, {19, 512}, {21, 512}, {24, 512}, {26, 512}, {28, 512}};
 constexpr int kVggLastOfStage[5] = {2, 7, 14, 21, 28};
 
-/// Weights of all nets, written once.
+/// The weights of all nets, written once.
 struct Weights {
     test::TemporaryFolder folder;
     WeightFile vgg, alex, lpips_vgg, lpips_alex, dists, milo;
@@ -69,7 +70,7 @@ const Weights& weights() {
     return all;
 }
 
-/// [channel][row][column]
+/// Values by [channel][row][column].
 using Volume = std::vector<std::vector<std::vector<double>>>;
 
 Volume volume(std::size_t channels, int height, int width) { return Volume(channels, std::vector(height, std::vector<double>(width))); }
@@ -277,7 +278,7 @@ Lpips make_lpips(const EnginePointer& engine, LpipsNet kind, LpipsRange range) {
 
 Dists make_dists(const EnginePointer& engine) { return {load_vgg16(engine, weights().path("vgg16.safetensors")), weights().folder.path()}; }
 
-/// Of every engine there is.
+/// Runs a test on every engine there is.
 class Definition : public ::testing::TestWithParam<Device> {
   protected:
     void SetUp() override {
@@ -375,7 +376,7 @@ TEST(LearnedMetrics, SmallImagesAreAReason) {
     EXPECT_THROW(make_lpips(make_cpu_tensor_engine(), LpipsNet::kAlex, LpipsRange::kUnit)(noise_image(30, 30, 1), noise_image(30, 30, 2)), UsageError);
 }
 
-/// The message of the DataError that loading the heads in `broken` gives.
+/// Loads the heads in `broken` and returns the message of the DataError.
 std::string message(const WeightFile& broken) {
     const test::TemporaryFolder folder;
     weights().alex.write(folder.path() / "alexnet.safetensors");

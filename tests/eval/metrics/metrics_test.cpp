@@ -28,7 +28,7 @@ Image constant(int width, int height, float value) {
     return image;
 }
 
-/// The definition, window by window, two-dimensional, with centred sums.
+/// Computes SSIM by its definition: window by window, two-dimensional, with centred sums.
 double brute_force_ssim(const Image& a, const Image& b, SsimBorder border) {
     double total = 0, count = 0;
     const auto sample = [&](const Image& image, int x, int y, int c) -> double {

@@ -25,7 +25,7 @@ namespace {
 
 float random_value(int view, int k) { return uniform_from_bits(philox(5, RngStream::kScene, std::uint64_t(view), std::uint32_t(k)).v[0]); }
 
-/// Paints random colours that depend on the camera, and remembers how they were to be corrected.
+/// Paints random colours that depend on the camera, and remembers the requested corrections.
 class RandomBackend : public test::FakeBackend {
   public:
     void render(const RenderRequest& request, RenderedImage& out) override {
@@ -38,7 +38,7 @@ class RandomBackend : public test::FakeBackend {
     std::vector<IspView> asked;
 };
 
-/// Photographs of what RandomBackend paints, dimmed by `factor(view)` and with 0.1 added to red.
+/// Returns views whose photographs are RandomBackend's pictures, dimmed by `factor(view)` and with 0.1 added to red.
 std::vector<View> dimmed_views(const std::function<float(int)>& factor) {
     std::vector<View> views(3);
     for (int v = 0; v < 3; ++v) {

@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// At the origin, looking at +z.
+/// Returns a camera at the origin that looks at +z.
 CameraParams<float> camera() {
     CameraParams<float> c{};
     c.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -19,14 +19,14 @@ CameraParams<float> camera() {
     return c;
 }
 
-/// The same turned about y, looking at -z.
+/// Returns a camera at the origin that looks at -z.
 CameraParams<float> camera_behind() {
     CameraParams<float> c = camera();
     c.rotation = {{-1, 0, 0}, {0, 1, 0}, {0, 0, -1}};
     return c;
 }
 
-/// Grey, half opaque, at `means`, with the model's initial residuals.
+/// Returns grey, half opaque Gaussians at `means` with the model's initial residuals.
 Gaussians gaussians(const std::string& model, const std::vector<Vec3<float>>& means) {
     const ModelInfo& info = appearance_model(model);
     Gaussians g;

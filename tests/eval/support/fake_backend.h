@@ -6,7 +6,7 @@
 
 namespace gs::test {
 
-/// Paints every pixel with the red value `camera.translation.x`, green = background, blue = 0; base 0.2, residual 0.5.
+/// Paints every pixel with red = `camera.translation.x`, green = background, blue = 0; a base 0.2, a residual 0.5.
 class FakeBackend : public Backend, public BackendTimer {
   public:
     std::string describe() const override { return "fake"; }
