@@ -22,6 +22,7 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/options_cli.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/trainer.h"

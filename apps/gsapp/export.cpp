@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "appearance/model_info.h"
 #include "apps/gsapp/command.h"
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
@@ -77,7 +78,7 @@ void export_web(const ExportArguments& arguments, std::optional<std::int64_t> it
 
 /// For programs that know one kind of Gaussian: whether spherical harmonics say it already.
 bool is_plain_sh(const Gaussians& g) {
-    return (g.appearance.model == "sh" || g.appearance.model == "none") && g.appearance.activation == ColorActivation::kRelu;
+    return appearance_model(g.appearance.model).plain_sh && g.appearance.activation == ColorActivation::kRelu;
 }
 
 void export_file(const ExportArguments& arguments, std::optional<std::int64_t> iteration) {

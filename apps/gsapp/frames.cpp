@@ -10,6 +10,7 @@
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/trainer.h"
 

@@ -47,6 +47,9 @@ struct Stage {
     double pixels = 1;  ///< share of the pixels of the scene's images
 };
 
+/// The model whose Gaussians show one colour in every direction.
+std::string plain_model() { return plain_sh_appearance(0).model; }
+
 Stage make_stage(const TrainOptions& options, const Scene& scene) {
     Stage stage{scene, {}, options, 1};
     stage.scene.train.clear(), stage.scene.test.clear();
@@ -58,7 +61,7 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
         (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(std::move(view));
     }
     stage.pixels = small / full;
-    stage.options.appearance = "none";
+    stage.options.appearance = plain_model();
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
     if (options.ppisp == "auto") stage.options.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
     return stage;
@@ -68,13 +71,13 @@ std::int64_t bytes_of(const AppearanceSpec& spec) {
     return std::int64_t(sizeof(float)) * (group_width(Group::kBase, spec) + group_width(Group::kResidual, spec));
 }
 
-/// From the fewest bytes on; `none` first.
+/// From the fewest bytes on; plain_model() first.
 std::vector<AppearanceSpec> candidates(TrainOptions options) {
     std::vector<AppearanceSpec> specs;
     for (const ModelInfo* model : appearance_models()) {
         options.appearance = model->name;
         const AppearanceSpec spec = appearance_spec(options);
-        if (!model->variant && (model->name == "none" || group_width(Group::kResidual, spec) > 0)) specs.push_back(spec);
+        if (!model->variant && (model->name == plain_model() || group_width(Group::kResidual, spec) > 0)) specs.push_back(spec);
     }
     std::stable_sort(specs.begin(), specs.end(), [](const AppearanceSpec& a, const AppearanceSpec& b) { return bytes_of(a) < bytes_of(b); });
     return specs;
@@ -141,8 +144,8 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
 nlohmann::ordered_json number(double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr); }
 
 AppearanceReport nothing_to_go_by(const std::string& why, double seconds) {
-    AppearanceReport report{"none", {"none: " + why}, {}};
-    report.json = {{"model", "none"}, {"lines", report.lines}, {"seconds", seconds}};
+    AppearanceReport report{plain_model(), {plain_model() + ": " + why}, {}};
+    report.json = {{"model", report.model}, {"lines", report.lines}, {"seconds", seconds}};
     return report;
 }
 
@@ -161,15 +164,15 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
     const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
     if (seen.empty() || held_out.empty()) return nothing_to_go_by("masks leave nothing of the views that models would be compared on", now() - start);
-    const ResidualParts parts = residual_parts(*none.backend, *make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options)), seen,
+    const ResidualParts parts = residual_parts(*none.backend, *make_backend(options.device, plain_sh_appearance(0), backend_options(options)), seen,
                                                held_out, rehearsal.background());
     const Verdict left = verdict(what_remains(parts, options.auto_tolerance));
 
     AppearanceReport report;
-    report.model = "none";
+    report.model = plain_model();
     Trials trials;
     std::string found = fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed", worth(parts.direction), options.auto_tolerance);
-    std::string chosen = fmt::format("none: {} bytes per Gaussian", bytes_of(appearance_spec(stage.options)));
+    std::string chosen = fmt::format("{}: {} bytes per Gaussian", report.model, bytes_of(appearance_spec(stage.options)));
     if (worth(parts.direction) > options.auto_tolerance) {
         trials = run_trials(rehearsal, none.backend->download(false), stage, held_out, start, slowdown(options, stage, none.backend->count()));
         const AppearanceChoice c = choose_appearance(trials.finished, options.auto_tolerance);
@@ -184,7 +187,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     const double seconds = now() - start, direction = (1 - parts.photometric) * std::max(parts.direction, 0.0);
     const Camera& camera = stage.scene.train.front().camera;
     report.lines = {
-        fmt::format("{} of {} training views held out; none trained for {} iterations at {}x{}; {:.1f} s in all", held_out.size(), scene.train.size(), warm_up,
+        fmt::format("{} of {} training views held out; {} trained for {} iterations at {}x{}; {:.1f} s in all", held_out.size(), scene.train.size(), plain_model(), warm_up,
                     camera.width, camera.height, seconds),
         fmt::format("of the error without view dependence {:.1f} % is explained by direction ({:.1f} % on held-out views), {:.1f} % by photometric change of "
                     "whole images, {:.1f} % by neither", 100 * direction, 100 * (1 - parts.photometric) * parts.held_out_direction, 100 * parts.photometric,

@@ -72,7 +72,7 @@ class Measurement {
         : none_(none), places_(places), background_(background) {
         Gaussians g = none.download(false);
         g.ppisp = {}; // would change places as it does colours
-        g.appearance = {"none", 0, ColorActivation::kRelu};
+        g.appearance = plain_sh_appearance(0);
         const Frame frame(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
             float* base = g[Group::kBase].param.data() + 3 * i;

@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/learning_rates.h"

@@ -13,6 +13,7 @@ namespace gs {
 namespace {
 
 const char* type_word(const Option& option) {
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return of_model->is_whole ? "INTEGER" : "NUMBER";
     switch (option.field.index()) {
         case 0:
             return "TEXT";

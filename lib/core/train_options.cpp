@@ -180,6 +180,21 @@ void add_precision_options(Table& table) {
                      .choices = {"fp32", "bf16"}});
 }
 
+/// The options that models declare: their learning rates, or all others.
+void add_options_of_models(Table& table, const std::string& group, bool rates) {
+    for (const ModelOption& option : all_model_options()) {
+        if (option.is_rate != rates) continue;
+        table.push_back({.key = option.key,
+                         .field = ModelOptionField{option.key, option.is_whole},
+                         .group = group,
+                         .help = option.help,
+                         .unit = option.unit,
+                         .min = option.min,
+                         .max = option.max,
+                         .nan_word = option.nan_word});
+    }
+}
+
 void add_model_options(Table& table) {
     const std::string group = "Model";
     std::vector<std::string> models = appearance_names();
@@ -197,8 +212,7 @@ void add_model_options(Table& table) {
                      .unit = "dB",
                      .min = 0,
                      .max = 100});
-    table.push_back(
-        {.key = "sh-degree", .field = &O::sh_degree, .group = group, .help = "with appearance sh: highest band", .min = 0, .max = 3});
+    add_options_of_models(table, group, false);
     table.push_back({.key = "color-activation",
                      .field = &O::color_activation,
                      .group = group,
@@ -303,14 +317,7 @@ void add_rate_options(Table& table) {
                              "stops are told apart better with 0.006",
                      .min = 0,
                      .max = 1});
-    table.push_back({.key = "lobe-lr",
-                     .field = &O::lobe_lr,
-                     .group = group,
-                     .help = "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 scene units apart, "
-                             "falling with the square of their distance",
-                     .min = 0,
-                     .max = 10,
-                     .nan_word = "auto"});
+    add_options_of_models(table, group, true);
 }
 
 void add_densification_options(Table& table) {

@@ -25,6 +25,15 @@ ColorActivation parse_color_activation(const std::string& name) {
     throw UsageError(fmt::format("unknown colour activation '{}'; known: relu, softplus, sigmoid, hardsigmoid", name));
 }
 
+AppearanceSpec appearance_spec(const TrainOptions& options) {
+    const ModelInfo& info = appearance_model(options.appearance);
+    AppearanceSpec spec;
+    spec.model = info.name;
+    spec.max_degree = info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
+    spec.activation = parse_color_activation(options.color_activation);
+    return spec;
+}
+
 std::string describe(const AppearanceSpec& spec) {
     return fmt::format("{}, max degree {}, {}", spec.model, spec.max_degree, color_activation_name(spec.activation));
 }

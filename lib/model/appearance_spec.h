@@ -5,6 +5,7 @@
 #include <string>
 
 #include "kernels/model/gaussian_state.h"
+#include "lib/core/train_options.h"
 
 namespace gs {
 
@@ -12,6 +13,9 @@ namespace gs {
 const char* color_activation_name(ColorActivation activation);
 /// Throws UsageError naming the known activations.
 ColorActivation parse_color_activation(const std::string& name);
+
+/// The appearance that the options name, as the kernels take it. Throws UsageError for unknown names.
+AppearanceSpec appearance_spec(const TrainOptions& options);
 
 /// "sh, max degree 3, relu"
 std::string describe(const AppearanceSpec& spec);

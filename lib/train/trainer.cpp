@@ -366,19 +366,6 @@ class Run {
     std::int64_t nonfinite_gradients_ = 0, pruned_nonfinite_ = 0;
 };
 
-}  // namespace
-
-AppearanceSpec appearance_spec(const TrainOptions& options) {
-    const ModelInfo& info = appearance_model(options.appearance);
-    AppearanceSpec spec;
-    spec.model = info.name;
-    spec.max_degree = info.name == "sh" ? options.sh_degree : info.default_max_degree;
-    spec.activation = parse_color_activation(options.color_activation);
-    return spec;
-}
-
-namespace {
-
 std::filesystem::path resumed_file(const TrainOptions& options) {
     return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
 }

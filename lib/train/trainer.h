@@ -57,7 +57,5 @@ struct TrainSummary {
 /// the iteration that failed is done once more by the resumed run.)
 TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks);
 
-/// The options' appearance as the kernels take it. Throws UsageError for unknown names.
-AppearanceSpec appearance_spec(const TrainOptions& options);
 
 }  // namespace gs

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/train/trainer.h"
 #include "tests/train/forwarding_backend.h"
 

@@ -12,6 +12,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/model/ply.h"
 #include "lib/scene/procedural.h"
 #include "lib/train/densification.h"
