@@ -17,11 +17,14 @@
 //     within +-kLargestSharedWeight. On CUDA such a model says itself how a warp evaluates it (`<name>_cuda.cuh`,
 //     appearance/warp_appearance_cuda.cuh);
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts the host needs (model_info.h), among them the
-//     degenerate cases for the stability measurement (stability_case.h), and how viewers' files hold it (packing.h);
+//     degenerate cases for the stability measurement (stability_case.h), its own training options (model_option.h), and how
+//     viewers' files hold it (packing.h);
 //  3. `README.md`: equation, source, deviations; `<name>_test.cpp`: what is special to this model;
 //  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family: one
-//     such line and one info function each, the structs all in the header named like the folder;
-//  5. `<name>.glsl`, for the web viewer: the residual from the file's texels (apps/viewer/README.md).
+//     such line and one info function each, the structs all in the header named like the folder. A model that only varies
+//     another one has `gs_add_appearance_variant` instead, and can be left out of a build;
+//  5. `packing.json`: its number, header fields and textures in files for viewers, for the program and the viewer alike
+//     (packing_description.h), and `<name>.glsl`: the residual from the file's texels (apps/viewer/README.md).
 //
 // CMake finds the folder and generates the registry; command line, checkpoints, PLY columns, docs and the conformance
 // tests follow from it.

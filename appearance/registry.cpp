@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "appearance/model_info.h"
+#include "appearance/packing_description.h"
 #include "kernels/core/error.h"
 
 #include "appearance_registry.inc"

@@ -7,7 +7,8 @@
 #include <cmath>
 #include <unordered_map>
 
-#include "appearance/sh/sh.h"
+#include "appearance/model_info.h"
+#include "appearance/sh_basis.h"
 #include "lib/core/median.h"
 #include "lib/model/center.h"
 
@@ -31,7 +32,7 @@ using Normal = Eigen::Matrix<double, kTerms, kTerms>;
 Basis basis(const Eigen::Vector3d& direction) {
     Basis y;
     y[0] = kY0;
-    appearance::Sh::basis(Vec3<double>{direction.x(), direction.y(), direction.z()}, kDegree, y.data() + 1);
+    appearance::ShBasis::basis(Vec3<double>{direction.x(), direction.y(), direction.z()}, kDegree, y.data() + 1);
     return y;
 }
 

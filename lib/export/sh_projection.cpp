@@ -9,6 +9,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
+#include "appearance/sh_basis.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 
@@ -28,19 +29,13 @@ std::vector<Vec3<double>> directions(double phase) {
     return out;
 }
 
-/// A row per direction: Y_0 and the bands up to `degree`. The basis functions are what the model shows that has a single coefficient of 1.
+/// A row per direction: Y_0 and the bands up to `degree`.
 Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
     Eigen::MatrixXd basis(std::ptrdiff_t(at.size()), (degree + 1) * (degree + 1));
-    const ModelInfo& sh = appearance_model(plain_sh_appearance(degree).model);
-    std::vector<double> coefficients(std::size_t(sh.residual_width(degree)));
     for (std::size_t i = 0; i < at.size(); ++i) {
-        basis(std::ptrdiff_t(i), 0) = kY0;
-        for (int k = 1; k < basis.cols(); ++k) {
-            double& coefficient = coefficients[std::size_t(3 * (k - 1))];
-            coefficient = 1;
-            basis(std::ptrdiff_t(i), k) = sh.residual(nullptr, coefficients.data(), at[i], degree).x;
-            coefficient = 0;
-        }
+        double y[16] = {kY0};
+        appearance::ShBasis::basis(at[i], degree, y + 1);
+        for (int k = 0; k < basis.cols(); ++k) basis(std::ptrdiff_t(i), k) = y[k];
     }
     return basis;
 }
