@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Upper limits on raw parameters that let a parameter come back (appearance spec section 8, rows 9, 22, 23, 25).
+// Upper limits on raw parameters that let a parameter come back (docs/math/appearance.md#clamps).
 #pragma once
 
 #include "kernels/core/portable.h"

@@ -2,7 +2,7 @@
 // The interface every appearance model fulfils.
 //
 // colour = phi(base + residual(direction)), direction = unit vector from the camera centre to the Gaussian's mean
-// (appearance spec section 1). To add a model, add one folder `appearance/<name>/` with
+// (docs/math/appearance.md#composition). To add a model, add one folder `appearance/<name>/` with
 //
 //  1. `<name>.h`: `struct gs::appearance::<Name>` with
 //       static constexpr int kMaxResidual;                 upper bound of the residual's floats per Gaussian
@@ -36,7 +36,7 @@
 namespace gs {
 
 /// Largest distance at which a Gaussian counts as sitting on the camera centre: the direction is then undefined and
-/// its gradient would be bounded by nothing (appearance spec section 8, row 1).
+/// its gradient would be bounded by nothing (docs/math/appearance.md#view-direction).
 inline constexpr double kMinViewDistance = 1e-6;
 
 template <class T> struct ViewDirection {
@@ -100,7 +100,8 @@ GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<
 /// second moments slows all Gaussians in front of it for thousands of steps.
 inline constexpr double kLargestColor = 255;
 
-/// phi(y): pre-activation colour to colour (spec section 1.3), at most kLargestColor. NaN stays NaN.
+/// phi(y): pre-activation colour to colour, at most kLargestColor (docs/math/appearance.md#colour-activation). NaN
+/// stays NaN.
 template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : gs_min(T(kLargestColor), y + T(0.5));
@@ -117,8 +118,9 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     return y;
 }
 
-/// phi'(y), computed from y: from the stored colour it would cancel near saturation (spec section 8, row 6). Above kLargestColor
-/// as if there were no limit, so that a colour comes back from there.
+/// phi'(y), computed from y: from the stored colour it would cancel near saturation
+/// (docs/math/appearance.md#colour-activation). Above kLargestColor as if there were no limit, so that a colour comes
+/// back from there.
 template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
     switch (kind) {
         case ColorActivation::kRelu: return y > T(-0.5) ? T(1) : T(0);
@@ -130,7 +132,7 @@ template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y
 }
 
 /// phi^-1: base colour that shows `color`. The colour is first kept half an 8-bit step away from 0 and 1, where
-/// every activation but softplus would start with a dead gradient (spec section 8, row 2).
+/// every activation but softplus would start with a dead gradient (docs/math/appearance.md#initial-colour).
 template <class T> GS_HD T inverse_color_activation(ColorActivation kind, T color) {
     const T c = gs_clamp(color, T(0.5 / 255), T(1 - 0.5 / 255));
     switch (kind) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How models are stored for viewers: a few words per Gaussian, in which everything that does not depend on the view is computed
-// (viewer spec section 5). The container is lib/export/ngsplat.h; docs/formats.md has the layout.
+// (docs/formats.md#scenengsplat). The container is lib/export/ngsplat.h.
 #pragma once
 
 #include <cstdint>

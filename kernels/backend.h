@@ -12,6 +12,21 @@
 
 namespace gs {
 
+/// What a backend measures of itself. Training does without it.
+class BackendTimer {
+  public:
+    /// Mean seconds of a frame over `repeats` rounds through all views, after one round to warm up. Images stay on the device.
+    virtual double time_frames(const std::vector<RenderRequest>& views, int repeats) = 0;
+    /// Stages are timed only while this is on (the marks between stages cost a few microseconds each).
+    virtual void measure_stages(bool on) = 0;
+    virtual std::vector<StageCost> take_stage_costs() = 0;
+    /// Measures the peak bandwidth and arithmetic rate of this backend's machine.
+    virtual Ceilings measure_ceilings() = 0;
+
+  protected:
+    ~BackendTimer() = default;
+};
+
 class Backend {
   public:
     virtual ~Backend() = default;
@@ -37,32 +52,21 @@ class Backend {
     virtual StepStats take_stats() = 0;
     virtual void synchronize() = 0;
 
-    /// Mean seconds of a frame over `repeats` rounds through all views, after one round to warm up. Images stay on the device.
-    virtual double time_frames(const std::vector<RenderRequest>& views, int repeats) = 0;
-    /// Stages are timed only while this is on (the marks between stages cost a few microseconds each).
-    virtual void measure_stages(bool on) = 0;
-    virtual std::vector<StageCost> take_stage_costs() = 0;
-    /// Of the machine this backend runs on.
-    virtual Ceilings measure_ceilings() = 0;
     virtual MemoryUse memory() = 0;
+    /// The clock of this backend's device.
+    virtual BackendTimer& timer() = 0;
 
-    virtual DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
-    virtual DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) = 0;
+    virtual DensifyStats densify(const DensifyRequest& request) = 0;
     /// ADC: raw opacity <- min(raw, logit 0.01), zero moments of the opacity group.
     virtual void reset_opacity() = 0;
-    /// How much the images of `views` depend on each Gaussian (densification spec section 3): the sum over views and pixels of
-    /// (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value at the pixel. By row, finite or
-    /// +infinity; 0 of what no view shows.
+    /// How much the images of `views` depend on each Gaussian (docs/math/densification.md#pruning-by-score): the sum
+    /// over views and pixels of (dI/dG)^2, I the sum of the channels of the composited colour, G the Gaussian's value
+    /// at the pixel. By row, finite or +infinity; 0 of what no view shows.
     virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
-    /// Removes the share `ratio` (0..1) of lowest scores, and all that score the same as the last of them; at least 1 % stay
-    /// (score_rule.h). Returns how many went.
-    virtual std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) = 0;
-    /// Orders all rows by the Morton code of the mean (optimization spec section 6).
+    /// Removes the Gaussians that `request` names.
+    virtual PruneStats prune(const PruneRequest& request) = 0;
+    /// Orders all rows by the Morton code of the mean (docs/math/densification.md#morton-order).
     virtual void morton_sort() = 0;
-    /// Removes Gaussians whose parameters are not finite or beyond kLargestParameter (rows_device.h); counts per group go to `by_group`.
-    virtual std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) = 0;
-    /// Removes what can never be seen: opacity < 1/255 or |q|^2 < 1e-8. Returns how many.
-    virtual std::int64_t prune_invisible() = 0;
 };
 
 /// Backend on the CPU for one appearance model. Throws UsageError for an unknown model.

@@ -2,8 +2,10 @@
 // What crosses the Backend interface: views and targets on the way in, images, statistics and costs on the way out.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "kernels/core/vec.h"
@@ -23,7 +25,7 @@ struct TargetImage {
     std::int64_t id = -1;                ///< equal ids mean equal pixels, so that a device may keep its copy; -1 = unknown
 };
 
-/// Which colour is composited (appearance spec section 1.4).
+/// Which colour is composited (docs/math/appearance.md#render-modes).
 enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
 
 /// Where the photometric correction of a view comes from.
@@ -119,8 +121,36 @@ struct AdcParams {
     std::int64_t cap = 0;                ///< 0 = unlimited; growth stops at the cap
 };
 
+/// One densification by the rule of a strategy.
+struct DensifyRequest {
+    std::variant<McmcParams, AdcParams> rule;
+    std::int64_t iteration = 0;
+    std::uint64_t seed = 0;
+};
+
 struct DensifyStats {
     std::int64_t relocated = 0, added = 0, cloned = 0, split = 0, pruned = 0, count = 0;
+};
+
+/// Asks for Gaussians whose parameters are not finite or beyond kLargestParameter (kernels/densify/rows_device.h).
+struct NonFiniteRows {};
+
+/// Asks for Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8.
+struct InvisibleRows {};
+
+/// Asks for the share `ratio` (0..1) of lowest scores (Backend::scores), and all that score the same as the last of them; at
+/// least 1 % stay (kernels/densify/score_rule.h).
+struct LowestScores {
+    std::vector<RenderRequest> views;
+    double ratio = 0;
+};
+
+/// Which Gaussians are removed.
+using PruneRequest = std::variant<NonFiniteRows, InvisibleRows, LowestScores>;
+
+struct PruneStats {
+    std::int64_t removed = 0;
+    std::array<std::int64_t, kNumGroups> by_group{};  ///< with NonFiniteRows: how many Gaussians each group was broken in
 };
 
 /// Time of one stage and what it worked on, summed since the last `take_stage_costs`.

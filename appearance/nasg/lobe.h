@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One normalized anisotropic spherical Gaussian: its frame, and its density with the derivatives (appearance spec
-// sections 5.1 to 5.4). The density is written with ln K where K = (1 + v_z)/2; README.md has the equations.
+// One normalized anisotropic spherical Gaussian: its frame (docs/math/appearance.md#lobe-frame), and its density with
+// the derivatives (docs/math/appearance.md#lobe-density, #lobe-gradients). The density is written with ln K where
+// K = (1 + v_z)/2.
 #pragma once
 
 #include "appearance/clamps.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lobes in files for viewers: 12 halves per lobe, 13 with a carrier (viewer spec sections 5.3 and 5.4).
+// Lobes in files for viewers: 12 halves per lobe, 13 with a carrier (docs/formats.md#scenengsplat).
 #pragma once
 
 #include "appearance/packing.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SH in files for viewers: coefficients of 7, 8 and 6 bits in bands 1, 2 and 3 (viewer spec section 5.1).
+// SH in files for viewers: coefficients of 7, 8 and 6 bits in bands 1, 2 and 3 (docs/formats.md#scenengsplat).
 #pragma once
 
 #include "appearance/packing.h"

@@ -25,7 +25,6 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 namespace {

@@ -12,7 +12,6 @@
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 namespace {

@@ -20,7 +20,6 @@
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rehearsal.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 namespace {

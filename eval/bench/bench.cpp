@@ -2,16 +2,13 @@
 #include "eval/bench/bench.h"
 
 #include <algorithm>
-#include <chrono>
 
+#include "kernels/core/clock.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
-#include "lib/train/learning_rates.h"
-#include "lib/train/photometric.h"
-#include "lib/train/target_image.h"
-#include "lib/train/trainer.h"
+#include "lib/train/step_composer.h"
 
 namespace gs {
 namespace {
@@ -22,8 +19,6 @@ constexpr std::size_t kMaxViews = 64;
 /// without the moments of a real run would make another model of the one to be measured.
 constexpr double kFrozen = 1e-6;
 
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
 Vec3<float> background_of(const TrainOptions& options) {
     const auto rgb = parse_background(options.background).rgb;
     return {rgb[0], rgb[1], rgb[2]};
@@ -33,8 +28,7 @@ Vec3<float> background_of(const TrainOptions& options) {
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
-        : backend_(backend), scene_(scene), rates_(options, model.appearance, scene), mcmc_(options.strategy == "mcmc") {
-        set_request(options);
+        : backend_(backend), composer_(options, model.appearance, scene, nullptr, kFrozen), background_(background_of(options)) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
             views_.push_back(k * all / used);  // spread over the scene
@@ -45,67 +39,49 @@ class Steps {
     }
 
     void step() {
-        const std::size_t k = std::size_t(request_.iteration) % views_.size();
-        request_.camera = camera_params(scene_.train[views_[k]].camera);
-        request_.target = target_image(images_[k], std::int64_t(views_[k]));
-        rates_.apply(request_.iteration, request_);
-        request_.isp = {.mode = IspMode::kFrame, .frame = int(views_[k]), .camera = scene_.train[views_[k]].camera_id};
-        request_.isp_rate = kFrozen * TrainOptions{}.ppisp_lr;
-        for (double& rate : request_.rates) rate *= kFrozen;
-        for (double& rate : request_.residual_rates) rate *= kFrozen;
-        request_.shared_rate *= kFrozen;
-        request_.noise *= float(kFrozen);
-        backend_.step(request_);
-        ++request_.iteration;
+        const std::size_t k = std::size_t(iteration_) % views_.size();
+        backend_.step(composer_.compose({views_[k], images_[k], background_}, iteration_));
+        ++iteration_;
     }
 
     /// Mean of `count` steps of which none is waited for but the last.
     double in_a_row(int count) {
-        const double start = now();
+        const double start = seconds_now();
         for (int k = 0; k < count; ++k) step();
         backend_.synchronize();
-        return (now() - start) / count;
+        return (seconds_now() - start) / count;
     }
 
     double median_alone(int count) {
         std::vector<double> times;
         for (int k = 0; k < count; ++k) {
-            const double start = now();
+            const double start = seconds_now();
             step();
             backend_.synchronize();
-            times.push_back(now() - start);
+            times.push_back(seconds_now() - start);
         }
         std::nth_element(times.begin(), times.begin() + std::ptrdiff_t(times.size() / 2), times.end());
         return times[times.size() / 2];
     }
 
   private:
-    void set_request(const TrainOptions& options) {
-        request_.background = background_of(options);
-        request_.lambda_dssim = float(options.lambda_dssim);
-        request_.opacity_reg = mcmc_ ? float(options.opacity_reg) : 0.0f;
-        request_.scale_reg = mcmc_ ? float(options.scale_reg) : 0.0f;
-        request_.seed = options.seed;
-    }
-
     Backend& backend_;
-    const Scene& scene_;
-    const LearningRates rates_;
-    const bool mcmc_;
+    const StepComposer composer_;
+    const Vec3<float> background_;
     std::vector<std::size_t> views_;
     std::vector<ViewImage> images_;
-    StepRequest request_;
+    std::int64_t iteration_ = 0;
 };
 
 /// Costs of the stages per iteration; returns the mean time of one.
 double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<StageCost>& stages) {
-    backend.measure_stages(true);
+    backend.timer().measure_stages(true);
     steps.step();  // a backend may have to prepare for the marks
     backend.synchronize();
-    backend.take_stage_costs();
+    backend.timer().take_stage_costs();
     const double seconds = steps.in_a_row(repeat);
-    stages = backend.take_stage_costs();
-    backend.measure_stages(false);
+    stages = backend.timer().take_stage_costs();
+    backend.timer().measure_stages(false);
     for (StageCost& s : stages)
         for (double* sum : {&s.seconds, &s.items, &s.bytes, &s.operations}) *sum /= repeat;
     return seconds;
@@ -114,7 +90,7 @@ double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<St
 FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
     std::vector<RenderRequest> requests(cameras.size());
     for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background, requests[k].isp.mode = IspMode::kController;
-    return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.time_frames(requests, repeats)};
+    return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.timer().time_frames(requests, repeats)};
 }
 
 std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background, int repeats) {
@@ -141,7 +117,7 @@ Gaussians initial_model(const TrainOptions& options, const Scene& scene) {
 BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
     BenchResult result;
     result.device = backend.describe();
-    result.ceilings = backend.measure_ceilings();
+    result.ceilings = backend.timer().measure_ceilings();
     result.num_gaussians = model.count;
     result.width = scene.train.at(0).camera.width, result.height = scene.train[0].camera.height;
     result.repeat = bench.repeat;

@@ -17,7 +17,7 @@ enum class SsimBorder {
 
 /// Mean SSIM over pixels and channels; values in [0,1], Gaussian window 11x11 with sigma 1.5, k1 = 0.01, k2 = 0.03,
 /// variances clamped at 0. Images below 11 pixels in either direction are treated as kZero. Throws UsageError when sizes
-/// differ. Independent of the number of threads. Source: optimization spec section 8.
+/// differ. Independent of the number of threads. Source: docs/evaluation.md#protocols.
 double ssim(const Image& a, const Image& b, SsimBorder border);
 
 /// valid | reflect | zero. Throws UsageError naming these.

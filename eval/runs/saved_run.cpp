@@ -17,7 +17,6 @@
 #include "lib/model/run_folder.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
-#include "lib/train/trainer.h"
 
 namespace gs {
 

@@ -13,7 +13,7 @@
 
 namespace gs {
 
-template <class Model> class CpuBackend final : public Backend {
+template <class Model> class CpuBackend final : public Backend, private BackendTimer {
   public:
     /// Every sum has a fixed order here, and images stay where they are.
     explicit CpuBackend(const BackendOptions& options) : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
@@ -101,7 +101,40 @@ template <class Model> class CpuBackend final : public Backend {
     }
 
     void synchronize() override {}
+    BackendTimer& timer() override { return *this; }
 
+    MemoryUse memory() override { return {}; } // the process's memory is the operating system's to tell
+
+    DensifyStats densify(const DensifyRequest& r) override {
+        if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return mcmc_densify(state_, *mcmc, r.iteration, r.seed);
+        return adc_densify(state_, std::get<AdcParams>(r.rule), r.iteration, r.seed);
+    }
+    void reset_opacity() override { adc_reset_opacity(state_); }
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override {
+        std::vector<double> sums(state_.count, 0.0);
+        for (const RenderRequest& view : views) {
+            const std::size_t pixels = std::size_t(view.camera.width) * view.camera.height;
+            image_.resize(3 * pixels);
+            transmittance_.resize(pixels);
+            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree, RenderMode::kFull, image_.data(),
+                            transmittance_.data());
+            raster_.add_scores(image_.data(), transmittance_.data(), sums);
+        }
+        return {sums.begin(), sums.end()};
+    }
+    PruneStats prune(const PruneRequest& request) override {
+        PruneStats stats;
+        if (std::holds_alternative<NonFiniteRows>(request))
+            stats.removed = remove_nonfinite(state_, stats.by_group.data());
+        else if (const auto* lowest = std::get_if<LowestScores>(&request))
+            stats.removed = remove_lowest_scores(state_, scores(lowest->views), lowest->ratio);
+        else
+            stats.removed = remove_invisible(state_);
+        return stats;
+    }
+    void morton_sort() override { gather_rows(state_, morton_order(state_)); }
+
+  private:
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         RenderedImage image;
         double seconds = 0;
@@ -149,36 +182,6 @@ template <class Model> class CpuBackend final : public Backend {
 
     Ceilings measure_ceilings() override { return cpu_ceilings(); }
 
-    MemoryUse memory() override { return {}; } // the process's memory is the operating system's to tell
-
-    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
-        return mcmc_densify(state_, params, iteration, seed);
-    }
-    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override {
-        return adc_densify(state_, params, iteration, seed);
-    }
-    void reset_opacity() override { adc_reset_opacity(state_); }
-    std::vector<float> scores(const std::vector<RenderRequest>& views) override {
-        std::vector<double> sums(state_.count, 0.0);
-        for (const RenderRequest& view : views) {
-            const std::size_t pixels = std::size_t(view.camera.width) * view.camera.height;
-            image_.resize(3 * pixels);
-            transmittance_.resize(pixels);
-            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree, RenderMode::kFull, image_.data(),
-                            transmittance_.data());
-            raster_.add_scores(image_.data(), transmittance_.data(), sums);
-        }
-        return {sums.begin(), sums.end()};
-    }
-    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override {
-        return remove_lowest_scores(state_, scores(views), ratio);
-    }
-    void morton_sort() override { gather_rows(state_, morton_order(state_)); }
-
-    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return remove_nonfinite(state_, by_group); }
-    std::int64_t prune_invisible() override { return remove_invisible(state_); }
-
-  private:
     /// Renders the view into image_, corrects it into corrected_ on request, and leaves the gradient of either in dL_dimage_.
     LossValues view_loss(const StepRequest& r, bool corrected) {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;

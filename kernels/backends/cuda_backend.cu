@@ -533,7 +533,7 @@ MemoryUse CudaBackend::memory() {
 
 // --- densification --------------------------------------------------------------------------------------------------
 
-template <class Fn> auto CudaBackend::densify(Fn fn) {
+template <class Fn> auto CudaBackend::change_rows(Fn fn) {
     settle();
     sizes_ = {}; // it may use all of the scratch block
     half_residuals_current_ = false;
@@ -543,14 +543,14 @@ template <class Fn> auto CudaBackend::densify(Fn fn) {
     return result;
 }
 
-DensifyStats CudaBackend::densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
-    return densify([&](CudaDensify& d) { return d.mcmc(params, iteration, seed); });
-}
-DensifyStats CudaBackend::densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
-    return densify([&](CudaDensify& d) { return d.adc(params, iteration, seed); });
+DensifyStats CudaBackend::densify(const DensifyRequest& r) {
+    return change_rows([&](CudaDensify& d) {
+        if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return d.mcmc(*mcmc, r.iteration, r.seed);
+        return d.adc(std::get<AdcParams>(r.rule), r.iteration, r.seed);
+    });
 }
 void CudaBackend::reset_opacity() {
-    densify([](CudaDensify& d) { return d.reset_opacity(), 0; });
+    change_rows([](CudaDensify& d) { return d.reset_opacity(), 0; });
 }
 void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores) {
     for (RenderRequest view : views) {
@@ -565,19 +565,21 @@ std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) 
     gather_scores(views, scores);
     return scores.download();
 }
-std::int64_t CudaBackend::prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) {
-    CudaScores scores(model_.count, stream_);
-    gather_scores(views, scores);
-    return densify([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), ratio); });
+PruneStats CudaBackend::prune(const PruneRequest& request) {
+    PruneStats stats;
+    if (std::holds_alternative<NonFiniteRows>(request)) {
+        stats.removed = change_rows([&](CudaDensify& d) { return d.prune_nonfinite(stats.by_group.data()); });
+    } else if (const auto* lowest = std::get_if<LowestScores>(&request)) {
+        CudaScores scores(model_.count, stream_);
+        gather_scores(lowest->views, scores);
+        stats.removed = change_rows([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), lowest->ratio); });
+    } else {
+        stats.removed = change_rows([](CudaDensify& d) { return d.prune_invisible(); });
+    }
+    return stats;
 }
 void CudaBackend::morton_sort() {
-    densify([](CudaDensify& d) { return d.morton_sort(), 0; });
-}
-std::int64_t CudaBackend::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
-    return densify([&](CudaDensify& d) { return d.prune_nonfinite(by_group); });
-}
-std::int64_t CudaBackend::prune_invisible() {
-    return densify([](CudaDensify& d) { return d.prune_invisible(); });
+    change_rows([](CudaDensify& d) { return d.morton_sort(), 0; });
 }
 
 std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) { return std::make_unique<CudaBackend>(kernels, options); }

@@ -27,7 +27,7 @@ struct StepStatus {
 };
 
 /// The backend of one model on the current device. Used by one thread.
-class CudaBackend final : public Backend {
+class CudaBackend final : public Backend, private BackendTimer {
   public:
     CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
     ~CudaBackend() override;
@@ -46,22 +46,21 @@ class CudaBackend final : public Backend {
     StepStats take_stats() override;
     void synchronize() override;
 
+    MemoryUse memory() override;
+    BackendTimer& timer() override { return *this; }
+
+    DensifyStats densify(const DensifyRequest& request) override;
+    void reset_opacity() override;
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
+    PruneStats prune(const PruneRequest& request) override;
+    void morton_sort() override;
+
+  private:
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
     void measure_stages(bool on) override;
     std::vector<StageCost> take_stage_costs() override;
-    MemoryUse memory() override;
     Ceilings measure_ceilings() override;
 
-    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override;
-    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override;
-    void reset_opacity() override;
-    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
-    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override;
-    void morton_sort() override;
-    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override;
-    std::int64_t prune_invisible() override;
-
-  private:
     /// Steps whose status has not been read. Three: the device is never idle while the host prepares the next.
     static constexpr int kInFlight = 3;
 
@@ -106,8 +105,8 @@ class CudaBackend final : public Backend {
     /// Of a frame: all steps are taken.
     PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
-    /// Runs a densification; rows have then taken all steps.
-    template <class Fn> auto densify(Fn fn);
+    /// Changes the set of rows, which have then taken all steps.
+    template <class Fn> auto change_rows(Fn fn);
     /// Waits, and takes the steps that residuals have missed.
     void settle();
 

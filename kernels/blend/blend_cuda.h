@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blending on the device: forward per pixel, backward per chunk of a tile's list (rasterizer spec sections 7 and 8).
+// Blending on the device: forward per pixel (docs/math/rasterizer.md#blending), backward per chunk of a tile's list
+// (docs/math/rasterizer.md#blend-gradient).
 //
 // A warp owns 8x4 pixels of a tile, the sub-tile. The forward pass tests each splat exactly against it and notes which ones
 // changed a pixel of it; the backward pass visits only those. The backward pass of a long list is cut into chunks that start from the state

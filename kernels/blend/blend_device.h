@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One fragment: a Gaussian at a pixel, forward and backward (rasterizer spec sections 7 and 8).
+// One fragment: a Gaussian at a pixel, forward (docs/math/rasterizer.md#blending) and backward
+// (docs/math/rasterizer.md#blend-gradient).
 //
 // P is a scalar (one pixel) or Lanes (sixteen pixels); nothing here depends on which.
 #pragma once
@@ -103,8 +104,8 @@ template <class P> struct PixelScore {
     }
 };
 
-/// (dI/dG)^2 of one fragment, G = alpha / opacity its Gaussian's value (densification spec section 3). What is not finite
-/// counts as nothing: such a Gaussian is not worth more than one that was never seen.
+/// (dI/dG)^2 of one fragment, G = alpha / opacity its Gaussian's value (docs/math/densification.md#pruning-by-score).
+/// What is not finite counts as nothing: such a Gaussian is not worth more than one that was never seen.
 template <class P, class T> GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
     const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs).dL_dalpha, square = slope * slope;
     return select(at_least(P(T(kLargestScore)), square), square, P(T(0)));

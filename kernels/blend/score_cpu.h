@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scores of the Gaussians of one 16x16 tile on the CPU (densification spec section 3).
+// Scores of the Gaussians of one 16x16 tile on the CPU (docs/math/densification.md#pruning-by-score).
 #pragma once
 
 #include "kernels/blend/blend_cpu.h"

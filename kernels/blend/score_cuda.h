@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scores of all Gaussians on the device, gathered view by view (densification spec section 3).
+// Scores of all Gaussians on the device, gathered view by view (docs/math/densification.md#pruning-by-score).
 #pragma once
 
 #include <vector>

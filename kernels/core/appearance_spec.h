@@ -6,13 +6,13 @@
 
 namespace gs {
 
-/// Colour activation phi (appearance spec section 1.3).
+/// Colour activation phi (docs/math/appearance.md#colour-activation).
 enum class ColorActivation : int { kRelu, kSoftplus, kSigmoid, kHardSigmoid };
 
 /// Which appearance model, at which size. Part of every checkpoint.
 struct AppearanceSpec {
     std::string model = "sh";
-    int max_degree = 3; ///< unit of the model: SH bands, sites, lobes (spec section 1.5)
+    int max_degree = 3; ///< unit of the model: SH bands, sites, lobes (docs/math/appearance.md#degrees)
     ColorActivation activation = ColorActivation::kRelu;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Learning-rate schedules of the paper (table "learning rates"; optimization spec section 4). Host only.
+// Learning-rate schedules of the paper (table "learning rates"; docs/math/optimization.md#schedules). Host only.
 #pragma once
 
 #include <algorithm>

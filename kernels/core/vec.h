@@ -28,7 +28,7 @@ template <class T> struct Vec4 {
 };
 
 /// Symmetric 2x2 matrix [[xx,xy],[xy,yy]]. As a gradient, xy is ONE off-diagonal element of the gradient matrix,
-/// i.e. half the derivative with respect to the shared scalar (rasterizer spec section 1).
+/// i.e. half the derivative with respect to the shared scalar (docs/math/rasterizer.md#conventions).
 template <class T> struct Sym2 {
     T xx, xy, yy;
 };

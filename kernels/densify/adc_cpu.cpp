@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adaptive density control: clone, split, prune (densification spec section 2).
+// Adaptive density control: clone, split, prune (docs/math/densification.md#adc).
 #include <algorithm>
 
 #include "kernels/core/error.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The decisions of adaptive density control (densification spec section 2), the same on every backend.
+// The decisions of adaptive density control (docs/math/densification.md#adc), the same on every backend.
 #pragma once
 
 #include <limits>

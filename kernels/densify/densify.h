@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Growing, relocating and pruning Gaussians on the host (densification spec). Rows of all groups move alike.
+// Growing, relocating and pruning Gaussians on the host (docs/math/densification.md). Rows of all groups move alike.
 #pragma once
 
 #include <vector>
@@ -11,10 +11,12 @@ namespace gs {
 /// New row k = old row order[k]; rows not named are removed. Moments and the ADC statistic move along.
 void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order);
 
-/// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap (spec 1). Drops the ADC statistic.
+/// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap (docs/math/densification.md#mcmc). Drops
+/// the ADC statistic.
 DensifyStats mcmc_densify(Gaussians& state, const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
 
-/// Clones, splits and prunes by the gathered statistic, which is reset (spec 2). Throws NumericError if nothing is left.
+/// Clones, splits and prunes by the gathered statistic, which is reset (docs/math/densification.md#adc). Throws
+/// NumericError if nothing is left.
 DensifyStats adc_densify(Gaussians& state, const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
 
 void adc_reset_opacity(Gaussians& state);
@@ -28,7 +30,7 @@ std::int64_t remove_invisible(Gaussians& state);
 /// Removes the share `ratio` of lowest scores (score_rule.h), one score a row. Returns how many went.
 std::int64_t remove_lowest_scores(Gaussians& state, const std::vector<float>& scores, double ratio);
 
-/// Order of the Morton codes of the means, 21 bits an axis (optimization spec section 6).
+/// Order of the Morton codes of the means, 21 bits an axis (docs/math/densification.md#morton-order).
 std::vector<std::uint32_t> morton_order(const Gaussians& state);
 
 }  // namespace gs

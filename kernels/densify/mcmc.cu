@@ -89,7 +89,7 @@ void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, std::in
 DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
     const std::int64_t n = model_.count;
-    model_.has_statistic = false; // of other rows (densification spec 1.6)
+    model_.has_statistic = false; // of other rows (docs/math/densification.md#mcmc)
     if (n == 0) return stats;
     const std::int64_t target = mcmc_target(n, params);
     const IsDead is_dead{model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(), logit(params.min_opacity)};

@@ -66,7 +66,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
         fill_rows(s, sums, to, params.min_opacity, RngStream::kGrow, iteration, seed);
         stats.added = target - n;
     }
-    s.gradient_sum.clear(); // of other rows (densification spec 1.6)
+    s.gradient_sum.clear(); // of other rows (docs/math/densification.md#mcmc)
     s.gradient_count.clear();
     stats.count = s.count;
     return stats;

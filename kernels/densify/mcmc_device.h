@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The decisions of MCMC densification (densification spec 1.1 and 1.2), the same on every backend.
+// The decisions of MCMC densification (docs/math/densification.md#mcmc), the same on every backend.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opacity and scale of Gaussians that share one Gaussian's place (densification spec 1.3).
+// Opacity and scale of Gaussians that share one Gaussian's place (docs/math/densification.md#relocation).
 #pragma once
 
 #include "kernels/core/portable.h"

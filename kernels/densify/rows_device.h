@@ -49,7 +49,8 @@ GS_HD std::uint64_t spread_bits(std::uint64_t x) {
     return (x | x << 2) & 0x1249249249249249ull;
 }
 
-/// 63 bits, 21 an axis, x lowest; one cube side for all axes (optimization spec section 6). A NaN counts as the low side.
+/// 63 bits, 21 an axis, x lowest; one cube side for all axes (docs/math/densification.md#morton-order). A NaN counts as
+/// the low side.
 GS_HD std::uint64_t morton_code(const float* mean, const MeanBounds& bounds) {
     const float extent = bounds.extent();
     std::uint64_t code = 0;

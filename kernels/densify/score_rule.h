@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which Gaussians go when those of lowest score do (densification spec section 3), the same on every backend.
+// Which Gaussians go when those of lowest score do (docs/math/densification.md#pruning-by-score), the same on every
+// backend.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// (1-lambda) L1 + lambda (1-SSIM) and its gradient (optimization spec section 2).
+// (1-lambda) L1 + lambda (1-SSIM) and its gradient (docs/math/optimization.md#loss).
 #pragma once
 
 #include <vector>

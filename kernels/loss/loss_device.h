@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM of one pixel from its filtered moments, with derivatives (optimization spec section 2).
+// SSIM of one pixel from its filtered moments, with derivatives (docs/math/optimization.md#ssim).
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam for one value (rasterizer spec section 10).
+// Adam for one value (docs/math/optimization.md#adam).
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photometric model of a run, as the host holds it (PPISP spec sections 1 and 6).
+// The photometric model of a run, as the host holds it (docs/math/ppisp.md#pipeline, #controller).
 #pragma once
 
 #include <cstdint>

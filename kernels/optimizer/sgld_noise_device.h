@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The SGLD noise that explores positions (densification spec 1.4).
+// The SGLD noise that explores positions (docs/math/densification.md#noise).
 #pragma once
 
 #include "kernels/core/rng.h"

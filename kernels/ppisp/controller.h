@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller on the CPU: exposure and colour of a view, guessed from its uncorrected image (PPISP spec section 6).
+// The controller on the CPU: exposure and colour of a view, guessed from its uncorrected image
+// (docs/math/ppisp.md#controller).
 #pragma once
 
 #include <vector>

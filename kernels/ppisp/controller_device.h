@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every form of the controller shares (PPISP spec section 6): where its weights are, which blocks fall into which bin,
-// and the layers that see single blocks of pixels.
+// What every form of the controller shares (docs/math/ppisp.md#controller): where its weights are, which blocks fall
+// into which bin, and the layers that see single blocks of pixels.
 //
 // The convolution to 64 channels is linear and followed by a mean. It is therefore applied to the 25 means of 32 channels
 // instead of to all blocks: the same up to rounding, without the widest layer.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PPISP on whole images on the CPU, and its optimizer (PPISP spec sections 5 to 7).
+// PPISP on whole images on the CPU, and its optimizer (docs/math/ppisp.md#optimizer, #which-values-apply).
 #pragma once
 
 #include <vector>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PPISP for one pixel, forward and backward (PPISP spec sections 2 and 3): exposure, vignetting, colour homography, response.
+// PPISP for one pixel, forward (docs/math/ppisp.md#pipeline) and backward (docs/math/ppisp.md#gradients): exposure,
+// vignetting, colour homography, response.
 //
 // What is the same for all pixels of a view is prepared once (isp_frame, isp_camera). The way back adds 37 numbers per pixel,
 // with respect to the prepared values; isp_finish turns their sums over the view into gradients of the parameters.

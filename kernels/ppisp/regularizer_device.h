@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What keeps PPISP from explaining what the scene should (PPISP spec section 4).
+// What keeps PPISP from explaining what the scene should (docs/math/ppisp.md#regularizers).
 //
 // All terms are part of every step's loss and touch every frame and camera. First the mean of each value over all frames is
 // taken; the gradient of every value then follows on its own.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visible Gaussians sorted by depth, then their tile instances sorted stably by tile (rasterizer spec section 6).
+// Visible Gaussians sorted by depth, then their tile instances sorted stably by tile
+// (docs/math/rasterizer.md#sorting).
 #pragma once
 
 #include <cstdint>

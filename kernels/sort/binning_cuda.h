@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth sort of Gaussians, then stable tile sort of their instances, on the device (rasterizer spec section 6).
+// Depth sort of Gaussians, then stable tile sort of their instances, on the device (docs/math/rasterizer.md#sorting).
 #pragma once
 
 #include "kernels/cuda/device_memory.h"

@@ -6,7 +6,8 @@
 
 namespace gs {
 
-/// World space right-handed; camera x right, y down, z forward; pixel centres at .5 (rasterizer spec section 1).
+/// World space right-handed; camera x right, y down, z forward; pixel centres at .5
+/// (docs/math/rasterizer.md#conventions).
 template <class T> struct CameraParams {
     Mat3<T> rotation;      ///< of cam_from_world
     Vec3<T> translation;   ///< of cam_from_world, world units

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Projecting one Gaussian to the image and back: forward, exact tile test, backward (rasterizer spec sections 4, 5, 9).
+// Projecting one Gaussian to the image and back: forward (docs/math/rasterizer.md#projection, #footprint), exact tile
+// test (docs/math/rasterizer.md#tile-test), backward (docs/math/rasterizer.md#projection-gradient).
 #pragma once
 
 #include "kernels/core/lanes.h"

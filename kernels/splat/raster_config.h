@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Constants of the rasterizer (rasterizer spec section 2) and why each has its value.
+// Constants of the rasterizer (docs/math/rasterizer.md#constants) and why each has its value.
 #pragma once
 
 namespace gs {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 16 bytes of a Gaussian's geometry and base colour in .ngsplat files (viewer spec section 4). Rounding is to the nearest code,
-// ties to even.
+// The 16 bytes of a Gaussian's geometry and base colour in .ngsplat files (docs/formats.md#scenengsplat). Rounding is
+// to the nearest code, ties to even.
 #pragma once
 
 #include <array>

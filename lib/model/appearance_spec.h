@@ -14,7 +14,7 @@ const char* color_activation_name(ColorActivation activation);
 /// Throws UsageError naming the known activations.
 ColorActivation parse_color_activation(const std::string& name);
 
-/// The appearance that the options name, as the kernels take it. Throws UsageError for unknown names.
+/// Returns the options' appearance as the kernels take it. Throws UsageError for unknown names.
 AppearanceSpec appearance_spec(const TrainOptions& options);
 
 /// "sh, max degree 3, relu"

@@ -27,7 +27,7 @@ PointCloud initial_points(const Scene& scene, const InitOptions& options);
 
 /// One Gaussian per initial point, in their order: isotropic scale from the mean squared distance to the 3 nearest
 /// other points, rotation (1,0,0,0), base colour showing the point's colour, residual as the model begins. Without
-/// moments. Source: optimization spec section 5.
+/// moments. Source: docs/math/optimization.md#first-gaussians.
 Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appearance, const InitOptions& options);
 
 /// Mean squared distance of each point to its 3 nearest others (fewer where there are fewer; 0 for a single point).

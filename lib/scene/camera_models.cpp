@@ -71,7 +71,7 @@ T power_series(const double* k, int count, const T& s) {
     return sum;
 }
 
-/// The plane map of the polynomial models (data-formats specification 1.3), for double and for automatic differentiation.
+/// The plane map of COLMAP's polynomial models, for double and for automatic differentiation.
 template <class T>
 Eigen::Matrix<T, 2, 1> distort_plane(const LensCamera& lens, const T& x, const T& y) {
     const std::array<double, 12>& d = lens.distortion;

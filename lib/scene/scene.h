@@ -60,7 +60,8 @@ struct Scene {
     bool has_alpha = false;       ///< images carry alpha
     /// Half side of the cube for random initialisation, world units; 0 = derive from the cameras (real scenes).
     double random_init_half_extent = 0;
-    double extent = 1;            ///< E = 1.1 * max distance of a training camera from their mean (optimization spec 4)
+    /// E = 1.1 * max distance of a training camera from their mean (docs/math/optimization.md#scene-extent).
+    double extent = 1;
     std::vector<std::string> notes; ///< pre-flight findings: one line each, what was found and what is done about it
 };
 

@@ -15,8 +15,9 @@ constexpr std::int64_t kPruneLargeFrom = 3000;
 /// ADC resets once more, early, when a bright background could be taken for geometry.
 constexpr std::int64_t kExtraReset = 500;
 
-/// Speedy-Splat's pruning (spec section 3): not before two opacity resets have shown what is needed, then with every third
-/// thousand. These are iterations of the reference; they do not stretch with the length of a run.
+/// Speedy-Splat's pruning (docs/math/densification.md#schedule): not before two opacity resets have shown what is
+/// needed, then with every third thousand. These are iterations of the reference; they do not stretch with the length
+/// of a run.
 constexpr std::int64_t kScorePruneFrom = 6000, kScorePruneInterval = 3000;
 /// While ADC still grows what is missing most can go; afterwards nothing comes back.
 constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
@@ -33,10 +34,6 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       black_background_(black_background),
       views_(std::move(views)) {}
 
-bool DensificationSchedule::gathers(std::int64_t iteration) const {
-    return options_.strategy == "adc" && iteration < options_.densify_until_iter;
-}
-
 ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence) {
     ScheduledChange change;
     if (iteration % kDegreeInterval == 0) {
@@ -52,11 +49,11 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         p.extent = float(extent_);
         p.prune_large = iteration > kPruneLargeFrom;
         p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify_adc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     } else if (due) {
         McmcParams p;
         p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify_mcmc(p, iteration, options_.seed);
+        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     }
     // Before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
@@ -78,7 +75,7 @@ bool DensificationSchedule::prunes_by_score(std::int64_t iteration) const {
 }
 
 void DensificationSchedule::prune(Backend& backend, double ratio, ScheduledChange& change) const {
-    change.pruned_by_score = backend.prune_lowest_scores(views_, ratio);
+    change.pruned_by_score = backend.prune(LowestScores{views_, ratio}).removed;
     change.count = backend.count();
 }
 

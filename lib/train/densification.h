@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When the set of Gaussians changes (optimization spec section 1, densification spec).
+// When the set of Gaussians changes (docs/math/densification.md#schedule).
 #pragma once
 
 #include <vector>
@@ -39,9 +39,6 @@ class DensificationSchedule {
 
     /// The degree active in the last step: one more at 1000, 2000, ..., where it was not held.
     int active_degree() const { return degree_; }
-
-    /// Whether ADC still needs the gradient statistic of this iteration.
-    bool gathers(std::int64_t iteration) const;
 
   private:
     bool prunes_by_score(std::int64_t iteration) const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Learning rates of all groups over time (optimization spec section 4).
+// Learning rates of all groups over time (docs/math/optimization.md#learning-rates).
 #pragma once
 
 #include "appearance/model_info.h"

@@ -34,7 +34,8 @@ struct PhotometricDecision {
 /// "on: images vary by 0.55 stops, threshold 0.1".
 std::string describe(const PhotometricDecision& decision);
 
-/// Rate of PPISP's parameters after `steps` finished steps of theirs: `rate` after a slow start, falling by 100 in 30000 (PPISP spec 5).
+/// Rate of PPISP's parameters after `steps` finished steps of theirs: `rate` after a slow start, falling by 100 in
+/// 30000 (docs/math/ppisp.md#optimizer).
 double ppisp_rate(double rate, std::int64_t steps);
 /// Rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;

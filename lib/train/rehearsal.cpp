@@ -2,10 +2,10 @@
 #include "lib/train/rehearsal.h"
 
 #include <algorithm>
-#include <chrono>
 #include <limits>
 
 #include "appearance/model_info.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/model/appearance_spec.h"
@@ -13,8 +13,7 @@
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
-#include "lib/train/learning_rates.h"
-#include "lib/train/trainer.h"
+#include "lib/train/step_composer.h"
 
 namespace gs {
 namespace {
@@ -25,12 +24,9 @@ constexpr double kFirstRate = 3000, kLastRate = 30000;
 /// Iterations between two looks at the backend, as in a run.
 constexpr std::int64_t kCheckInterval = 100;
 
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
 void check(Backend& backend, const std::string& model) {
     if (interrupted()) throw Interrupted("interrupted while --appearance auto looked for a model; nothing was trained");
-    std::int64_t by_group[kNumGroups];
-    backend.prune_nonfinite(by_group);
+    backend.prune(NonFiniteRows{});
     if (backend.count() == 0 || backend.take_stats().consecutive_skips >= kCheckInterval / 2)
         throw NumericError("appearance " + model + ": the parameters or the loss of a short training do not stay finite");
 }
@@ -42,7 +38,7 @@ Rehearsal::Rehearsal(const TrainOptions& options, const Scene& scene)
 
 Rehearsed Rehearsal::begin(std::int64_t iterations) {
     const AppearanceSpec appearance = appearance_spec(options_);
-    const LearningRates rates(options_, appearance, scene_);
+    const StepComposer composer(options_, appearance, scene_, &photometric_);
     std::vector<RenderRequest> training_views;
     for (const View& view : scene_.train) training_views.push_back({.camera = camera_params(view.camera), .background = background()});
     DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background == "black", training_views);
@@ -50,13 +46,9 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     state.ppisp = photometric_.initial_state();
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     result.backend->upload(state);
-    const bool mcmc = options_.strategy == "mcmc";
-    run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, StepRequest& request) {
+    run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, const StepView& view) {
         schedule.before_step(*result.backend, k);
-        request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
-        request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
-        request.gather_gradient_stats = schedule.gathers(k);
-        rates.apply(k, request);
+        return composer.compose(view, k);
     });
     begun_ = iterations;
     return result;
@@ -65,33 +57,30 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
 std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
     resting.strategy = "none"; // no noise on the means
-    const LearningRates rates(resting, appearance, scene_);
+    const StepComposer composer(resting, appearance, scene_, &photometric_);
     Gaussians start = with_appearance(state, appearance, options_.seed);
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     photometric_.resume(start, begun_);
     result.backend->upload(start);
-    const bool finished = run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, StepRequest& request) {
-        request.opacity_reg = request.scale_reg = 0;
-        rates.apply(std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)), request);
+    const bool finished = run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
+        return composer.compose(view, begun_ + k, std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)));
     });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }
 
 bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
-                    const std::function<void(std::int64_t, StepRequest&)>& prepare) {
-    const double start = now();
+                    const std::function<StepRequest(std::int64_t, const StepView&)>& compose) {
+    const double start = seconds_now();
     Backend& backend = *result.backend;
     views_.prefetch(first, first + iterations);
     for (std::int64_t k = 0; k < iterations; ++k) {
-        if (now() - start > most_seconds) return false;
-        auto [view, image, request] = views_.at(first + k, first + iterations);
-        prepare(k, request);
-        photometric_.apply(view, first + k, request);
-        backend.step(request);
+        if (seconds_now() - start > most_seconds) return false;
+        const TrainingViews::Step step = views_.at(first + k, first + iterations);
+        backend.step(compose(k, step.view()));
         if ((k + 1) % kCheckInterval == 0 || k + 1 == iterations) check(backend, model);
     }
     backend.synchronize();
-    result.seconds = now() - start;
+    result.seconds = seconds_now() - start;
     return true;
 }
 

@@ -43,7 +43,7 @@ class Rehearsal {
   private:
     /// False if stopped for the time.
     bool run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
-             const std::function<void(std::int64_t, StepRequest&)>& prepare);
+             const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
 
     const TrainOptions options_;
     const Scene& scene_;

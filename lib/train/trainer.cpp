@@ -1,31 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
+// The loop of a run: iterations, what is due between them, and the end.
 #include "lib/train/trainer.h"
 
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <chrono>
 #include <new>
 #include <optional>
 
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "lib/core/interrupt.h"
-#include "lib/core/options.h"
-#include "lib/io/atomic_file.h"
-#include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/model/cameras_json.h"
 #include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
-#include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/densification.h"
-#include "lib/train/learning_rates.h"
 #include "lib/train/memory_plan.h"
 #include "lib/train/photometric.h"
-#include "lib/train/train_log.h"
+#include "lib/train/run_writer.h"
+#include "lib/train/step_composer.h"
 #include "lib/train/training_views.h"
 
 namespace gs {
@@ -38,8 +34,6 @@ constexpr std::int64_t kLogInterval = 100;
 /// a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
 
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
 bool contains(const std::vector<std::int64_t>& list, std::int64_t value) { return std::find(list.begin(), list.end(), value) != list.end(); }
 
 class Run {
@@ -47,25 +41,25 @@ class Run {
     Run(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks)
         : options_(options),
           scene_(scene),
-          folder_(std::move(start.folder)),
           progress_(progress),
           hooks_(hooks),
           appearance_(appearance_spec(options)),
           views_(options_, scene),
-          rates_(options, appearance_, scene),
           schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
-          photometric_(options_, scene) {
+          photometric_(options_, scene),
+          composer_(options_, appearance_, scene, &photometric_),
+          writer_(std::move(start.folder), options_, scene, photometric_) {
         set_num_threads(options.threads);
-        rates_.log(options_);
+        composer_.rates().log(options_);
         if (start.checkpoint)
             resume(std::move(*start.checkpoint));
         else
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
-        log_.emplace(folder_.train_log(), iteration_);
+        writer_.open_log(iteration_);
         if (!start.first_event.is_null()) {
             start.first_event["iteration"] = 0;
-            log_->write(start.first_event);
+            writer_.log(start.first_event);
         }
         prune_nonfinite(); // before such a Gaussian leaves its mark in the moments of all that it covers
     }
@@ -86,7 +80,7 @@ class Run {
 
   private:
     void loop() {
-        double interval_start = now();
+        double interval_start = seconds_now();
         while (iteration_ < options_.iterations) {
             timed([&] { iterate(); });
             const bool log = iteration_ % kLogInterval == 0 || iteration_ == options_.iterations, report = progress_.due(iteration_);
@@ -94,13 +88,13 @@ class Run {
             // What is reported or saved is the state after this iteration, and waiting for it is training time.
             if (log || report || stop || something_is_due()) timed([&] { settle(); });
             if (log) {
-                write_log(now() - interval_start);
-                interval_start = now();
+                write_log(seconds_now() - interval_start);
+                interval_start = seconds_now();
             }
             if (report) progress_.update(iteration_, last_.loss, backend_->count());
             save_what_is_due();
             if (stop) {
-                save_checkpoint();
+                writer_.write_checkpoint(*backend_, iteration_);
                 progress_.finish();
                 throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " + how_to_continue());
             }
@@ -118,9 +112,9 @@ class Run {
     }
 
     template <class Fn> void timed(Fn&& fn) {
-        const double start = now();
+        const double start = seconds_now();
         fn();
-        train_seconds_ += now() - start;
+        train_seconds_ += seconds_now() - start;
     }
 
     /// After an error of the device: saves the model as the last finished step left it, if there is one and the device still
@@ -133,14 +127,14 @@ class Run {
         } catch (const std::exception&) {
         }
         try {
-            save_checkpoint();
+            writer_.write_checkpoint(*backend_, iteration_);
         } catch (const std::exception& e) { // the error that brought us here is the one to report
             spdlog::warn("no checkpoint could be written: {}", e.what());
             return "";
         }
-        return ", checkpoint written to " + folder_.checkpoint(iteration_).string() + "; " + how_to_continue();
+        return ", checkpoint written to " + writer_.folder().checkpoint(iteration_).string() + "; " + how_to_continue();
     }
-    std::string how_to_continue() const { return "continue with --resume latest -m " + folder_.root.string(); }
+    std::string how_to_continue() const { return "continue with --resume latest -m " + writer_.folder().root.string(); }
 
     std::unique_ptr<Backend> make_backend() const {
         const BackendOptions options = backend_options(options_);
@@ -159,10 +153,7 @@ class Run {
             spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
         backend_ = make_backend();
         backend_->upload(state);
-        write_text_atomic(folder_.config(), options_to_yaml(options_));
-        write_cfg_args(folder_, options_);
-        write_cameras_json(folder_.cameras(), scene_);
-        write_input_points(folder_, initial_points(scene_, init));
+        writer_.write_start(initial_points(scene_, init));
     }
 
     void resume(Checkpoint checkpoint) {
@@ -173,7 +164,7 @@ class Run {
         schedule_.resume(checkpoint.state.active_degree);
         backend_ = make_backend();
         backend_->upload(checkpoint.state);
-        write_text_atomic(folder_.config(), options_to_yaml(options_));
+        writer_.write_config();
         spdlog::info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
         if (iteration_ >= options_.iterations)
             spdlog::warn("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_, options_.iterations);
@@ -182,16 +173,10 @@ class Run {
     void iterate() {
         decide_photometric();
         const bool hold = iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
-        write_change(schedule_.before_step(*backend_, iteration_, hold));
-        auto [view, image, request] = views_.at(iteration_, options_.iterations);
-        const bool mcmc = options_.strategy == "mcmc";
-        request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
-        request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
-        request.gather_gradient_stats = schedule_.gathers(iteration_);
-        rates_.apply(iteration_, request);
-        photometric_.apply(view, iteration_, request);
-        backend_->step(request);
-        write_change(schedule_.after_step(*backend_, iteration_));
+        writer_.log_change(schedule_.before_step(*backend_, iteration_, hold), iteration_ + 1);
+        const TrainingViews::Step step = views_.at(iteration_, options_.iterations);
+        backend_->step(composer_.compose(step.view(), iteration_));
+        writer_.log_change(schedule_.after_step(*backend_, iteration_), iteration_ + 1);
         ++iteration_;
         if (iteration_ % kMaxSkips == 0) read_stats();
         if (iteration_ % kLogInterval == 0) prune_nonfinite();
@@ -200,7 +185,7 @@ class Run {
     void decide_photometric() {
         const auto decision = photometric_.decide(*backend_, iteration_, views_.fixed_background(), [&](std::size_t view) { return views_.image(view); });
         if (!decision) return;
-        log_->write({{"event", "photometric"}, {"iteration", iteration_ + 1}, {"on", decision->on}, {"stops", decision->variation.stops},
+        writer_.log({{"event", "photometric"}, {"iteration", iteration_ + 1}, {"on", decision->on}, {"stops", decision->variation.stops},
                      {"threshold", kPhotometricThreshold}, {"images", decision->variation.num_images}, {"reason", describe(*decision)}});
         photometric_decision_ = describe(*decision);
     }
@@ -216,9 +201,8 @@ class Run {
                 throw Interrupted("interrupted after " + std::to_string(k) + " iterations of the controllers, which are lost; the model and its checkpoint are written; " +
                                   how_to_continue());
             }
-            auto [view, image, request] = views_.at(iteration_ + k, iteration_ + options_.controller_iterations);
-            photometric_.apply_controller(view, request);
-            backend_->distill(request);
+            const TrainingViews::Step step = views_.at(iteration_ + k, iteration_ + options_.controller_iterations);
+            backend_->distill(composer_.compose_distillation(step.view(), iteration_ + k));
             if ((k + 1) % kMaxSkips == 0) read_stats();
             if (progress_.due(k + 1)) {
                 settle();
@@ -227,15 +211,6 @@ class Run {
         }
         settle();
         progress_.finish();
-    }
-
-    void write_change(const ScheduledChange& change) {
-        if (change.relocated || change.added || change.cloned || change.split || change.pruned)
-            log_->write({{"event", "densify"}, {"iteration", iteration_ + 1}, {"relocated", change.relocated}, {"added", change.added},
-                         {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned},
-                         {"num_gaussians", change.count + change.pruned_by_score}});
-        if (change.pruned_by_score)
-            log_->write({{"event", "prune_by_score"}, {"iteration", iteration_ + 1}, {"pruned", change.pruned_by_score}, {"num_gaussians", change.count}});
     }
 
     void settle() {
@@ -254,14 +229,13 @@ class Run {
     }
 
     void prune_nonfinite() {
-        std::int64_t by_group[kNumGroups];
-        const std::int64_t removed = backend_->prune_nonfinite(by_group);
+        const auto [removed, by_group] = backend_->prune(NonFiniteRows{});
         if (!removed) return;
         std::string names;
         for (int g = 0; g < kNumGroups; ++g)
             if (by_group[g]) names += (names.empty() ? "" : ", ") + std::to_string(by_group[g]) + " " + kGroupNames[g];
         spdlog::warn("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})", iteration_, removed, names);
-        log_->write({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
+        writer_.log({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
         pruned_nonfinite_ += removed;
         if (backend_->count() == 0)
             throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with parameters finite and in range is left (" + names + ")");
@@ -269,7 +243,7 @@ class Run {
 
     void write_log(double interval_seconds) {
         const double wait = views_.wait_seconds();
-        log_->write({{"event", "step"},
+        writer_.log({{"event", "step"},
                      {"iteration", iteration_},
                      {"loss", last_.loss},
                      {"l1", last_.l1},
@@ -291,11 +265,11 @@ class Run {
 
     void save_what_is_due() {
         const bool last = iteration_ == options_.iterations;
-        if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0) save_preview();
-        if (contains(options_.checkpoint_iterations, iteration_) && !last) save_checkpoint();
-        if (contains(options_.save_iterations, iteration_) && !last) save_ply();
+        if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0) writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
+        if (contains(options_.checkpoint_iterations, iteration_) && !last) writer_.write_checkpoint(*backend_, iteration_);
+        if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
         if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
-            photometric_.save(folder_.ppisp(), *backend_, iteration_); // says how these views are corrected
+            writer_.write_ppisp(*backend_, iteration_); // says how these views are corrected
             hooks_.evaluate(iteration_, *backend_);
         }
     }
@@ -306,15 +280,15 @@ class Run {
         const MemoryUse memory = backend_->memory();
         if (memory.peak > 0) spdlog::info("{}", memory_report(memory));
         prune_nonfinite();
-        save_checkpoint(); // before the final pruning: a longer run goes on from here as if it had not stopped
-        backend_->prune_invisible();
+        writer_.write_checkpoint(*backend_, iteration_); // before the final pruning: a longer run goes on from here as if it had not stopped
+        backend_->prune(InvisibleRows{});
         backend_->morton_sort();
         if (backend_->count() == 0) throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
-        save_ply();
-        const double controllers_start = now();
+        writer_.write_point_cloud(*backend_, iteration_);
+        const double controllers_start = seconds_now();
         train_controllers();
-        const double controller_seconds = photometric_.trains_controllers() ? now() - controllers_start : 0;
-        if (controller_seconds > 0) photometric_.save(folder_.ppisp(), *backend_, iteration_);
+        const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
+        if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
         photometric_.report(*backend_);
         if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
         if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
@@ -322,43 +296,17 @@ class Run {
         return {iteration_, backend_->count(), train_seconds_, views_.wait_seconds(), memory, controller_seconds, photometric_decision_};
     }
 
-    void save_checkpoint() {
-        write_checkpoint(folder_.checkpoint(iteration_), {backend_->download(true), iteration_, options_.seed, options_to_yaml(options_)});
-    }
-    void save_ply() {
-        PlyOptions ply;
-        ply.iteration = iteration_;
-        write_ply(folder_.point_cloud(iteration_), backend_->download(false), ply);
-        photometric_.save(folder_.ppisp(), *backend_, iteration_);
-    }
-    void save_preview() {
-        const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
-        RenderRequest request;
-        request.camera = camera_params(view.camera);
-        request.background = views_.fixed_background();
-        request.isp = photometric_.active() ? IspView{.mode = IspMode::kFrame, .camera = std::max(0, view.camera_id)} : IspView{};
-        RenderedImage rendered;
-        backend_->render(request, rendered);
-        Image image{rendered.width, rendered.height, 3, {}, {}};
-        const std::size_t pixels = rendered.alpha.size();
-        image.f32.resize(3 * pixels);
-        for (std::size_t i = 0; i < pixels; ++i)
-            for (std::size_t c = 0; c < 3; ++c) image.f32[3 * i + c] = rendered.rgb[c * pixels + i];
-        write_image(folder_.preview(iteration_), image);
-    }
-
     const TrainOptions options_;
     const Scene& scene_;
-    RunFolder folder_;
     Progress& progress_;
     const TrainHooks& hooks_;
     AppearanceSpec appearance_;
     TrainingViews views_;
-    LearningRates rates_;
     DensificationSchedule schedule_;
     Photometric photometric_;
+    const StepComposer composer_;
+    RunWriter writer_;
     std::unique_ptr<Backend> backend_;
-    std::optional<TrainLog> log_;
     std::int64_t iteration_ = 0; ///< finished iterations
     StepStats last_;
     double train_seconds_ = 0, logged_wait_ = 0;
@@ -366,26 +314,7 @@ class Run {
     std::int64_t nonfinite_gradients_ = 0, pruned_nonfinite_ = 0;
 };
 
-std::filesystem::path resumed_file(const TrainOptions& options) {
-    return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
-}
-
 }  // namespace
-
-std::string checkpoint_appearance(const TrainOptions& options) { return SafetensorsFile(resumed_file(options)).metadata("appearance"); }
-
-RunStart open_run(const TrainOptions& options) {
-    RunStart start{RunFolder{options.model}, std::nullopt, {}};
-    if (!options.resume.empty()) {
-        const auto file = resumed_file(options);
-        start.checkpoint = read_checkpoint(file);
-        require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
-        prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);
-    } else {
-        prepare_run_folder(start.folder, options.overwrite);
-    }
-    return start;
-}
 
 TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks) {
     if (scene.train.empty()) throw DataError(scene.source + ": no training views (all were held out or skipped)");

@@ -4,32 +4,14 @@
 
 #include <cstdint>
 #include <functional>
-#include <nlohmann/json.hpp>
-#include <optional>
 
 #include "kernels/backend.h"
 #include "lib/core/progress.h"
 #include "lib/core/train_options.h"
-#include "lib/model/checkpoint.h"
-#include "lib/model/run_folder.h"
 #include "lib/scene/scene.h"
+#include "lib/train/run_start.h"
 
 namespace gs {
-
-/// A run folder that may be written, and the checkpoint the run goes on from.
-struct RunStart {
-    RunFolder folder;
-    std::optional<Checkpoint> checkpoint;
-    nlohmann::json first_event = {}; ///< first line of the training log of a new run, without its iteration; null = none
-};
-
-/// Everything that can be refused before time is spent on loading a scene: reads the checkpoint that `resume` names,
-/// prepares the folder `options.model`. Throws DataError, or UsageError, also for a checkpoint of another appearance than the
-/// options name; the folder is then as it was.
-RunStart open_run(const TrainOptions& options);
-
-/// The model of the checkpoint that `resume` names. Throws DataError.
-std::string checkpoint_appearance(const TrainOptions& options);
 
 struct TrainHooks {
     /// Called after `iteration` iterations where options.test_iterations lists it, and at the end with the pruned model.
@@ -56,6 +38,5 @@ struct TrainSummary {
 /// been done and the model can still be read, after writing a checkpoint that the message names. (A densification done for
 /// the iteration that failed is done once more by the resumed run.)
 TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks);
-
 
 }  // namespace gs

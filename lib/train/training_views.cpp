@@ -7,9 +7,7 @@
 
 #include "kernels/core/rng.h"
 #include "lib/core/bytes.h"
-#include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
-#include "lib/train/target_image.h"
 
 namespace gs {
 namespace {
@@ -37,15 +35,10 @@ void TrainingViews::prefetch(std::int64_t first, std::int64_t end) {
 
 TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end) {
     Step step;
-    step.view = order_.at(iteration);
-    step.image = images_.get(step.view);
+    step.index = order_.at(iteration);
+    step.image = images_.get(step.index);
     if (iteration + prefetch_ < end) images_.prefetch(ahead_.at(iteration + prefetch_));
-    step.request.camera = camera_params(scene_.train[step.view].camera);
-    step.request.background = background_at(iteration);
-    step.request.target = target_image(*step.image, std::int64_t(step.view));
-    step.request.iteration = iteration;
-    step.request.lambda_dssim = float(options_.lambda_dssim);
-    step.request.seed = options_.seed;
+    step.background = background_at(iteration);
     return step;
 }
 

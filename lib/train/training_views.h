@@ -5,11 +5,11 @@
 #include <cstdint>
 #include <memory>
 
-#include "kernels/backend.h"
 #include "lib/core/options.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/image_cache.h"
 #include "lib/scene/scene.h"
+#include "lib/train/step_composer.h"
 #include "lib/train/view_order.h"
 
 namespace gs {
@@ -19,11 +19,13 @@ class TrainingViews {
     /// Both outlive the object.
     TrainingViews(const TrainOptions& options, const Scene& scene);
 
-    /// What every step on a view has in common; it points to `image`. Rates, regularisation and correction are the caller's.
+    /// The view of one step.
     struct Step {
-        std::size_t view = 0; ///< index into scene.train
+        std::size_t index = 0; ///< into scene.train
         std::shared_ptr<const ViewImage> image;
-        StepRequest request;
+        Vec3<float> background;
+
+        StepView view() const { return {index, *image, background}; }
     };
 
     /// Starts decoding for the iterations from `first` to before `end`.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every appearance model must satisfy, whatever it computes (appearance spec section 11.1).
+// What every appearance model must satisfy, whatever it computes (docs/math/appearance.md#conformance).
 #include <gtest/gtest.h>
 
 #include <random>

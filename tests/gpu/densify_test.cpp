@@ -5,6 +5,7 @@
 #include <bit>
 
 #include "appearance/model_info.h"
+#include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "tests/kernels/random_scene.h"
@@ -101,7 +102,7 @@ TEST_F(CudaDensification, McmcMovesTheRowsOfTheCpu) {
             McmcParams p;
             p.cap = cap;
             for (int k = 0; k < 4; ++k) {
-                expect_same(both.cpu->densify_mcmc(p, 600 + 100 * k, 3), both.gpu->densify_mcmc(p, 600 + 100 * k, 3));
+                expect_same(both.cpu->densify({p, 600 + 100 * k, 3}), both.gpu->densify({p, 600 + 100 * k, 3}));
                 both.expect_same(5e-7f, {Group::kScale, Group::kOpacity});
             }
         }
@@ -113,12 +114,12 @@ TEST_F(CudaDensification, McmcTakesManyCopiesOfOne) {
     const Both dead(s);
     McmcParams p;
     p.cap = 300;
-    expect_same(dead.cpu->densify_mcmc(p, 600, 1), dead.gpu->densify_mcmc(p, 600, 1)); // nowhere to go
+    expect_same(dead.cpu->densify({p, 600, 1}), dead.gpu->densify({p, 600, 1})); // nowhere to go
     dead.expect_same(0, {});
     s[Group::kOpacity].param[123] = 4;
     const Both one(s);
     p.cap = 2000, p.growth = 3;
-    expect_same(one.cpu->densify_mcmc(p, 600, 1), one.gpu->densify_mcmc(p, 600, 1));
+    expect_same(one.cpu->densify({p, 600, 1}), one.gpu->densify({p, 600, 1}));
     one.expect_same(5e-7f, {Group::kScale, Group::kOpacity});
 }
 
@@ -130,7 +131,7 @@ TEST_F(CudaDensification, McmcRepeatsItself) {
     for (int k = 0; k < 3; ++k) {
         const auto gpu = make_cuda_backend(s.appearance);
         gpu->upload(s);
-        for (int i = 0; i < 5; ++i) gpu->densify_mcmc(p, 600 + 100 * i, 3);
+        for (int i = 0; i < 5; ++i) gpu->densify({p, 600 + 100 * i, 3});
         const Gaussians now = gpu->download(true);
         if (k == 0) first = now;
         for (int g = 0; g < kNumGroups; ++g) {
@@ -154,7 +155,7 @@ TEST_F(CudaDensification, AdcBuildsTheModelOfTheCpu) {
                 p.cap = cap;
                 for (int k = 0; k < 2; ++k) { // the second time there is no statistic
                     p.prune_large = k == 1;
-                    expect_same(both.cpu->densify_adc(p, 600 + 100 * k, 3), both.gpu->densify_adc(p, 600 + 100 * k, 3));
+                    expect_same(both.cpu->densify({p, 600 + 100 * k, 3}), both.gpu->densify({p, 600 + 100 * k, 3}));
                     both.expect_same(2e-6f, {Group::kMean});
                 }
             }
@@ -167,7 +168,7 @@ TEST_F(CudaDensification, AdcGrowsAgainAndAgain) {
     for (int k = 0; k < 6; ++k) {
         gather_statistic(s, 20 + k);
         const Both both(s);
-        expect_same(both.cpu->densify_adc(p, 600 + 100 * k, 3), both.gpu->densify_adc(p, 600 + 100 * k, 3));
+        expect_same(both.cpu->densify({p, 600 + 100 * k, 3}), both.gpu->densify({p, 600 + 100 * k, 3}));
         both.expect_same(2e-6f, {Group::kMean});
         s = both.gpu->download(true);
     }
@@ -190,8 +191,8 @@ TEST_F(CudaDensification, AdcMovesTheResidualsOfEveryModel) {
         const Both both(s);
         AdcParams p;
         p.extent = 20;
-        const DensifyStats stats = both.gpu->densify_adc(p, 600, 3);
-        expect_same(both.cpu->densify_adc(p, 600, 3), stats);
+        const DensifyStats stats = both.gpu->densify({p, 600, 3});
+        expect_same(both.cpu->densify({p, 600, 3}), stats);
         EXPECT_GT(stats.cloned, 0);
         EXPECT_GT(stats.split, 0);
         both.expect_same(2e-6f, {Group::kMean});
@@ -208,7 +209,7 @@ TEST_F(CudaDensification, AdcThatLeavesNothingIsTheSameError) {
         std::string messages[2];
         for (int k = 0; k < 2; ++k) {
             try {
-                (k ? both.gpu : both.cpu)->densify_adc({}, 600, 1);
+                (k ? both.gpu : both.cpu)->densify({AdcParams{}, 600, 1});
                 ADD_FAILURE() << "no error";
             } catch (const NumericError& e) {
                 messages[k] = e.what();
@@ -269,13 +270,13 @@ TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
                 if (i % 5 == 0) s[Group::kMean].param[3 * i] = kInf; // several groups of one row
             }
             const Both both(s);
-            std::int64_t a[kNumGroups], b[kNumGroups];
-            EXPECT_EQ(both.cpu->prune_nonfinite(a), both.gpu->prune_nonfinite(b));
-            for (int g = 0; g < kNumGroups; ++g) EXPECT_EQ(a[g], b[g]) << kGroupNames[g];
+            const PruneStats a = both.cpu->prune(NonFiniteRows{}), b = both.gpu->prune(NonFiniteRows{});
+            EXPECT_EQ(a.removed, b.removed);
+            for (int g = 0; g < kNumGroups; ++g) EXPECT_EQ(a.by_group[g], b.by_group[g]) << kGroupNames[g];
             both.expect_same(0, {});
-            EXPECT_EQ(both.cpu->prune_invisible(), both.gpu->prune_invisible());
+            EXPECT_EQ(both.cpu->prune(InvisibleRows{}).removed, both.gpu->prune(InvisibleRows{}).removed);
             both.expect_same(0, {});
-            EXPECT_EQ(both.gpu->prune_invisible(), 0);
+            EXPECT_EQ(both.gpu->prune(InvisibleRows{}).removed, 0);
         }
 }
 
@@ -289,15 +290,14 @@ TEST_F(CudaDensification, AllOperationsFollowEachOther) {
     McmcParams mcmc;
     mcmc.cap = 6000;
     for (Backend* backend : {both.cpu.get(), both.gpu.get()}) {
-        std::int64_t by_group[kNumGroups];
         backend->morton_sort();
-        backend->densify_adc(adc, 600, 1);
-        backend->densify_mcmc(mcmc, 700, 1);
-        backend->prune_nonfinite(by_group);
-        backend->densify_mcmc(mcmc, 800, 1);
-        backend->prune_invisible();
+        backend->densify({adc, 600, 1});
+        backend->densify({mcmc, 700, 1});
+        backend->prune(NonFiniteRows{});
+        backend->densify({mcmc, 800, 1});
+        backend->prune(InvisibleRows{});
         backend->reset_opacity();
-        backend->densify_mcmc(mcmc, 900, 1);
+        backend->densify({mcmc, 900, 1});
     }
     both.expect_same(2e-6f, {Group::kMean, Group::kScale, Group::kOpacity});
 }

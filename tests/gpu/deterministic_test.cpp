@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // --deterministic: the same bits again; and images kept on the device or uploaded for every step. Skipped where there is no
 // device.
+#include "kernels/backend.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {
@@ -42,7 +43,7 @@ class GpuDeterministic : public Gpu {
         for (int k = 0; k < 30; ++k) {
             gpu->step(views_.request(k, with_ids));
             if (k % 10 != 9) continue;
-            const DensifyStats stats = k == 19 ? gpu->densify_adc(adc, k, 7) : gpu->densify_mcmc(mcmc, k, 7);
+            const DensifyStats stats = k == 19 ? gpu->densify({adc, k, 7}) : gpu->densify({mcmc, k, 7});
             EXPECT_GT(stats.added + stats.relocated + stats.cloned + stats.split, 0) << "a densification that changed nothing";
         }
         return gpu->download(true);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "kernels/backend.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {
@@ -84,7 +85,7 @@ TEST_F(GpuPrecision, HalfStorageRoundsWhatFramesRead) {
             if (k == 0)
                 backend->step(request(k));
             else
-                backend->densify_mcmc(mcmc, k, 7);
+                backend->densify({mcmc, k, 7});
     }
     expect_same_bits(plain->download(true), half->download(true));
 }
@@ -126,8 +127,8 @@ TEST_F(GpuPrecision, PackedMomentsTrainLikeFullOnes) {
             StepRequest r = request(k);
             if (k % 4) r.camera.fx *= 3, r.camera.fy *= 3;
             gpu->step(r);
-            if (k == 60) gpu->densify_mcmc(mcmc, k, 7);
-            if (k == 120) gpu->densify_adc(adc, k, 7);
+            if (k == 60) gpu->densify({mcmc, k, 7});
+            if (k == 120) gpu->densify({adc, k, 7});
             if (k == 150) gpu->morton_sort();
         }
         gpu->synchronize();

@@ -26,7 +26,7 @@ template <class Real = double> std::vector<Real> random_controller(std::uint64_t
     return {state.controller.begin(), state.controller.end()};
 }
 
-/// Section 6 of the spec word by word: every layer on the whole image, the 64 channels before the mean.
+/// docs/math/ppisp.md#controller as it stands there: every layer on the whole image, the 64 channels before the mean.
 std::vector<double> by_definition(const std::vector<double>& weights, const std::vector<double>& image, int w, int h, double prior) {
     std::size_t at = 0;
     const auto layer = [&](const std::vector<double>& in, int inputs, int outputs, std::size_t offset) {

@@ -8,6 +8,7 @@
 #include "kernels/core/error.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
+#include "kernels/optimizer/sgld_noise_device.h"
 
 namespace gs {
 namespace {

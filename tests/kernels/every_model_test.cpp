@@ -132,13 +132,13 @@ TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
         backend->upload(s);
         AdcParams p;
         p.extent = 40; // clones and splits, about as many
-        const DensifyStats stats = backend->densify_adc(p, 600, 1);
+        const DensifyStats stats = backend->densify({p, 600, 1});
         EXPECT_GT(stats.cloned, 0);
         EXPECT_GT(stats.split, 0);
         EXPECT_EQ(backend->count(), 120);
         RenderRequest view;
         view.camera = cast<float>(camera);
-        EXPECT_GE(backend->prune_lowest_scores({view}, 0.3), 36);
+        EXPECT_GE(backend->prune(LowestScores{{view}, 0.3}).removed, 36);
         const Gaussians after = backend->download(false);
         const int width = s[Group::kResidual].width;
         for (std::int64_t i = 0; i < after.count; ++i) { // the base colour names the parent

@@ -54,7 +54,7 @@ TEST(RenderGradient, InactiveBandsGetExactlyZero) {
     EXPECT_GT(active, 0);
 }
 
-// The extremes list of the rasterizer spec, where the limit is a finite gradient.
+// docs/math/rasterizer.md#extremes, where the limit is a finite gradient.
 TEST(RenderGradient, MatchesAtTheExtremes) {
     const auto camera = test_camera(33, 25);
     const auto weights = random_weights(3 * 33 * 25, 9);

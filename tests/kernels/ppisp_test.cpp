@@ -251,7 +251,7 @@ TEST(Ppisp, NanIsNotHidden) {
     EXPECT_TRUE(std::isnan(isp.correct()[0].x));
 }
 
-/// Section 4 of the spec, word by word.
+/// docs/math/ppisp.md#regularizers, term by term.
 double regularizer(const std::vector<double>& raw, int frames, int cameras) {
     const auto smooth_l1 = [](double x, double beta) { return std::abs(x) < beta ? x * x / (2 * beta) : std::abs(x) - beta / 2; };
     double mean[9] = {}, loss = 0;

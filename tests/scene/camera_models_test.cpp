@@ -91,7 +91,7 @@ TEST(CameraModels, RaysSurviveTheWayToAPixelAndBack) {
     }
 }
 
-/// Straight from the specification's table, written once more without the library's helpers.
+/// Straight from the definitions of COLMAP's models, written once more without the library's helpers.
 TEST(CameraModels, KnownValues) {
     const double u = 0.3, v = -0.2, r2 = u * u + v * v, r = std::sqrt(r2), theta = std::atan(r);
     const auto at = [&](M model, std::vector<double> params) {

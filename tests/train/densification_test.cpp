@@ -6,7 +6,6 @@
 
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/train/trainer.h"
 #include "tests/train/forwarding_backend.h"
 
 namespace gs {
@@ -24,16 +23,17 @@ class Watched : public test::ForwardingBackend {
     std::int64_t count() const override { return 5; }
     void set_active_degree(int) override {}
     void morton_sort() override {}
-    DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override {
+    DensifyStats densify(const DensifyRequest&) override {
         note("densify");
         return {};
     }
     void reset_opacity() override { note("reset"); }
-    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override {
+    PruneStats prune(const PruneRequest& request) override {
+        const auto& lowest = std::get<LowestScores>(request);
         note("prune");
-        prunings.push_back({iteration, ratio});
-        num_views = views.size();
-        return 2;
+        prunings.push_back({iteration, lowest.ratio});
+        num_views = lowest.views.size();
+        return {.removed = 2};
     }
 
   private:

@@ -7,7 +7,7 @@
 namespace gs::test {
 
 /// Passes every call on.
-class ForwardingBackend : public Backend {
+class ForwardingBackend : public Backend, public BackendTimer {
   public:
     explicit ForwardingBackend(const AppearanceSpec& appearance) : inner_(make_cpu_backend(appearance)) {}
     std::string describe() const override { return inner_->describe(); }
@@ -22,23 +22,17 @@ class ForwardingBackend : public Backend {
     void distill(const StepRequest& request) override { inner_->distill(request); }
     StepStats take_stats() override { return inner_->take_stats(); }
     void synchronize() override { inner_->synchronize(); }
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override { return inner_->time_frames(views, repeats); }
-    void measure_stages(bool on) override { inner_->measure_stages(on); }
-    std::vector<StageCost> take_stage_costs() override { return inner_->take_stage_costs(); }
-    Ceilings measure_ceilings() override { return inner_->measure_ceilings(); }
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override { return inner_->timer().time_frames(views, repeats); }
+    void measure_stages(bool on) override { inner_->timer().measure_stages(on); }
+    std::vector<StageCost> take_stage_costs() override { return inner_->timer().take_stage_costs(); }
+    Ceilings measure_ceilings() override { return inner_->timer().measure_ceilings(); }
     MemoryUse memory() override { return inner_->memory(); }
-    DensifyStats densify_mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) override {
-        return inner_->densify_mcmc(params, iteration, seed);
-    }
-    DensifyStats densify_adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) override {
-        return inner_->densify_adc(params, iteration, seed);
-    }
+    BackendTimer& timer() override { return *this; }
+    DensifyStats densify(const DensifyRequest& request) override { return inner_->densify(request); }
     void reset_opacity() override { inner_->reset_opacity(); }
     std::vector<float> scores(const std::vector<RenderRequest>& views) override { return inner_->scores(views); }
-    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>& views, double ratio) override { return inner_->prune_lowest_scores(views, ratio); }
+    PruneStats prune(const PruneRequest& request) override { return inner_->prune(request); }
     void morton_sort() override { inner_->morton_sort(); }
-    std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]) override { return inner_->prune_nonfinite(by_group); }
-    std::int64_t prune_invisible() override { return inner_->prune_invisible(); }
 
   private:
     std::unique_ptr<Backend> inner_;

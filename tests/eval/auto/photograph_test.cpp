@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "lib/model/appearance_spec.h"
 

@@ -7,7 +7,7 @@
 namespace gs::test {
 
 /// Paints every pixel with the red value `camera.translation.x`, green = background, blue = 0; base 0.2, residual 0.5.
-class FakeBackend : public Backend {
+class FakeBackend : public Backend, public BackendTimer {
   public:
     std::string describe() const override { return "fake"; }
     void upload(const Gaussians&) override {}
@@ -35,14 +35,12 @@ class FakeBackend : public Backend {
     std::vector<StageCost> take_stage_costs() override { return {}; }
     Ceilings measure_ceilings() override { return {1e9, 1e9}; }
     MemoryUse memory() override { return {}; }
-    DensifyStats densify_mcmc(const McmcParams&, std::int64_t, std::uint64_t) override { return {}; }
-    DensifyStats densify_adc(const AdcParams&, std::int64_t, std::uint64_t) override { return {}; }
+    BackendTimer& timer() override { return *this; }
+    DensifyStats densify(const DensifyRequest&) override { return {}; }
     void reset_opacity() override {}
     std::vector<float> scores(const std::vector<RenderRequest>&) override { return {}; }
-    std::int64_t prune_lowest_scores(const std::vector<RenderRequest>&, double) override { return 0; }
+    PruneStats prune(const PruneRequest&) override { return {}; }
     void morton_sort() override {}
-    std::int64_t prune_nonfinite(std::int64_t[kNumGroups]) override { return 0; }
-    std::int64_t prune_invisible() override { return 0; }
 };
 
 }  // namespace gs::test

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opens the folder of a new or resumed run.
+#include "lib/train/run_start.h"
+
+#include "lib/io/safetensors.h"
+#include "lib/model/appearance_spec.h"
+
+namespace gs {
+namespace {
+
+std::filesystem::path resumed_file(const TrainOptions& options) {
+    return options.resume == "latest" ? latest_checkpoint(options.model) : std::filesystem::path(options.resume);
+}
+
+}  // namespace
+
+std::string checkpoint_appearance(const TrainOptions& options) { return SafetensorsFile(resumed_file(options)).metadata("appearance"); }
+
+RunStart open_run(const TrainOptions& options) {
+    RunStart start{RunFolder{options.model}, std::nullopt, {}};
+    if (!options.resume.empty()) {
+        const auto file = resumed_file(options);
+        start.checkpoint = read_checkpoint(file);
+        require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
+        prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);
+    } else {
+        prepare_run_folder(start.folder, options.overwrite);
+    }
+    return start;
+}
+
+}  // namespace gs

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// What can be refused before time is spent on loading a scene: the run folder, and the checkpoint to go on from.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "lib/core/train_options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/run_folder.h"
+
+namespace gs {
+
+/// A run folder that may be written, and the checkpoint the run goes on from.
+struct RunStart {
+    RunFolder folder;
+    std::optional<Checkpoint> checkpoint;
+    nlohmann::json first_event = {}; ///< first line of the training log of a new run, without its iteration; null = none
+};
+
+/// Reads the checkpoint that `resume` names and prepares the folder `options.model`. Throws DataError, or UsageError, also
+/// for a checkpoint of another appearance than the options name; the folder is then as it was.
+RunStart open_run(const TrainOptions& options);
+
+/// Returns the name of the model in the checkpoint that `resume` names. Throws DataError.
+std::string checkpoint_appearance(const TrainOptions& options);
+
+}  // namespace gs

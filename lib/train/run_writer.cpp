@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// From the state of a run to the files of its folder.
+#include "lib/train/run_writer.h"
+
+#include <algorithm>
+
+#include "lib/core/options.h"
+#include "lib/io/atomic_file.h"
+#include "lib/io/image.h"
+#include "lib/model/cameras_json.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/ply.h"
+#include "lib/scene/camera_params.h"
+
+namespace gs {
+
+RunWriter::RunWriter(RunFolder folder, const TrainOptions& options, const Scene& scene, const Photometric& photometric)
+    : folder_(std::move(folder)), options_(options), scene_(scene), photometric_(photometric) {}
+
+void RunWriter::write_config() const { write_text_atomic(folder_.config(), options_to_yaml(options_)); }
+
+void RunWriter::write_start(const PointCloud& first_points) const {
+    write_config();
+    write_cfg_args(folder_, options_);
+    write_cameras_json(folder_.cameras(), scene_);
+    write_input_points(folder_, first_points);
+}
+
+void RunWriter::open_log(std::int64_t iteration) { log_.emplace(folder_.train_log(), iteration); }
+
+void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration) {
+    if (change.relocated || change.added || change.cloned || change.split || change.pruned)
+        log({{"event", "densify"}, {"iteration", iteration}, {"relocated", change.relocated}, {"added", change.added},
+             {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned},
+             {"num_gaussians", change.count + change.pruned_by_score}});
+    if (change.pruned_by_score)
+        log({{"event", "prune_by_score"}, {"iteration", iteration}, {"pruned", change.pruned_by_score}, {"num_gaussians", change.count}});
+}
+
+void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration) const {
+    gs::write_checkpoint(folder_.checkpoint(iteration), {backend.download(true), iteration, options_.seed, options_to_yaml(options_)});
+}
+
+void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {
+    PlyOptions ply;
+    ply.iteration = iteration;
+    write_ply(folder_.point_cloud(iteration), backend.download(false), ply);
+    write_ppisp(backend, iteration);
+}
+
+void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {
+    const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
+    RenderRequest request;
+    request.camera = camera_params(view.camera);
+    request.background = background;
+    request.isp = photometric_.active() ? IspView{.mode = IspMode::kFrame, .camera = std::max(0, view.camera_id)} : IspView{};
+    RenderedImage rendered;
+    backend.render(request, rendered);
+    Image image{rendered.width, rendered.height, 3, {}, {}};
+    const std::size_t pixels = rendered.alpha.size();
+    image.f32.resize(3 * pixels);
+    for (std::size_t i = 0; i < pixels; ++i)
+        for (std::size_t c = 0; c < 3; ++c) image.f32[3 * i + c] = rendered.rgb[c * pixels + i];
+    write_image(folder_.preview(iteration), image);
+}
+
+}  // namespace gs

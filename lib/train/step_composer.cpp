@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Views, rates, regularisers and correction of one training step.
+#include "lib/train/step_composer.h"
+
+#include "lib/scene/camera_params.h"
+#include "lib/train/target_image.h"
+
+namespace gs {
+
+StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene, const Photometric* photometric,
+                           double rate_factor)
+    : options_(options), scene_(scene), photometric_(photometric), rates_(options, appearance, scene), rate_factor_(rate_factor) {}
+
+StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteration) const {
+    StepRequest request;
+    request.camera = camera_params(scene_.train[view.index].camera);
+    request.background = view.background;
+    request.target = target_image(view.image, std::int64_t(view.index));
+    request.iteration = iteration;
+    request.lambda_dssim = float(options_.lambda_dssim);
+    request.seed = options_.seed;
+    return request;
+}
+
+StepRequest StepComposer::compose(const StepView& view, std::int64_t iteration, std::int64_t rate_iteration) const {
+    StepRequest request = request_of(view, iteration);
+    const bool mcmc = options_.strategy == "mcmc";
+    request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
+    request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
+    request.gather_gradient_stats = options_.strategy == "adc" && iteration < options_.densify_until_iter;
+    rates_.apply(rate_iteration, request);
+    if (photometric_) {
+        photometric_->apply(view.index, iteration, request);
+    } else {
+        request.isp = {.mode = IspMode::kFrame, .frame = int(view.index), .camera = scene_.train[view.index].camera_id};
+        request.isp_rate = options_.ppisp_lr;
+    }
+    if (rate_factor_ != 1) {
+        for (double& rate : request.rates) rate *= rate_factor_;
+        for (double& rate : request.residual_rates) rate *= rate_factor_;
+        request.shared_rate *= rate_factor_;
+        request.noise *= float(rate_factor_);
+        request.isp_rate *= rate_factor_;
+    }
+    return request;
+}
+
+StepRequest StepComposer::compose_distillation(const StepView& view, std::int64_t iteration) const {
+    StepRequest request = request_of(view, iteration);
+    photometric_->apply_controller(view.index, request);
+    return request;
+}
+
+}  // namespace gs
