@@ -19,8 +19,8 @@ from browser import Browser, find_chromium, check
 from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer
 
 # View dependence begins at iteration 1000.
-TRAIN = ["-s", "builtin:glossy", "-r", "8", "--eval", "--device", "cpu", "--quiet", "--appearance", "toy", "--toy-lr", "0.002", "--init-points", "1500",
-         "--cap-max", "1500", "--iterations", "1300"]
+TRAIN = ["-s", "builtin:glossy", "-r", "8", "--eval", "--device", "cpu", "--quiet", "--appearance", "toy", "--toy-lr", "0.002", "--cap-max", "5000",
+         "--iterations", "1300"]
 VIEWS = (0, 3)
 LEAST_PSNR = 38
 
@@ -32,7 +32,7 @@ def run(*arguments, **options):
 
 
 def main():
-    gsapp, models, viewer = map(pathlib.Path, sys.argv[1:])
+    gsapp, models, viewer = (pathlib.Path(a).resolve() for a in sys.argv[1:])
     program = find_chromium()
     if program is None or shutil.which("npx") is None:
         print("skipped: no chromium or no npx on PATH")

@@ -15,7 +15,7 @@ from browser import Browser, find_chromium, check
 from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer
 
 # Arguments of gsapp train. View dependence begins at iteration 1000; further degrees of sh and neural join at 2000 and 3000.
-GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--init-points", "2000", "--cap-max", "2000", "--iterations"]
+GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations"]
 CASES = {
     "none": GLOSSY + ["300"],
     "sh": GLOSSY + ["3200"],
@@ -29,7 +29,7 @@ CASES = {
 }
 VIEWS = (0, 3, 7)
 MODES = ("full", "base", "residual")
-# 49.9 and more were measured; 38 would still look the same.
+# 48.4 and more were measured; 38 would still look the same.
 LEAST_PSNR = 45
 
 
@@ -62,7 +62,7 @@ def compare(browser, url, case):
         for view in VIEWS:
             pixels = f"(await gsapp.testViewPixels({view}, '{mode}')).pixels"
             brightest = browser.evaluate(f"(async () => {pixels}.reduce((most, v, i) => i % 4 < 3 ? Math.max(most, v) : most, 0))()")
-            check(brightest > 20 or (case.startswith("none") and mode == "residual"), f"{case}: view {view} shows something in {mode}")
+            check(brightest > 10 or (case.startswith("none") and mode == "residual"), f"{case}: view {view} shows something in {mode}")
             values.append(browser.evaluate(PSNR % (pixels, f"reference/{mode}/{view:05}.png")))
         print(f"{case:17} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
         check(min(values) >= LEAST_PSNR, f"{case} {mode}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture")
