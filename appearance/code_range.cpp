@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The values that a choice of range has to consider: rows sampled from a model, and the possible ends.
 #include "appearance/code_range.h"
 
 #include <algorithm>

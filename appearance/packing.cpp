@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Checks and activations that the packings of all models share, and where each packing is found.
 #include "appearance/packing.h"
 
 #include <cmath>

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Looks for nvcc: GSAPP_CUDA=AUTO takes what is there, ON insists, OFF does not look.
+# Looks for nvcc. GSAPP_CUDA=AUTO uses it if it is there, ON requires it, OFF does not look.
 set(GSAPP_CUDA AUTO CACHE STRING "Use CUDA: AUTO, ON or OFF")
 set_property(CACHE GSAPP_CUDA PROPERTY STRINGS AUTO ON OFF)
 if(GSAPP_CUDA)
@@ -15,7 +15,8 @@ if(GSAPP_CUDA)
     set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION "-std=c++20")
     set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION "-std=c++20")
     set(GSAPP_WITH_CUDA ON)
-    # For people: "80-real;90" builds code for sm_80 and sm_90 and, without -real, PTX that later GPUs compile for themselves.
+    # A list for messages: "80-real;90" builds code for sm_80 and sm_90 and, without -real, PTX that later GPUs compile
+    # themselves.
     set(GSAPP_CUDA_ARCHITECTURES "")
     foreach(architecture ${CMAKE_CUDA_ARCHITECTURES})
       if(architecture MATCHES "^([0-9]+[a-z]?)-real$")

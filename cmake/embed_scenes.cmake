@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# gs_embed_scenes(OUT): writes a .cpp that holds the text of scenes/procedural/*.yaml, so that the program needs no
-# files beside it, and returns its path in OUT.
+# gs_embed_scenes(OUT): writes a .cpp with the text of scenes/procedural/*.yaml and returns its path in OUT. So the
+# program needs no files beside it.
 function(gs_embed_scenes out)
   file(GLOB scenes CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/scenes/procedural/*.yaml)
   list(SORT scenes)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# gs_embed_text(OUT FILE HEADER NAME): writes a .cpp that defines `const char* const NAME`, which HEADER declares, as the text of FILE, so
-# that the program needs no files beside it, and returns its path in OUT.
+# gs_embed_text(OUT FILE HEADER NAME): writes a .cpp that defines `const char* const NAME`, declared in HEADER, as the
+# text of FILE, and returns its path in OUT. So the program needs no files beside it.
 function(gs_embed_text out source header name)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${source})
   file(READ ${source} text)

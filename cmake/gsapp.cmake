@@ -4,29 +4,37 @@
 # Flags of every target: warnings, sanitizers, include root.
 add_library(gsapp_flags INTERFACE)
 target_include_directories(gsapp_flags INTERFACE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
-# The same -march everywhere: headers with inline mathematics are shared, and the linker keeps one copy of each.
-# -Wno-restrict: GCC 12 sees overlaps in string concatenation that are not there (GCC bug 105651).
+# -march is the same everywhere, because headers with inline mathematics are shared and the linker keeps one copy of
+# each. -Wno-restrict: GCC 12 reports overlaps in string concatenation that are not there (GCC bug 105651).
 target_compile_options(gsapp_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wno-psabi;-Wno-restrict;-march=${GSAPP_CPU_ARCH};-fno-math-errno;-fopenmp-simd;-fno-trapping-math>")
 if(GSAPP_CPU_ARCH STREQUAL "native" OR GSAPP_CPU_ARCH STREQUAL "x86-64-v4")
   target_compile_options(gsapp_flags INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:-mprefer-vector-width=512>")
+endif()
+if(GSAPP_WERROR)
+  target_compile_options(gsapp_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Werror>)
 endif()
 if(GSAPP_SANITIZE)
   target_compile_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE} -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g)
   target_link_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE})
 endif()
 
-# gs_add_library(NAME LINK target...): every .cpp of the current folder becomes one static library.
+include(cmake/precompile.cmake)
+
+# gs_add_library(NAME [PRECOMPILE kind] LINK target...): makes one static library of every .cpp in the current folder.
 function(gs_add_library name)
-  cmake_parse_arguments(ARG "" "" "LINK;SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "" "PRECOMPILE" "LINK;SOURCES" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
   add_library(${name} STATIC ${sources} ${ARG_SOURCES})
   target_link_libraries(${name} PUBLIC gsapp_flags ${ARG_LINK})
+  if(ARG_PRECOMPILE)
+    gs_precompile(${name} ${ARG_PRECOMPILE})
+  endif()
 endfunction()
 
-# gs_add_tests(LABEL [SERIAL] LINK target...): every *_test.cpp of the current folder becomes one test program whose cases
-# ctest lists one by one under LABEL; SERIAL ones never run beside others.
+# gs_add_tests(LABEL [SERIAL] [QUICK] LINK target...): makes one test program of every *_test.cpp in the current folder.
+# ctest lists its cases one by one under LABEL. SERIAL ones never run beside others; QUICK ones compute little themselves.
 function(gs_add_tests label)
-  cmake_parse_arguments(ARG "SERIAL" "" "LINK;SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL;QUICK" "" "LINK;SOURCES" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*_test.cpp)
   if(NOT sources AND NOT ARG_SOURCES)
     return()
@@ -35,6 +43,11 @@ function(gs_add_tests label)
   string(REPLACE "/" "_" name ${relative})
   add_executable(${name} ${sources} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest GTest::gtest_main)
+  if(ARG_QUICK)
+    gs_precompile(${name} quick_tests)
+  else()
+    gs_precompile(${name} tests)
+  endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES
     LABELS ${label} RUN_SERIAL ${ARG_SERIAL})
 endfunction()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a view shows in double precision: the measure of everything that computes faster.
+// The image of a view in double precision, with which faster renderers are compared.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,9 @@
 
 namespace gs {
 
-/// The view's image, planar (3,H,W), not clamped, without photometric correction, by the CPU's rasterizer in double with the cutoffs of
-/// 3DGS. Takes about three times as long as a frame of the CPU backend. Throws UsageError for an unknown model.
+/// Renders the view with the CPU's rasterizer in double and the cutoffs of 3DGS. Returns planar (3,H,W), not clamped,
+/// without photometric correction. Takes about three times as long as a frame of the CPU backend. Throws UsageError for
+/// an unknown model.
 std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request);
 
 }  // namespace gs

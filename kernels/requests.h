@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What crosses the Backend interface: views and targets on the way in, images, statistics and costs on the way out.
+// The data that crosses the Backend interface: views and targets go in; images, statistics and costs come out.
 #pragma once
 
 #include <array>
@@ -15,34 +15,35 @@
 
 namespace gs {
 
-/// A training target. Pointers stay valid until the call returns.
+/// The photograph that a step compares its render with. The pointers must stay valid until the call returns.
 struct TargetImage {
     int width = 0, height = 0;
     int channels = 3;                    ///< 3 (rgb) or 4 (rgb + straight alpha, composited on the background)
     const std::uint8_t* u8 = nullptr;    ///< (H,W,channels), value/255; exactly one of u8 and f32 is set
     const float* f32 = nullptr;          ///< (H,W,channels), alpha in [0,1]
     const std::uint8_t* mask = nullptr;  ///< (H,W) loss weight/255, or null for weight 1
-    std::int64_t id = -1;                ///< equal ids mean equal pixels, so that a device may keep its copy; -1 = unknown
+    std::int64_t id = -1;                ///< equal ids mean equal pixels: a device may keep its copy; -1 = unknown
 };
 
-/// Which colour is composited (docs/math/appearance.md#render-modes).
+/// The colour that is composited (docs/math/appearance.md#render-modes).
 enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
 
-/// Where the photometric correction of a view comes from.
+/// The source of a view's photometric correction.
 enum class IspMode {
-    kNone,       ///< the image is left as the Gaussians make it
+    kNone,       ///< no correction: the image stays as the Gaussians make it
     kFrame,      ///< exposure and colour of a training image
     kController, ///< exposure and colour predicted from the image itself; neutral if the model has no controller
 };
 
-/// How PPISP treats a view. Ignored by a model without PPISP.
+/// The photometric correction of a view. A model without PPISP ignores it.
 struct IspView {
     IspMode mode = IspMode::kNone;
-    int frame = -1;           ///< of kFrame; -1 = neutral
-    int camera = 0;           ///< whose vignetting and response apply
-    float prior_exposure = 0; ///< of kController: exposure in stops that is known beforehand, e.g. from EXIF
+    int frame = -1;           ///< kFrame: index of the training image; -1 = neutral
+    int camera = 0;           ///< index of the camera, which gives vignetting and response
+    float prior_exposure = 0; ///< kController: exposure in stops that is known beforehand, e.g. from EXIF
 };
 
+/// One view to render.
 struct RenderRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
@@ -50,6 +51,7 @@ struct RenderRequest {
     IspView isp = {};
 };
 
+/// The image of one view.
 struct RenderedImage {
     int width = 0, height = 0;
     std::vector<float> rgb;   ///< planar (3,H,W), not clamped
@@ -67,51 +69,60 @@ struct StepRequest {
     float scale_reg = 0.01f;             ///< weight of mean(exp(raw_scale))
     float noise = 0;                     ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
-    bool gather_gradient_stats = false;  ///< ADC: accumulate the 2-D mean gradient norm, per view in which a tile is touched
+    /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
+    bool gather_gradient_stats = false;
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
-    std::vector<double> residual_rates;  ///< per residual column where the model has several; else empty
+    std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
-    IspView isp = {};                         ///< kFrame or kNone; of `distill`: kController
-    double isp_rate = 0;                 ///< learning rate of PPISP's parameters; of `distill`: of the controller's weights; 0 = they stay
+    IspView isp = {};                         ///< kFrame or kNone for `step`, kController for `distill`
+    /// The learning rate of PPISP's parameters for `step`, of the controller's weights for `distill`. 0 leaves them
+    /// unchanged.
+    double isp_rate = 0;
 };
 
-/// What happened since the last call of `take_stats`.
+/// Statistics of the steps since the last call of `take_stats`.
 struct StepStats {
     std::int64_t steps = 0;
-    double loss = 0, l1 = 0, ssim = 0;   ///< of the last step
+    double loss = 0, l1 = 0, ssim = 0;   ///< values of the last step
     std::int64_t num_instances = 0;      ///< Gaussian-tile pairs of the last step
-    std::int64_t num_nonfinite_gradients = 0; ///< Gaussians that sat a step out, summed
+    std::int64_t num_nonfinite_gradients = 0; ///< Gaussians whose update was skipped, summed over the steps
     std::int64_t consecutive_skips = 0;       ///< steps in a row skipped because the loss was not finite
 };
 
-/// What a backend holds in its device's memory.
+/// The memory that a backend holds on its device.
 struct MemoryUse {
     struct Row {
         std::string what;
         std::int64_t bytes = 0;
-        std::string item;  ///< what the bytes grow with: "Gaussian", "instance", "pixel", "image"
+        std::string item;  ///< unit that the bytes grow with: "Gaussian", "instance", "pixel", "image"
         double items = 0;
     };
     std::vector<Row> rows;
     std::int64_t bytes = 0, peak = 0;
 };
 
+/// The options of a backend. Those with "CUDA" do nothing on the CPU.
 struct BackendOptions {
-    bool deterministic = false;                      ///< fixed order of all sums: bitwise repeatable on one device, slower
-    bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, through memory; for comparison
-    std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images a device may keep
+    /// Whether all sums have a fixed order, which is bitwise repeatable on one device, but slower.
+    bool deterministic = false;
+    bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, for comparison
+    std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images that a device may keep
     double min_alpha = kMinAlpha;                    ///< fainter fragments are skipped; at least kMinAlpha
     double min_transmittance = kMinTransmittance;    ///< a pixel below this is finished
-    bool half_residuals = false;                     ///< CUDA: frames read residual parameters rounded to half precision
-    bool packed_moments = false;                     ///< CUDA: Adam's two moments of a residual parameter in 32 bits (bfloat16)
+    /// CUDA: whether frames read residual parameters rounded to half precision.
+    bool half_residuals = false;
+    /// CUDA: whether both Adam moments of a residual parameter share 32 bits (bfloat16).
+    bool packed_moments = false;
 };
 
+/// The rule of the MCMC strategy.
 struct McmcParams {
     std::int64_t cap = 1000000;
     float min_opacity = 0.005f;
     double growth = 1.05;
 };
 
+/// The rule of the ADC strategy.
 struct AdcParams {
     float grad_threshold = 0.0002f;
     float extent = 1;                    ///< scene extent E, world units
@@ -132,37 +143,38 @@ struct DensifyStats {
     std::int64_t relocated = 0, added = 0, cloned = 0, split = 0, pruned = 0, count = 0;
 };
 
-/// Asks for Gaussians whose parameters are not finite or beyond kLargestParameter (kernels/densify/rows_device.h).
+/// Selects Gaussians whose parameters are not finite or beyond kLargestParameter (kernels/densify/rows_device.h).
 struct NonFiniteRows {};
 
-/// Asks for Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8.
+/// Selects Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8.
 struct InvisibleRows {};
 
-/// Asks for the share `ratio` (0..1) of lowest scores (Backend::scores), and all that score the same as the last of them; at
-/// least 1 % stay (kernels/densify/score_rule.h).
+/// Selects the share `ratio` (0..1) of Gaussians with the lowest scores (Backend::scores), and all whose score equals
+/// the highest of these. At least 1 % stay (kernels/densify/score_rule.h).
 struct LowestScores {
     std::vector<RenderRequest> views;
     double ratio = 0;
 };
 
-/// Which Gaussians are removed.
+/// The choice of Gaussians to remove.
 using PruneRequest = std::variant<NonFiniteRows, InvisibleRows, LowestScores>;
 
 struct PruneStats {
     std::int64_t removed = 0;
-    std::array<std::int64_t, kNumGroups> by_group{};  ///< with NonFiniteRows: how many Gaussians each group was broken in
+    /// The number of Gaussians with broken values per group, for NonFiniteRows.
+    std::array<std::int64_t, kNumGroups> by_group{};
 };
 
-/// Time of one stage and what it worked on, summed since the last `take_stage_costs`.
+/// Time and work of one stage, summed since the last `take_stage_costs`.
 struct StageCost {
     std::string stage;
     double seconds = 0;
     double items = 0;
-    std::string item;     ///< what an item is, e.g. "pixel x Gaussian"
+    std::string item;     ///< name of an item, e.g. "pixel x Gaussian"
     double bytes = 0;     ///< least memory traffic of all items
     double operations = 0; ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
-    std::string note;     ///< why the stage takes longer than that, where it is known to; may be empty
-    bool evaluates_appearance = false; ///< part of it is the appearance model's
+    std::string note;     ///< reason why the stage takes longer than these bounds, where it is known; may be empty
+    bool evaluates_appearance = false; ///< whether part of the work is the appearance model's
 };
 
 }  // namespace gs

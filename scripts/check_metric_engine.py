@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the learned metrics of gsapp with PyTorch on random weights; needs only torch and numpy, takes less than a minute.
+"""Compares the learned metrics of gsapp with PyTorch on random weights. Needs only torch and numpy; takes less than a minute.
 
-Writes seeded weights in the layouts of VGG16, AlexNet, the LPIPS heads, DISTS and MILO, and pairs of PNGs, runs
-`gsapp metrics --json` on them, and computes the same from plain functional operations in double precision, defined here without
-regard to gsapp's code. Prints the largest relative differences as a Markdown table. --device: where gsapp computes; both names are two
-columns. Exit status: 0 all within the tolerance, 1 otherwise, 77 PyTorch is not installed.
+Writes seeded weights in the layouts of VGG16, AlexNet, the LPIPS heads, DISTS and MILO, and pairs of PNGs. Runs
+`gsapp metrics --json` on them and computes the same metrics with plain functional operations in double precision,
+written independently of gsapp's code. Prints the largest relative differences as a Markdown table. --device says where
+gsapp computes; with both names the table has two columns. Exit status: 0 all within the tolerance, 1 otherwise, 77
+PyTorch is not installed.
 
 usage: scripts/check_metric_engine.py GSAPP [--device cpu cuda] [--torch-device cpu|cuda] [--seed N] [--tolerance 1e-4] [--keep FOLDER] [--verbose]
 """
@@ -36,7 +37,7 @@ VGG16_STAGES = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
 # Weights ---------------------------------------------------------------------------------------------------------------------
 
 def random_convolution(generator, out, inputs, kernel):
-    """Of a size that keeps activations near one through many layers."""
+    """Returns weight and bias of a size that keeps activations near one through many layers."""
     weight = torch.randn(out, inputs, kernel, kernel, generator=generator) * math.sqrt(2 / (inputs * kernel * kernel))
     return weight, 0.1 * torch.randn(out, generator=generator)
 
@@ -66,7 +67,7 @@ def random_weights(seed):
 # Images ----------------------------------------------------------------------------------------------------------------------
 
 def write_png(path, image):
-    """(H,W,3) uint8."""
+    """Writes an (H,W,3) uint8 image."""
     height, width, _ = image.shape
     rows = b"".join(b"\0" + bytes(row.flatten().tolist()) for row in image)
 
@@ -85,7 +86,7 @@ def gradient(height, width):
 
 
 def image_pairs(seed):
-    """Name, (H,W,3) uint8, (H,W,3) uint8; sides of every remainder that pooling can meet."""
+    """Returns (name, image, image), images (H,W,3) uint8; their sides have every remainder that pooling can meet."""
     generator = torch.Generator().manual_seed(seed + 1)
     pairs = []
     for height, width in ((64, 64), (67, 93), (31, 50), (128, 97)):
@@ -229,7 +230,7 @@ def main():
             write_png(paths[0], render)
             write_png(paths[1], truth)
             tensors = [image.permute(2, 0, 1)[None].to(arguments.torch_device).double() / 255 for image in (render, truth)]
-            # The range only concerns LPIPS, and there only the first layer: one kind of images is enough for the other one.
+            # The range concerns only the first layer of LPIPS, so one kind of images is enough for the other range.
             for lpips_range in ("symmetric", "unit") if name.startswith("mixed") else ("symmetric",):
                 count += 1
                 with torch.no_grad():

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the weights of the learned metrics of `gsapp eval --metrics` as safetensors.
 
-Needs torch, and for what it exports: torchvision (VGG16 and AlexNet, IMAGENET1K_V1), lpips (heads 'vgg' and 'alex', v0.1),
-DISTS_pytorch (alpha, beta), and for MILO the file weights/MILO.pth of github.com/ugurcogalan06/MILO. What is not installed or
-not given is skipped and named; the exit status is 1 when nothing was written. The packages may download their weights.
+Needs torch and the packages of the weights: torchvision (VGG16 and AlexNet, IMAGENET1K_V1), lpips (heads 'vgg' and
+'alex', v0.1), DISTS_pytorch (alpha, beta), and for MILO the file weights/MILO.pth of github.com/ugurcogalan06/MILO.
+Missing packages and files are skipped and named; the exit status is 1 when nothing was written. The packages may
+download their weights.
 
 usage: scripts/export_metric_weights.py FOLDER [--milo MILO.pth]
 then:  gsapp eval RUN --metrics all --metric-weights FOLDER     (or: export GSAPP_METRIC_WEIGHTS=FOLDER)
@@ -56,7 +57,7 @@ def export_alexnet(folder):
 
 def export_lpips(folder, net):
     import torch
-    # The file of heads alone: the package's class would also load the features again.
+    # Read only the file of the heads: the package's class would also load the features again.
     package = importlib.util.find_spec("lpips")
     if package is None:
         raise ImportError("lpips is not installed")
@@ -68,7 +69,7 @@ def export_lpips(folder, net):
 def export_dists(folder):
     import torch
     from DISTS_pytorch import DISTS_pt
-    # The package installs its weights at the prefix of Python; a checkout has them beside the module.
+    # The package installs its weights at Python's prefix; a checkout has them beside the module.
     places = [os.path.join(place, "weights.pt") for place in (os.path.dirname(DISTS_pt.__file__), sys.prefix)]
     found = [place for place in places if os.path.exists(place)]
     if not found:

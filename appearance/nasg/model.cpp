@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// What the host knows of NASG and NASGabor: parameters, learning rates, first values.
 #include "appearance/model_info.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs lobes as halves, and evaluates their colours from them.
 #include "appearance/nasg/packing.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The degenerate lobes that the stability measurement tries.
 #include "appearance/nasg/stability.h"
 
 #include <algorithm>

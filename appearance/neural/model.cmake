@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 gs_add_appearance(neural Neural)
 gs_add_appearance_variant(neural_1layer NeuralOneLayer)
 gs_add_appearance_variant(neural_3layers NeuralThreeLayers)

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// What the host knows of the neural models: parameters, learning rates, first values.
 #include <algorithm>
 #include <cmath>
 

@@ -6,6 +6,7 @@
 #include "appearance/contract.h"
 #include "appearance/neural/neurons.h"
 #include "appearance/sh_basis.h"
+#include "kernels/core/spherical_harmonics.h"
 
 namespace gs::appearance {
 
@@ -31,7 +32,6 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     static constexpr int kInputs = kEncoded + kBases;
     static constexpr int kFirstOutput = kInputs * kNeurons + (kLayers - 1) * kNeurons * kNeurons;
     static constexpr int kNumShared = kFirstOutput + 3 * kNeurons;
-    static constexpr double kY0 = 0.28209479177387814; ///< SH basis function of band 0
 
     /// Where the matrix into hidden layer `layer` begins.
     static GS_HD constexpr int matrix(int layer) { return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons; }

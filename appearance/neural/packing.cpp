@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs features and weights as viewers evaluate them, and evaluates colours from them.
 #include "appearance/neural/packing.h"
 
 #include <algorithm>
@@ -9,7 +10,6 @@ namespace gs::appearance {
 namespace {
 
 constexpr int kMaxBand = 3, kMaxNeurons = 256; // as in packing.json
-constexpr double kY0 = Neural::kY0;
 
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The degenerate networks that the stability measurement tries.
 #include "appearance/neural/stability.h"
 
 #include <algorithm>

@@ -12,8 +12,8 @@
 
 namespace gs::tensor {
 
-/// What half precision can hold.
-inline constexpr float kLargestHalf = 60000.0f;
+/// Where values saturate as they become halves; the largest half is 65504.
+inline constexpr float kSaturation = 60000.0f;
 
 __device__ inline void multiply(float (&c)[4], const unsigned (&a)[4], unsigned b0, unsigned b1) {
     asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, {%0,%1,%2,%3};"
@@ -23,7 +23,7 @@ __device__ inline void multiply(float (&c)[4], const unsigned (&a)[4], unsigned 
 
 /// Two values as halves, `low` in the lower bits; beyond the range of half the largest one.
 __device__ inline unsigned pack(float low, float high) {
-    const __half2 h = __floats2half2_rn(fminf(fmaxf(low, -kLargestHalf), kLargestHalf), fminf(fmaxf(high, -kLargestHalf), kLargestHalf));
+    const __half2 h = __floats2half2_rn(fminf(fmaxf(low, -kSaturation), kSaturation), fminf(fmaxf(high, -kSaturation), kSaturation));
     return *reinterpret_cast<const unsigned*>(&h);
 }
 __device__ inline float2 unpack(unsigned x) { return __half22float2(*reinterpret_cast<const __half2*>(&x)); }

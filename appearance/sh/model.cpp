@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+// What the host knows of spherical harmonics: parameters, learning rates, first values.
 #include "appearance/model_info.h"
 
 #include <algorithm>
 
 #include "appearance/sh/packing.h"
 #include "appearance/sh/sh.h"
+#include "kernels/core/spherical_harmonics.h"
 
 namespace gs::appearance {
 
@@ -21,7 +23,7 @@ const ModelInfo& sh_info() {
         m.max_degree_limit = 3;
         m.residual_width = [](int degree) { return 3 * ((degree + 1) * (degree + 1) - 1); };
         m.rates = [](int, const RateContext&) {
-            return AppearanceRates{Schedule::constant(0.0025 * 0.28209479177387814), {Schedule::constant(0.000125)}};
+            return AppearanceRates{Schedule::constant(0.0025 * kY0), {Schedule::constant(0.000125)}};
         };
         m.init_residual = [](int degree, float* row) { std::fill(row, row + 3 * ((degree + 1) * (degree + 1) - 1), 0.0f); };
         m.stability = [] { return StabilityPlan{std::vector<std::string>(45, "coefficients"), {}}; };

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs coefficients as codes of few bits, and evaluates colours from them.
 #include "appearance/sh/packing.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs sites as halves, and evaluates their colours from them.
 #include "appearance/sv/packing.h"
 
 #include <cmath>

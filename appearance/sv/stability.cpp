@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The degenerate sites that the stability measurement tries.
 #include "appearance/sv/stability.h"
 
 #include <cmath>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp bench`: what an iteration and a frame cost on this machine; frame times of several runs; how stable the appearance models
 // compute; and suites of training runs.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <map>
@@ -64,11 +64,10 @@ void measure(Backend& backend, const TrainOptions& options, const Scene& scene, 
 
 void measure_generated(const TrainOptions& options, const BenchArguments& arguments) {
     const auto backend = choose_backend(options.device, appearance_spec(options), backend_options(options));
-    const auto rgb = parse_background(options.background).rgb;
     for (const std::int64_t count : arguments.generate) {
         const Gaussians model = generated_gaussians(count, options.seed, appearance_spec(options));
         backend->upload(model);
-        const Scene scene = generated_scene(*backend, {rgb[0], rgb[1], rgb[2]});
+        const Scene scene = generated_scene(*backend, options.background.color);
         measure(*backend, options, scene, model, fmt::format("generated set of {:.3g} M Gaussians, seed {}", double(count) / 1e6, options.seed), arguments);
     }
 }
@@ -114,13 +113,13 @@ void run_bench_command(const TrainArguments& train, const BenchArguments& argume
     }
     if (!arguments.suite.empty()) {
         const TrainOptions base = train.combine();
-        setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
+        setup_log(shown_messages(base));
         run_suite(arguments.suite, arguments.appearances.empty() ? std::vector<std::string>{"sh", "nasgabor", "neural"} : arguments.appearances, base);
         return;
     }
     const bool no_scene = !arguments.generate.empty() || arguments.frames;
     const TrainOptions options = train.resolve({.stored_run = !no_scene, .default_source = no_scene ? "generated" : ""});
-    setup_log(options.quiet ? "warn" : options.log_level);
+    setup_log(options.quiet ? LogLevel::kWarn : options.log_level);
     set_num_threads(options.threads);
     if (arguments.frames)
         measure_frames(options, arguments);

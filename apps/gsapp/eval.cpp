@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp eval: scores of finished runs, and a table over them.
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -12,6 +11,7 @@
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/saved_run.h"
+#include "lib/core/log.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -45,12 +45,12 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
     options.decompose = arguments.decompose || !arguments.html.empty(); // its slider shows the parts
-    spdlog::info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
+    log_info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
                  run.options.source, correction_name(options.correction.mode));
     const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
-    if (result.residual_mean) spdlog::info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
+    if (result.residual_mean) log_info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
     for (const auto& [key, score] : result.scores) {
-        if (!score.value) spdlog::warn("{}: {} {}", folder, key, score.reason);
+        if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
     }
     RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
     if (arguments.frame_rounds > 0) facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, arguments.frame_rounds);
@@ -75,12 +75,12 @@ void run_eval(const EvalArguments& arguments) {
     }
     const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
-        spdlog::warn("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
+        log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
     const Comparison comparison = compare_runs(rows);
     std::fputs(format_comparison(comparison, format).c_str(), stdout);
     if (arguments.html.empty()) return;
     write_report(arguments.html, comparison, {});
-    spdlog::info("the same with plots and pictures: {}", arguments.html);
+    log_info("the same with plots and pictures: {}", arguments.html);
 }
 
 }  // namespace

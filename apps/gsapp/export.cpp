@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp export: a finished run as a page that shows it, or as a file for other programs.
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <filesystem>
 #include <memory>
@@ -12,6 +11,7 @@
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 #include "lib/core/version.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/sh_projection.h"
@@ -63,17 +63,17 @@ void export_web(const ExportArguments& arguments, std::optional<std::int64_t> it
     staging.publish();
     if (!viewer.empty()) remove_other_versions(viewer, folder);
 
-    spdlog::info("{}: {} Gaussians, {} bytes each ({} of them geometry and base colour)", (folder / "scene.ngsplat").string(), scene.count(),
+    log_info("{}: {} Gaussians, {} bytes each ({} of them geometry and base colour)", (folder / "scene.ngsplat").string(), scene.count(),
                  scene.bytes_per_gaussian(), sizeof(GeometryWords));
     if (loss)
-        spdlog::info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.scene.test.size(), loss->psnr, loss->packed_psnr,
+        log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.scene.test.size(), loss->psnr, loss->packed_psnr,
                      loss->psnr - loss->packed_psnr);
     else
-        spdlog::info("the run has no test views (--eval): what packing loses was not measured");
+        log_info("the run has no test views (--eval): what packing loses was not measured");
     if (viewer.empty())
-        spdlog::warn("the web viewer is not built, so that only the scene was written; scripts/build-viewer builds it");
+        log_warning("the web viewer is not built, so that only the scene was written; scripts/build-viewer builds it");
     else
-        spdlog::info("show it with: gsapp view {}", folder.string());
+        log_info("show it with: gsapp view {}", folder.string());
 }
 
 /// For programs that know one kind of Gaussian: whether spherical harmonics say it already.
@@ -88,11 +88,11 @@ void export_file(const ExportArguments& arguments, std::optional<std::int64_t> i
     SavedModel saved = read_saved_model(arguments.run, iteration);
     require_finite(saved.state);
     saved.state = visible_gaussians(saved.state);
-    if (saved.state.ppisp.active()) spdlog::warn("the file cannot hold the photometric correction: colours are those before it");
+    if (saved.state.ppisp.active()) log_warning("the file cannot hold the photometric correction: colours are those before it");
     if (arguments.format == "splat") {
         const ShProjection mean = project_to_sh(saved.state, 0);
         write_splat(path, mean.gaussians);
-        spdlog::info("{}: {} Gaussians in their mean colour, {:.2f} dB to their colours over all directions", path.string(), saved.state.count, mean.psnr);
+        log_info("{}: {} Gaussians in their mean colour, {:.2f} dB to their colours over all directions", path.string(), saved.state.count, mean.psnr);
         return;
     }
     PlyOptions options{saved.iteration};
@@ -100,12 +100,12 @@ void export_file(const ExportArguments& arguments, std::optional<std::int64_t> i
         ShProjection projection = project_to_sh(saved.state, 3);
         options.note = fmt::format("spherical harmonics fitted to the colours of {}, {:.2f} dB over all directions", saved.state.appearance.model,
                                    projection.psnr);
-        spdlog::info("{}", options.note);
+        log_info("{}", options.note);
         saved.state = std::move(projection.gaussians);
     }
     write_ply(path, saved.state, options);
-    spdlog::info("{}: {} Gaussians", path.string(), saved.state.count);
-    if (!is_plain_sh(saved.state)) spdlog::info("other programs show its base colours; --sh-projection fits spherical harmonics, which show view dependence");
+    log_info("{}: {} Gaussians", path.string(), saved.state.count);
+    if (!is_plain_sh(saved.state)) log_info("other programs show its base colours; --sh-projection fits spherical harmonics, which show view dependence");
 }
 
 void run_export(const ExportArguments& arguments) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Times the frames of runs and of generated sets, and prints one table.
 #include "apps/gsapp/frames.h"
-
-#include <spdlog/spdlog.h>
 
 #include <cstdio>
 
@@ -9,6 +8,7 @@
 #include "eval/bench/generated_set.h"
 #include "eval/runs/results.h"
 #include "eval/runs/saved_run.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
@@ -16,12 +16,12 @@
 namespace gs {
 namespace {
 
-FrameTimesLine time_run(const std::string& folder, const FramesArguments& arguments, const std::string& device) {
+FrameTimesLine time_run(const std::string& folder, const FramesArguments& arguments, Device device) {
     const SavedRun run = open_saved_run(folder, arguments.iteration, {.device = device});
     const RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
     std::vector<Camera> cameras;
     for (const View& view : run.scene.test.empty() ? run.scene.train : run.scene.test) cameras.push_back(view.camera);
-    spdlog::info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(), run.scene.test.empty() ? "training" : "test");
+    log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(), run.scene.test.empty() ? "training" : "test");
     const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, arguments.frames_per_view);
     write_frame_times(RunFolder{run.folder}, run.iteration, times);
     return {folder, facts.scene, facts.model, facts.num_gaussians, times};
@@ -31,8 +31,7 @@ FrameTimesLine time_generated(std::int64_t count, const FramesArguments& argumen
     const AppearanceSpec appearance = appearance_spec(options);
     const auto backend = choose_backend(options.device, appearance, backend_options(options));
     backend->upload(generated_gaussians(count, options.seed, appearance));
-    const auto rgb = parse_background(options.background).rgb;
-    return {"-", "generated", options.appearance, count, measure_frame_times(*backend, generated_cameras(), {rgb[0], rgb[1], rgb[2]}, arguments.frames_per_view)};
+    return {"-", "generated", options.appearance, count, measure_frame_times(*backend, generated_cameras(), options.background.color, arguments.frames_per_view)};
 }
 
 }  // namespace

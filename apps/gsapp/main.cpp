@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
-#include <spdlog/spdlog.h>
 
 #include <cstdio>
 #include <exception>
@@ -82,7 +81,7 @@ int run(int argc, char** argv) {
 
 /// The one place where an error leaves the program.
 int report(const std::string& message, ExitCode code) {
-    spdlog::error("{}", message);
+    log_error("{}", message);
     return static_cast<int>(code);
 }
 
@@ -90,11 +89,11 @@ int report(const std::string& message, ExitCode code) {
 }  // namespace gs
 
 int main(int argc, char** argv) {
-    gs::setup_log("info");
+    gs::setup_log(gs::LogLevel::kInfo);
     try {
         return gs::run(argc, argv);
     } catch (const gs::Interrupted& e) {
-        spdlog::warn("{}", e.what());
+        log_warning("{}", e.what());
         return static_cast<int>(e.code());
     } catch (const gs::Error& e) {
         return gs::report(e.what(), e.code());

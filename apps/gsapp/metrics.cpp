@@ -2,7 +2,7 @@
 // gsapp metrics: compares two images.
 #include "apps/gsapp/metrics.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <cstdio>
@@ -57,16 +57,19 @@ void add_metric_options(CLI::App& command, MetricArguments& arguments) {
     command.add_option("--metric-weights", arguments.weights,
                        "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: $GSAPP_METRIC_WEIGHTS)")
         ->type_name("DIR");
-    command.add_option("--device", arguments.device,
-                       "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, cpu or cuda")
-        ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
+    command
+        .add_option_function<std::string>(
+            "--device", [&arguments](const std::string& text) { arguments.device = choice_of<Device>(text); },
+            "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, "
+            "cpu or cuda")
+        ->check(CLI::IsMember(words<Device>()));
 }
 
 MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_range) {
     MetricOptions options;
     options.lpips_range = lpips_range;
     options.weights = metric_weights_folder(arguments.weights);
-    if (!arguments.device.empty()) options.device = arguments.device;
+    if (arguments.device) options.device = *arguments.device;
     return options;
 }
 

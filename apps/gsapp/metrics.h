@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 
 #include "eval/metrics/metrics.h"
@@ -12,7 +13,7 @@ namespace gs {
 struct MetricArguments {
     std::string names;    ///< as for parse_metric_names
     std::string weights;  ///< as for metric_weights_folder
-    std::string device = {};  ///< empty: not given
+    std::optional<Device> device = {};
 };
 
 /// --metrics, --metric-weights and --device, into `arguments`, which must outlive `command`.

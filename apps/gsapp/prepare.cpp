@@ -2,7 +2,6 @@
 // gsapp prepare: photographs to a scene, with colmap.
 #include "lib/scene/prepare.h"
 
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -10,6 +9,7 @@
 
 #include "apps/gsapp/command.h"
 #include "lib/core/interrupt.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
@@ -24,12 +24,12 @@ void run_prepare(const PrepareOptions& options) {
                          name.c_str(), count.c_str());
             std::fflush(stderr);
         } else if (stage != shown_stage) {
-            spdlog::info("[{}/{}] {}", stage, stages, name);
+            log_info("[{}/{}] {}", stage, stages, name);
         }
         shown_stage = stage;
     });
     if (terminal) std::fputs("\n", stderr);
-    spdlog::info("the scene is in {}; train it with: gsapp train -s {} --eval", options.scene.string(), options.scene.string());
+    log_info("the scene is in {}; train it with: gsapp train -s {} --eval", options.scene.string(), options.scene.string());
 }
 
 }  // namespace

@@ -2,8 +2,7 @@
 // gsapp prune-appearance: a run whose Gaussians keep view-dependent parameters only where these show.
 #include "eval/runs/prune_appearance.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include "apps/gsapp/command.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/ply.h"
@@ -72,7 +72,7 @@ void run_prune(const PruneArguments& arguments) {
     write_run(run, model, output);
     write_text_atomic(output / "pruned.json", json.dump(1) + "\n");
     std::fputs(report.c_str(), stdout);
-    spdlog::info("the pruned run: {}", output.string());
+    log_info("the pruned run: {}", output.string());
 }
 
 }  // namespace

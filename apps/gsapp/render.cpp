@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp render: pictures of a finished run from its own cameras, a file of cameras, or an orbit.
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <filesystem>
 #include <memory>
@@ -12,6 +11,7 @@
 #include "eval/runs/decompose.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 #include "lib/scene/camera_params.h"
 
 namespace gs {
@@ -58,7 +58,7 @@ void run_render(const RenderArguments& arguments) {
         }
     }
     const char* what = arguments.decompose ? "pictures, each with base and residual," : "pictures";
-    spdlog::info("{} {} in {}", views.size(), what, folder.string());
+    log_info("{} {} in {}", views.size(), what, folder.string());
 }
 
 }  // namespace

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs the cells of a suite, writes its tables after each, and prints them.
 #include "apps/gsapp/suite.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <filesystem>

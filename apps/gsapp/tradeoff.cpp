@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp tradeoff`: trains configurations of one scene and says which of them are worth their cost.
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
@@ -47,7 +47,7 @@ void check_before_training(Tradeoff& tradeoff, const Rounds& rounds, bool overwr
     tradeoff.remarks.push_back(fmt::format("{} of {} configurations have a --cap-max below the {} points that the scene begins with; training keeps these, "
                                            "so that they do not become smaller. A higher --cap-max makes the budget a limit.",
                                            below, rounds[0].size(), points));
-    spdlog::warn("{}", tradeoff.remarks.back());
+    log_warning("{}", tradeoff.remarks.back());
 }
 
 class Search {
@@ -154,9 +154,9 @@ void run_tradeoff(TrainOptions base, const TradeoffArguments& arguments) {
     std::size_t finished = 0;
     for (const TradeoffRun& run : tradeoff.runs) finished += run.result.has_value();
     if (finished == 0) throw UsageError(fmt::format("--time-limit {}: too short for even one of these runs", arguments.time_limit));
-    spdlog::info("{} of {} configurations trained in {}; the same with plots: {}", finished, tradeoff.runs.size(),
+    log_info("{} of {} configurations trained in {}; the same with plots: {}", finished, tradeoff.runs.size(),
                  duration_text(std::chrono::duration<double>(Clock::now() - begin).count()), (folder / "tradeoff.html").string());
-    if (finished < tradeoff.runs.size()) spdlog::warn("the time limit left out {}; the same command trains them", tradeoff.runs.size() - finished);
+    if (finished < tradeoff.runs.size()) log_warning("the time limit left out {}; the same command trains them", tradeoff.runs.size() - finished);
 }
 
 }  // namespace
@@ -182,7 +182,7 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
     command->callback([train, arguments, &selected] {
         selected = [train, arguments] {
             const TrainOptions base = train->combine();
-            setup_log(base.quiet ? "warn" : base.verbose ? "debug" : base.log_level);
+            setup_log(shown_messages(base));
             run_tradeoff(base, *arguments);
         };
     });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp train`: loads the scene, runs the trainer, measures the held-out views.
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <memory>
@@ -41,15 +41,10 @@ std::string default_run_folder(const TrainOptions& options, const std::string& s
     }
 }
 
-std::string log_level(const TrainOptions& options) {
-    if (options.quiet) return "warn";
-    return options.verbose ? "debug" : options.log_level;
-}
-
 void describe_scene(const Scene& scene) {
-    spdlog::info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
+    log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(), scene.test.size(),
                  scene.split_rule, scene.points.positions.size());
-    for (const std::string& note : scene.notes) spdlog::warn("{}", note);
+    for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
 /// Measures the held-out views during and after training, and keeps the latest scores.
@@ -57,22 +52,20 @@ class Evaluation {
   public:
     /// `frame_rounds`: how often frames of the trained model are timed; 0 = not at all.
     Evaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds)
-        : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
-        const auto rgb = parse_background(options.background).rgb;  // black where the training draws random ones
-        background_ = {rgb[0], rgb[1], rgb[2]};
-    }
+        : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {}
 
     void operator()(std::int64_t iteration, Backend& backend) {
         // Pictures of intermediate iterations would fill disks; their scores are kept.
         const bool last = iteration == options_.iterations;
+        const Vec3<float>& background = options_.background.color;
         eval_ = {.run_folder = last ? fs::path(options_.model) : fs::path(), .iteration = iteration, .correction = saved_correction(options_.model)};
-        result_ = evaluate_views(backend, scene_.test, background_, eval_);
-        facts_ = run_facts(options_, scene_, background_, backend.count());
-        if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
+        result_ = evaluate_views(backend, scene_.test, background, eval_);
+        facts_ = run_facts(options_, scene_, background, backend.count());
+        if (last && frame_rounds_ > 0) facts_.frame_seconds = frame_seconds(backend, scene_.test, background, frame_rounds_);
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
-        if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
+        if (last) write_comparison(comparison(), backend, scene_.test, background, kComparisonViews, eval_.correction);
         const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
-        spdlog::info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
+        log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim, result_.views.size(),
                      corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
         progress_.event({{"event", "evaluation"},
                          {"iteration", iteration},
@@ -90,7 +83,7 @@ class Evaluation {
         facts_.appearance_choice = read_appearance_choice(options_.model);
         if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
         write_results(RunFolder{options_.model}, eval_, result_, facts_);
-        spdlog::info("photographs and renders side by side: {}", comparison().string());
+        log_info("photographs and renders side by side: {}", comparison().string());
         TableRow row = read_table_row(options_.model, eval_.iteration);
         read_training(row, options_.model);
         return row;
@@ -103,7 +96,6 @@ class Evaluation {
     const Scene& scene_;
     Progress& progress_;
     const int frame_rounds_;
-    Vec3<float> background_;
     EvalOptions eval_;
     EvalResult result_;
     RunFacts facts_;
@@ -115,21 +107,21 @@ void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choi
 
 /// Trains one run. Returns its row where views were held out.
 std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
-    setup_log(log_level(options));
-    if (options.device == "cuda" && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+    setup_log(shown_messages(options));
+    if (options.device == Device::kCuda && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = default_run_folder(options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     const Scene scene = load_scene(scene_options(options));
     if (options.appearance == kAutoAppearance && !options.resume.empty()) options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
     add_log_file(fs::path(options.model) / "gsapp.log");
-    spdlog::info("{}, output folder {}", version_text(), options.model);
+    log_info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) {
         const AppearanceReport report = find_appearance(options, scene);
-        for (const std::string& line : report.lines) spdlog::info("--appearance auto: {}", line);
+        for (const std::string& line : report.lines) log_info("--appearance auto: {}", line);
         write_choice(options.model, report.json);
         start.first_event = report.json;
         start.first_event["event"] = "appearance_choice";
@@ -142,16 +134,16 @@ std::optional<TableRow> run_training(TrainOptions options, int frame_rounds) {
     if (measure)
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
-        spdlog::warn("--eval: there are no test views ({})", scene.split_rule);
+        log_warning("--eval: there are no test views ({})", scene.split_rule);
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
-    spdlog::info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
+    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations, summary.train_seconds,
                  summary.data_wait_seconds, summary.num_gaussians);
-    if (summary.controller_seconds > 0) spdlog::info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
+    if (summary.controller_seconds > 0) log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations, summary.controller_seconds);
     if (nlohmann::ordered_json choice = read_appearance_choice(options.model); !choice.is_null() && options.resume.empty()) {
         choice["share_of_training"] = choice.value("seconds", 0.0) / summary.train_seconds;
         write_choice(options.model, choice);
-        spdlog::info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
+        log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0), choice.value("share_of_training", 0.0));
     }
     std::optional<TableRow> row;
     if (measure) row = evaluation.finish(summary);
@@ -187,7 +179,7 @@ void run_seeds(TrainOptions base, int frame_rounds, int num_runs) {
         std::optional<TableRow> row;
         if (!options.overwrite) row = finished_run(options);
         if (row)
-            spdlog::info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
+            log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
         else
             row = run_training(options, frame_rounds);
         if (row) rows.push_back(*row);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp view: serves an export to a browser on this machine.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <memory>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The thresholds and comparisons that turn measurements into a verdict.
 #include "eval/auto/appearance_choice.h"
 
 #include <algorithm>
@@ -33,12 +34,12 @@ AppearanceChoice choose_appearance(const std::vector<AppearanceTrial>& trials, d
     return choice;
 }
 
-double worth(double direction) { return -10 * std::log10(1 - std::min(direction, 1 - 1e-9)); }
+double gain_in_decibels(double share) { return -10 * std::log10(1 - std::min(share, 1 - 1e-9)); }
 
-Remainder what_remains(const ResidualParts& parts, double tolerance) {
-    if (-parts.held_out_direction > std::max(kNotableHarm, parts.direction / 2)) return Remainder::kInconsistency;
-    if (parts.photometric > kNotablePhotometric) return Remainder::kPhotometric;
-    return worth(parts.direction) > tolerance ? Remainder::kReflectance : Remainder::kUnresolved;
+RemainingError classify_remaining_error(const ResidualParts& parts, double tolerance) {
+    if (-parts.held_out_direction > std::max(kNotableHarm, parts.direction / 2)) return RemainingError::kInconsistency;
+    if (parts.photometric > kNotablePhotometric) return RemainingError::kPhotometric;
+    return gain_in_decibels(parts.direction) > tolerance ? RemainingError::kReflectance : RemainingError::kUnresolved;
 }
 
 }  // namespace gs

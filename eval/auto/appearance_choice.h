@@ -27,17 +27,18 @@ struct AppearanceChoice {
 /// passed over; where all did, the first is kept.
 AppearanceChoice choose_appearance(const std::vector<AppearanceTrial>& trials, double tolerance);
 
-/// What a model without view dependence leaves.
-enum class Remainder {
+/// What the error of a model without view dependence is made of.
+enum class RemainingError {
     kReflectance,   ///< it depends on the direction
     kPhotometric,   ///< whole images are brighter, darker or tinted
     kInconsistency, ///< what depends on the direction in some images is wrong in others: they contradict each other
     kUnresolved,    ///< none of these: detail that a short training has not reached
 };
 
-/// What a share of direction is worth, dB.
-double worth(double direction);
+/// The rise of PSNR, in dB, if this share of the squared error went away.
+double gain_in_decibels(double share);
 
-Remainder what_remains(const ResidualParts& parts, double tolerance);
+/// `tolerance`: the rise of PSNR, in dB, from which direction counts as a cause.
+RemainingError classify_remaining_error(const ResidualParts& parts, double tolerance);
 
 }  // namespace gs

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// The stages of the search: a smaller scene, a training without view dependence, trials, the report.
 #include "eval/auto/find_appearance.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -15,6 +14,7 @@
 #include "eval/auto/appearance_choice.h"
 #include "eval/auto/photograph.h"
 #include "eval/auto/residual_parts.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/parallel.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/resized.h"
@@ -33,8 +33,6 @@ constexpr int kStageWidth = 400;
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
 /// Largest share of the time of the run that is to follow.
 constexpr double kTimeShare = 0.5;
-
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 std::int64_t iterations_of(const TrainOptions& options, double share) { return std::max<std::int64_t>(1, std::llround(share * double(options.iterations))); }
 
@@ -62,7 +60,7 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
     stage.pixels = small / full;
     stage.options.appearance = plain_model();
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
-    if (options.ppisp == "auto") stage.options.ppisp = "on"; // harmless where images do not differ, and there is no time to find out
+    if (options.ppisp == PpispMode::kAuto) stage.options.ppisp = PpispMode::kOn; // harmless where images do not differ, and there is no time to find out
     return stage;
 }
 
@@ -87,14 +85,14 @@ struct Verdict {
     const char *name, *words;
 };
 
-Verdict verdict(Remainder r) {
+Verdict verdict(RemainingError r) {
     switch (r) {
-        case Remainder::kReflectance: return {"reflectance", "reflectance"};
-        case Remainder::kPhotometric:
+        case RemainingError::kReflectance: return {"reflectance", "reflectance"};
+        case RemainingError::kPhotometric:
             return {"photometric", "photometric: whole images differ in exposure or colour, which no appearance explains and --ppisp is for"};
-        case Remainder::kInconsistency:
+        case RemainingError::kInconsistency:
             return {"inconsistency", "inconsistency between images (things that moved, changing light), not reflectance"};
-        case Remainder::kUnresolved: break;
+        case RemainingError::kUnresolved: break;
     }
     return {"unresolved", "detail that a short training does not reach; less of it depends on the direction than is allowed"};
 }
@@ -107,7 +105,7 @@ struct Trials {
 /// How much longer an iteration of the run will take than one of a trial, for its pixels and Gaussians. Not more than was seen on a GPU, where much of an
 /// iteration does not depend on them: 1.7 on builtin:glossy (measured 1.9), 1.9 on lego (2.2).
 double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussians) {
-    const double growth = run.strategy == "none" ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
+    const double growth = run.strategy == Strategy::kNone ? 1 : double(run.cap_max) / double(std::max<std::int64_t>(gaussians, 1));
     return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
 }
 
@@ -119,7 +117,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
     Trials trials;
     double last = 0; // seconds of the trial before
     for (const AppearanceSpec& spec : candidates(options)) {
-        const double trial_start = now();
+        const double trial_start = seconds_now();
         // The first trial ends in any case: without it there is nothing to choose from.
         double left = std::numeric_limits<double>::infinity();
         if (!trials.finished.empty()) {
@@ -127,15 +125,15 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
             left = start + kTimeShare * double(options.iterations) * slower * iteration - trial_start;
         }
         std::optional<Rehearsed> r;
-        if (last <= left) r = rehearsal.go_on(begun, spec, iterations, left); // later models are not faster
+        if (last <= left) r = rehearsal.continue_with(begun, spec, iterations, left); // later models are not faster
         if (!r) {
             trials.unfinished.push_back(spec.model);
             continue;
         }
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
-        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == "on");
+        const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == PpispMode::kOn);
         trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
-        last = now() - trial_start;
+        last = seconds_now() - trial_start;
     }
     return trials;
 }
@@ -154,26 +152,26 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     if (scene.train.size() < kFewestViews)
         return nothing_to_go_by(fmt::format("of {} training views none can be held out ({} are needed), and only these could show that direction matters",
                                             scene.train.size(), kFewestViews), 0);
-    const double start = now();
+    const double start = seconds_now();
     set_num_threads(options.threads);
     const Stage stage = make_stage(options, scene);
     Rehearsal rehearsal(stage.options, stage.scene);
     const std::int64_t warm_up = iterations_of(options, kWarmUpShare), trial = iterations_of(options, kTrialShare);
-    const Rehearsed none = rehearsal.begin(warm_up);
+    const Rehearsed plain = rehearsal.begin(warm_up);
     const std::vector<Photograph> seen = load_photographs(stage.scene.train, rehearsal.background(), [&](std::size_t k) { return rehearsal.image(k); });
     const std::vector<Photograph> held_out = load_photographs(stage.held_out, rehearsal.background());
-    if (seen.empty() || held_out.empty()) return nothing_to_go_by("masks leave nothing of the views that models would be compared on", now() - start);
-    const ResidualParts parts = residual_parts(*none.backend, *make_backend(options.device, plain_sh_appearance(0), backend_options(options)), seen,
+    if (seen.empty() || held_out.empty()) return nothing_to_go_by("masks leave nothing of the views that models would be compared on", seconds_now() - start);
+    const ResidualParts parts = residual_parts(*plain.backend, *make_backend(options.device, plain_sh_appearance(0), backend_options(options)), seen,
                                                held_out, rehearsal.background());
-    const Verdict left = verdict(what_remains(parts, options.auto_tolerance));
+    const Verdict left = verdict(classify_remaining_error(parts, options.auto_tolerance));
 
     AppearanceReport report;
     report.model = plain_model();
     Trials trials;
-    std::string found = fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed", worth(parts.direction), options.auto_tolerance);
+    std::string found = fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed", gain_in_decibels(parts.direction), options.auto_tolerance);
     std::string chosen = fmt::format("{}: {} bytes per Gaussian", report.model, bytes_of(appearance_spec(stage.options)));
-    if (worth(parts.direction) > options.auto_tolerance) {
-        trials = run_trials(rehearsal, none.backend->download(false), stage, held_out, start, slowdown(options, stage, none.backend->count()));
+    if (gain_in_decibels(parts.direction) > options.auto_tolerance) {
+        trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, start, slowdown(options, stage, plain.backend->count()));
         const AppearanceChoice c = choose_appearance(trials.finished, options.auto_tolerance);
         const AppearanceTrial &kept = trials.finished[c.chosen], &best = trials.finished[c.best];
         report.model = kept.model;
@@ -183,7 +181,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
         chosen = fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", kept.model, kept.bytes, best.psnr - kept.psnr,
                              best.model, options.auto_tolerance);
     }
-    const double seconds = now() - start, direction = (1 - parts.photometric) * std::max(parts.direction, 0.0);
+    const double seconds = seconds_now() - start, direction = (1 - parts.photometric) * std::max(parts.direction, 0.0);
     const Camera& camera = stage.scene.train.front().camera;
     report.lines = {
         fmt::format("{} of {} training views held out; {} trained for {} iterations at {}x{}; {:.1f} s in all", held_out.size(), scene.train.size(), plain_model(), warm_up,
@@ -200,7 +198,7 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
                    {"trial_iterations", trial},
                    {"explained", {{"direction", direction}, {"photometric", parts.photometric}, {"neither", 1 - parts.photometric - direction},
                                   {"direction_held_out", (1 - parts.photometric) * parts.held_out_direction}}},
-                   {"direction_worth_dB", number(worth(parts.direction))},
+                   {"direction_worth_dB", number(gain_in_decibels(parts.direction))},
                    {"remainder", left.name},
                    {"trials", nlohmann::ordered_json::array()},
                    {"no_time_for", trials.unfinished},

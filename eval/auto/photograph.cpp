@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Loads photographs at the pixels that count, and compares renders with them.
 #include "eval/auto/photograph.h"
 
 #include <algorithm>

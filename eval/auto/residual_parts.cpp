@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Sums residuals by cell and photograph, and fits spherical harmonics to each cell.
 #include "eval/auto/residual_parts.h"
 
 #include <Eigen/Cholesky>
@@ -9,6 +10,7 @@
 
 #include "appearance/model_info.h"
 #include "appearance/sh_basis.h"
+#include "kernels/core/spherical_harmonics.h"
 #include "lib/core/median.h"
 #include "lib/model/center.h"
 
@@ -21,7 +23,6 @@ constexpr int kDegree = 3, kTerms = (kDegree + 1) * (kDegree + 1);
 /// Weight of small coefficients against the data, which keeps predictions beyond a cell's directions tame. From 0.005 to 0.07 the share of direction of
 /// builtin:diffuse stays below a fourth of that of polished, glossy, moved and lego.
 constexpr double kRidge = 0.025;
-constexpr double kY0 = 0.28209479177387814;
 /// Fewer photographs of a cell say nothing about directions.
 constexpr int kFewestPhotographs = 4;
 
@@ -69,9 +70,9 @@ struct Measured {
 
 class Measurement {
   public:
-    Measurement(Backend& none, Backend& places, const std::vector<Photograph>& photographs, const Vec3<float>& background)
-        : none_(none), places_(places), background_(background) {
-        Gaussians g = none.download(false);
+    Measurement(Backend& plain, Backend& positions, const std::vector<Photograph>& photographs, const Vec3<float>& background)
+        : plain_(plain), positions_(positions), background_(background) {
+        Gaussians g = plain.download(false);
         g.ppisp = {}; // would change places as it does colours
         g.appearance = plain_sh_appearance(0);
         const Frame frame(g, photographs);
@@ -81,15 +82,15 @@ class Measurement {
             const Eigen::Vector3d p = frame(Eigen::Vector3f(mean[0], mean[1], mean[2]).cast<double>());
             for (int axis = 0; axis < 3; ++axis) base[axis] = float(p[axis] / kSide); // shown with a half added: in [0,1]
         }
-        places.upload(g);
+        positions.upload(g);
         std::vector<double> focal_lengths;
         for (const Photograph& p : photographs) focal_lengths.push_back(p.camera.fx);
         cell_ = kCellPixels / median(std::move(focal_lengths)) / kSide;
     }
 
     Measured operator()(const Photograph& photograph) const {
-        RenderedImage render = render_pixels(none_, photograph, background_);
-        const RenderedImage place = render_pixels(places_, photograph, {0, 0, 0});
+        RenderedImage render = render_pixels(plain_, photograph, background_);
+        const RenderedImage position = render_pixels(positions_, photograph, {0, 0, 0});
         const std::size_t n = photograph.pixels.size();
         Measured out;
         out.error = 3 * double(n) * mean_squared_error(render, photograph);
@@ -97,10 +98,10 @@ class Measurement {
         out.aligned_error = 3 * double(n) * mean_squared_error(render, photograph);
         const Camera& camera = photograph.camera;
         for (std::size_t i = 0; i < n; ++i) {
-            const double alpha = place.alpha[i];
+            const double alpha = position.alpha[i];
             if (!(alpha >= 0.5)) continue;
             std::uint64_t cell = 0;
-            for (std::size_t c = 0; c < 3; ++c) cell = cell << 21 | std::uint64_t(std::clamp(place.rgb[c * n + i] / alpha, 0.0, 1.0) / cell_);
+            for (std::size_t c = 0; c < 3; ++c) cell = cell << 21 | std::uint64_t(std::clamp(position.rgb[c * n + i] / alpha, 0.0, 1.0) / cell_);
             Sample& sample = out.samples[cell];
             sample.pixels += 1;
             for (std::size_t c = 0; c < 3; ++c)
@@ -117,8 +118,8 @@ class Measurement {
 
   private:
     static constexpr double kSide = 4; ///< of the cube around the ball
-    Backend& none_;
-    Backend& places_;
+    Backend& plain_;
+    Backend& positions_;
     const Vec3<float> background_;
     double cell_; ///< share of the cube's side
 };
@@ -148,15 +149,15 @@ struct Voxel {
 };
 
 /// Squared error that direction takes off a sample: how far the mean alone is off, and all terms.
-double taken(const Sample& sample, const Eigen::Vector3d& mean_off, const Eigen::Vector3d& all_off) {
+double explained_error(const Sample& sample, const Eigen::Vector3d& mean_off, const Eigen::Vector3d& all_off) {
     return sample.pixels * (mean_off.squaredNorm() - all_off.squaredNorm());
 }
 
 }  // namespace
 
-ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<Photograph>& seen, const std::vector<Photograph>& held_out,
+ResidualParts residual_parts(Backend& plain, Backend& positions, const std::vector<Photograph>& seen, const std::vector<Photograph>& held_out,
                              const Vec3<float>& background) {
-    const Measurement measure(none, places, seen, background);
+    const Measurement measure(plain, positions, seen, background);
     std::unordered_map<std::uint64_t, Voxel> cells;
     std::vector<Samples> samples;
     double seen_error = 0;
@@ -170,7 +171,7 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
     for (auto& [key, cell] : cells) cell.solve();
 
     // Leaving a sample out divides its error by one minus its leverage.
-    double seen_taken = 0;
+    double seen_explained = 0;
     for (const Samples& of_photograph : samples)
         for (const auto& [key, sample] : of_photograph) {
             const auto found = cells.find(key);
@@ -179,10 +180,10 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
             const Basis y = basis(sample.direction);
             const double mean_leverage = sample.pixels / cell.pixels, leverage = sample.pixels * y.dot(cell.normal * y);
             if (mean_leverage > 0.5) continue; // without it there is next to nothing to predict it from
-            seen_taken += taken(sample, (sample.residual - cell.mean) / (1 - mean_leverage), (sample.residual - cell.all(y)) / (1 - leverage));
+            seen_explained += explained_error(sample, (sample.residual - cell.mean) / (1 - mean_leverage), (sample.residual - cell.all(y)) / (1 - leverage));
         }
 
-    double error = 0, aligned_error = 0, held_out_taken = 0;
+    double error = 0, aligned_error = 0, held_out_explained = 0;
     for (const Photograph& photograph : held_out) {
         const Measured measured = measure(photograph);
         error += measured.error, aligned_error += measured.aligned_error;
@@ -190,12 +191,12 @@ ResidualParts residual_parts(Backend& none, Backend& places, const std::vector<P
             const auto found = cells.find(key);
             if (found == cells.end()) continue;
             const Voxel& cell = found->second;
-            held_out_taken += taken(sample, sample.residual - cell.mean, sample.residual - cell.all(basis(sample.direction)));
+            held_out_explained += explained_error(sample, sample.residual - cell.mean, sample.residual - cell.all(basis(sample.direction)));
         }
     }
     ResidualParts parts;
-    if (seen_error > 0) parts.direction = seen_taken / seen_error;
-    if (aligned_error > 0) parts.held_out_direction = held_out_taken / aligned_error;
+    if (seen_error > 0) parts.direction = seen_explained / seen_error;
+    if (aligned_error > 0) parts.held_out_direction = held_out_explained / aligned_error;
     if (error > 0) parts.photometric = 1 - aligned_error / error;
     return parts;
 }

@@ -19,16 +19,11 @@ constexpr std::size_t kMaxViews = 64;
 /// without the moments of a real run would make another model of the one to be measured.
 constexpr double kFrozen = 1e-6;
 
-Vec3<float> background_of(const TrainOptions& options) {
-    const auto rgb = parse_background(options.background).rgb;
-    return {rgb[0], rgb[1], rgb[2]};
-}
-
 /// Training steps one after another, over decoded views.
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
-        : backend_(backend), composer_(options, model.appearance, scene, nullptr, kFrozen), background_(background_of(options)) {
+        : backend_(backend), composer_(options, model.appearance, scene, nullptr, kFrozen), background_(options.background.color) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
             views_.push_back(k * all / used);  // spread over the scene
@@ -122,7 +117,7 @@ BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene
     result.width = scene.train.at(0).camera.width, result.height = scene.train[0].camera.height;
     result.repeat = bench.repeat;
     backend.upload(model);
-    result.frames = time_all_frames(backend, scene, background_of(options), bench.frame_repeat);
+    result.frames = time_all_frames(backend, scene, options.background.color, bench.frame_repeat);
 
     Steps steps(backend, options, scene, model, bench.repeat);
     result.iteration_seconds = steps.in_a_row(bench.repeat);

@@ -2,7 +2,7 @@
 // The frame time protocol and its table.
 #include "eval/bench/frame_times.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 

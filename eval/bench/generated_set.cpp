@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Gaussians drawn on the surfaces of spheres, and cameras around them.
 #include "eval/bench/generated_set.h"
 
 #include <Eigen/Dense>

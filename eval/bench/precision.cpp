@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Frames of every precision, timed and compared with the reference in double.
 #include "eval/bench/precision.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -53,8 +54,7 @@ void measure_errors(Backend& backend, const std::vector<ReferenceView>& views, P
 }  // namespace
 
 std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
-    const auto rgb = parse_background(options.background).rgb;
-    const Vec3<float> background{rgb[0], rgb[1], rgb[2]};
+    const Vec3<float> background = options.background.color;
     const std::vector<View>& views = scene.test.empty() ? scene.train : scene.test;
     const std::vector<ReferenceView> reference = reference_views(views, background, model);
     std::vector<PrecisionRow> rows;

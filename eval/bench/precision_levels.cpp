@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// The options that each level sets.
 #include "eval/bench/precision_levels.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "kernels/core/error.h"
 
@@ -11,10 +12,14 @@ const std::vector<PrecisionLevel>& precision_levels() {
     // Cutoffs: twice and ten times those of 3DGS.
     static const std::vector<PrecisionLevel> levels = {
         {"full", false, [](TrainOptions&) {}},
-        {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = "fp16"; }},
-        {"bf16-moments", true, [](TrainOptions& o) { o.appearance_moments = "bf16"; }},
+        {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = AppearanceStorage::kFp16; }},
+        {"bf16-moments", true, [](TrainOptions& o) { o.appearance_moments = AppearanceMoments::kBf16; }},
         {"cutoffs", false, [](TrainOptions& o) { o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},
-        {"fast", true, [](TrainOptions& o) { o.appearance_storage = "fp16", o.appearance_moments = "bf16", o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3; }},
+        {"fast", true,
+         [](TrainOptions& o) {
+             o.appearance_storage = AppearanceStorage::kFp16, o.appearance_moments = AppearanceMoments::kBf16;
+             o.alpha_cutoff = 2, o.transmittance_cutoff = 1e-3;
+         }},
     };
     return levels;
 }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stability of the colour activations: value, slope and inverse.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <limits>
 
 #include "appearance/contract.h"
 #include "eval/bench/stability_compare.h"
-#include "lib/model/appearance_spec.h"
+#include "lib/core/choices.h"
 
 namespace gs {
 namespace {
@@ -19,7 +19,7 @@ template <class Function> StabilitySubject subject(std::vector<int> groups, int 
     return {f, f, f, std::move(groups), first_gradient, count};
 }
 
-StabilityRow row(const char* activation, std::string kind) {
+StabilityRow row(const std::string& activation, std::string kind) {
     StabilityRow r;
     r.model = activation, r.kind = std::move(kind);
     return r;
@@ -43,7 +43,7 @@ std::vector<float> pre_activations() {
 std::vector<StabilityRow> measure_activation_stability() {
     std::vector<StabilityRow> rows;
     for (const ColorActivation activation : kActivations) {
-        const char* name = color_activation_name(activation);
+        const std::string name = word(activation);
         const auto forward = subject({0, 1}, 1, [kind = activation]<class T>(const StabilityInputs<T>& in) {
             return StabilitySubject::Results{color_activation(kind, in.numbers[0]), color_activation_derivative(kind, in.numbers[0])};
         });

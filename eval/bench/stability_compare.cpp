@@ -2,7 +2,7 @@
 // Error scales of the stability measurement; stability.h defines them.
 #include "eval/bench/stability_compare.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

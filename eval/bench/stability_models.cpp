@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stability of every registered appearance model: residual, colour and all gradients, swept one kind of input at a time.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>

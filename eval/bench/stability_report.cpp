@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The stability measurement as a table.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "eval/bench/stability.h"
 

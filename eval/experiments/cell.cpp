@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads what a finished run left, and says how a run differs from the one in its folder.
 #include "eval/experiments/cell.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Starts and watches the processes, and collects their results.
 #include "eval/experiments/cell_runner.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -13,6 +14,7 @@
 #include "eval/report/table.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/interrupt.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/process.h"
 #include "lib/io/atomic_file.h"
@@ -70,7 +72,7 @@ class CellRunner {
             CellOutcome outcome;
             if (!cells_[k].options.overwrite) outcome.result = finished_cell(cells_[k].options);
             if (outcome.result) {
-                spdlog::info("{}: finished before in {}", name(k), cells_[k].options.model);
+                log_info("{}: finished before in {}", name(k), cells_[k].options.model);
                 hooks_.done(k, outcome);
             } else {
                 pending_.push_back(k);
@@ -105,7 +107,7 @@ class CellRunner {
 
     CellOutcome train(std::size_t k, const std::string& gpu, bool cuda) const {
         const TrainOptions& options = cells_[k].options;
-        spdlog::info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
+        log_info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
         const std::string config = options.model + ".yaml";
         write_text_atomic(config, options_to_yaml(options));
         std::vector<std::string> command = {fs::read_symlink("/proc/self/exe").string(), "train", "--config", config, "--time-frames",
@@ -115,7 +117,7 @@ class CellRunner {
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const auto begin = Clock::now();
         const ProcessResult process = run_process(
-            command, environment, [&](const std::string& printed) { spdlog::debug("{}: {}", name(k), printed); },
+            command, environment, [&](const std::string& printed) { log_debug("{}: {}", name(k), printed); },
             [&] { return interrupted() || past_deadline(); });
         CellOutcome outcome;
         outcome.wall_seconds = std::chrono::duration<double>(Clock::now() - begin).count();
@@ -132,12 +134,12 @@ class CellRunner {
     void finish(std::size_t k, const CellOutcome& outcome) {
         const std::lock_guard lock(mutex_);
         if (outcome.result) {
-            spdlog::info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr, outcome.result->num_gaussians, outcome.result->train_seconds);
+            log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr, outcome.result->num_gaussians, outcome.result->train_seconds);
         } else if (!outcome.error.empty()) {
-            spdlog::error("{}: {}", cells_[k].name, outcome.error);
+            log_error("{}: {}", cells_[k].name, outcome.error);
             if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
         } else {
-            spdlog::warn("{}: stopped", name(k));
+            log_warning("{}: stopped", name(k));
             if (!past_deadline()) summary_.interrupted = true; // by a signal, if perhaps only to the child
         }
         try {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Dominance of points, and which half of them to keep.
 #include "eval/experiments/pareto.h"
 
 #include <algorithm>

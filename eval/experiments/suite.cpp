@@ -2,8 +2,7 @@
 // The grids.
 #include "eval/experiments/suite.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <functional>
 #include <limits>
@@ -22,17 +21,17 @@ struct Row {
 };
 
 std::vector<Row> densification_rows() {
-    const auto strategy = [](const char* name, bool speedy) {
-        return [=](TrainOptions& o) { o.strategy = name, o.speedy_splat = speedy; };
+    const auto strategy = [](Strategy rule, bool speedy) {
+        return [=](TrainOptions& o) { o.strategy = rule, o.speedy_splat = speedy; };
     };
     const auto tenth = [](TrainOptions& o) {
-        o.strategy = "mcmc", o.speedy_splat = false;
+        o.strategy = Strategy::kMcmc, o.speedy_splat = false;
         limit_budget(o, 0.1);
     };
-    return {{"MCMC", "mcmc", strategy("mcmc", false)},
+    return {{"MCMC", "mcmc", strategy(Strategy::kMcmc, false)},
             {"MCMC 0.1x", "mcmc-0.1x", tenth},
-            {"ADC", "adc", strategy("adc", false)},
-            {"ADC + Speedy-Splat", "adc-speedy", strategy("adc", true)}};
+            {"ADC", "adc", strategy(Strategy::kAdc, false)},
+            {"ADC + Speedy-Splat", "adc-speedy", strategy(Strategy::kAdc, true)}};
 }
 
 std::vector<Row> activation_rows() {
@@ -42,10 +41,12 @@ std::vector<Row> activation_rows() {
     };
     constexpr Rate kRates[] = {{"0.05", 0.05}, {"0.025", 0.025}, {"auto", std::numeric_limits<double>::quiet_NaN()}};
     std::vector<Row> rows;
-    for (const char* activation : {"relu", "softplus", "sigmoid", "hardsigmoid"})
+    for (const std::string& activation : words<ColorActivation>())
         for (const Rate& rate : kRates)
             rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name), fmt::format("{}-{}", activation, rate.name),
-                            [=, value = rate.value](TrainOptions& o) { o.color_activation = activation, o.opacity_lr = value; }});
+                            [kind = *choice_of<ColorActivation>(activation), value = rate.value](TrainOptions& o) {
+                                o.color_activation = kind, o.opacity_lr = value;
+                            }});
     return rows;
 }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Expected times from measured ones.
 #include "eval/experiments/time_plan.h"
 
 #include <algorithm>

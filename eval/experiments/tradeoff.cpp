@@ -2,8 +2,7 @@
 // Frontier and recommendations.
 #include "eval/experiments/tradeoff.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads axes from words, and spreads the configurations over them.
 #include "eval/experiments/tradeoff_axes.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>

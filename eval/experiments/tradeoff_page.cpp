@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a trade-off: recommendations, plots, table.
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Rounds of a grid and of successive halving.
 #include "eval/experiments/tradeoff_rounds.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 

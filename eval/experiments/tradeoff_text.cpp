@@ -2,7 +2,7 @@
 // The table, and everything as Markdown and JSON.
 #include "eval/experiments/tradeoff_text.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>

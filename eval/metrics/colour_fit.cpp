@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Least squares over pixels, for one map of colours.
 #include "eval/metrics/colour_fit.h"
 
 #include <Eigen/QR>

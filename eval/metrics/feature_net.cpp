@@ -2,7 +2,7 @@
 // Layouts of VGG16 and AlexNet.
 #include "eval/metrics/feature_net.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>

@@ -2,7 +2,7 @@
 // LDR-FLIP: a colour pipeline and a feature pipeline over separable filters.
 #include "eval/metrics/flip.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>

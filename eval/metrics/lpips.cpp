@@ -2,7 +2,7 @@
 // LPIPS over the stages of a feature net.
 #include "eval/metrics/lpips.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <utility>
 

@@ -2,8 +2,7 @@
 // Checked reading of weights.
 #include "eval/metrics/metric_weights.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

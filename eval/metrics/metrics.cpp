@@ -2,7 +2,7 @@
 // The list of metrics.
 #include "eval/metrics/metrics.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdlib>

@@ -11,6 +11,7 @@
 #include "eval/metrics/flip.h"
 #include "eval/metrics/lpips.h"
 #include "eval/metrics/ssim.h"
+#include "lib/core/choices.h"
 
 namespace gs {
 
@@ -35,7 +36,7 @@ struct MetricOptions {
     LpipsRange lpips_range = LpipsRange::kSymmetric;
     double flip_pixels_per_degree = kFlipPixelsPerDegree;
     std::filesystem::path weights;  ///< folder that scripts/export_metric_weights.py wrote; empty = none
-    std::string device = "auto";    ///< that learned metrics compute on: auto, cpu, cuda
+    Device device = Device::kAuto;  ///< that learned metrics compute on
 };
 
 struct Metric {
@@ -47,7 +48,7 @@ struct Metric {
 
 /// The named metrics, in that order, their weights loaded to the device (VGG16's once). Where files of weights are missing a metric answers
 /// with that reason; damaged ones throw DataError naming file and tensor. Throws UsageError naming the known ones for another name,
-/// DeviceError for "cuda" without a device.
+/// DeviceError for kCuda without a device.
 std::vector<Metric> make_metrics(const std::vector<std::string>& names, const MetricOptions& options);
 
 /// The names in a list as typed, "psnr,ssim,flip", without repetitions and in the order of known_metrics(). "all" stands for

@@ -2,7 +2,7 @@
 // MILO's mask, from the coarsest scale to the finest.
 #include "eval/metrics/milo.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <utility>
 

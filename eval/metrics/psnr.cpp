@@ -2,7 +2,7 @@
 // PSNR in double precision, summed row by row.
 #include "eval/metrics/psnr.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <limits>

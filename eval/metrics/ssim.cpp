@@ -2,7 +2,7 @@
 // SSIM by separable filtering in double precision.
 #include "eval/metrics/ssim.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Escapes for HTML, Markdown, LaTeX and CSV.
 #include "eval/pages/escape.h"
 
 #include <cstring>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// The head of a page, tables in HTML, and templates filled in.
 #include "eval/pages/html_page.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "eval/pages/escape.h"
 

@@ -2,7 +2,7 @@
 // Tables as Markdown.
 #include "eval/pages/text_table.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// The list of columns, and the value of each in a row.
 #include "eval/report/columns.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

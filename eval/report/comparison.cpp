@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Groups rows into tables and lines, and averages what was repeated.
 #include "eval/report/comparison.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

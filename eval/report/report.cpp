@@ -2,8 +2,7 @@
 // The page: everything put into its place.
 #include "eval/report/report.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include "eval/bench/stability.h"
 #include "eval/pages/escape.h"

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The template of the report's page.
 #pragma once
 
 namespace gs {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which plots the page of a comparison has.
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

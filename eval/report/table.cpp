@@ -2,7 +2,7 @@
 // Reading results.json.
 #include "eval/report/table.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>

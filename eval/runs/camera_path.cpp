@@ -2,7 +2,7 @@
 // Camera paths from JSON and from the training cameras.
 #include "eval/runs/camera_path.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <Eigen/Dense>
 #include <cmath>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The request for a part of a picture, and the mean of what it gives.
 #include "eval/runs/decompose.h"
 
 #include <algorithm>

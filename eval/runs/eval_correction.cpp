@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the correction of a view, and says it in words.
 #include "eval/runs/eval_correction.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>

@@ -2,15 +2,15 @@
 // The evaluation loop and the side-by-side picture.
 #include "eval/runs/evaluate.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 
 #include "eval/metrics/colour_fit.h"
 #include "eval/metrics/psnr.h"
 #include "eval/metrics/quantize.h"
 #include "eval/runs/decompose.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "lib/model/run_folder.h"
 #include "lib/scene/camera_params.h"
@@ -56,10 +56,10 @@ class Renderer {
     }
 
     Pair pair(const View& view) {
-        const auto start = std::chrono::steady_clock::now();
+        const double start = seconds_now();
         RenderedImage image = rendered(view);
         Pair pair;
-        pair.render_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        pair.render_seconds = seconds_now() - start;
         pair.truth = truth_of(view, background_, protocol_);
         if (correction_.mode == CorrectionMode::kColourAligned) {
             ColourFit fit;

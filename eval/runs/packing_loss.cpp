@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Scores the test views of the model and of its packed form.
 #include "eval/runs/packing_loss.h"
 
 #include "eval/runs/evaluate.h"

@@ -2,8 +2,7 @@
 // The table of protocols, and a protocol in words.
 #include "eval/runs/protocol.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the Gaussians whose colour no camera sees change, and clears their parameters.
 #include "eval/runs/prune_appearance.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <atomic>

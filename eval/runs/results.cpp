@@ -2,7 +2,7 @@
 // Merging scores into the JSON files of a run.
 #include "eval/runs/results.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <cmath>
 #include <fstream>

@@ -2,13 +2,13 @@
 // From a run folder back to a model on a backend.
 #include "eval/runs/saved_run.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <fstream>
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/checkpoint.h"
@@ -53,7 +53,7 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     std::error_code ignored;
     if (fs::exists(folder.ppisp(), ignored)) {
         PpispFile file = read_ppisp_json(folder.ppisp());
-        if (file.iteration != model.iteration) spdlog::warn("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
+        if (file.iteration != model.iteration) log_warning("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
         model.correction.exif = file.exif, model.correction.mean_exif = file.mean_exif;
         model.state.ppisp = std::move(file.state);
     }
@@ -67,15 +67,14 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     run.options = load_run_options(run_folder);
     run.options.model = run_folder.string(); // which may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
-    if (!instead.device.empty()) run.options.device = instead.device;
+    if (instead.device) run.options.device = *instead.device;
     const SavedModel model = read_saved_model(run_folder, iteration);
     run.iteration = model.iteration;
     run.correction = model.correction;
     run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
     run.backend->upload(model.state);
     run.scene = load_scene(scene_options(run.options));
-    const Background background = parse_background(run.options.background);
-    run.background = {background.rgb[0], background.rgb[1], background.rgb[2]};
+    run.background = run.options.background.color;
     return run;
 }
 
@@ -98,7 +97,7 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     if (!appearance_model(options.appearance).degree_option.empty()) facts.model += fmt::format(" (degree {})", appearance.max_degree);
     facts.appearance_choice = read_appearance_choice(options.model);
     if (!facts.appearance_choice.is_null()) facts.model += " by auto";
-    facts.strategy = options.strategy + (options.speedy_splat ? " + speedy-splat" : "");
+    facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.background = background;
     facts.num_gaussians = num_gaussians;

@@ -40,7 +40,8 @@ SavedModel read_saved_model(const std::filesystem::path& run_folder, std::option
 
 /// What is taken instead of the run's own option, where not empty.
 struct RunChanges {
-    std::string source = {}, device = {};
+    std::string source = {};
+    std::optional<Device> device = {};
 };
 
 /// Opens a model as read_saved_model does, and the scene the run was trained on (or another, loaded with the run's options). Throws what

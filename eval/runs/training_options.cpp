@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Collects the options that decide what a training makes, as texts.
 #include "eval/runs/training_options.h"
 
 #include <algorithm>

@@ -15,12 +15,12 @@ namespace gs {
 
 namespace {
 
-/// The entry of the model in one of the lists.
+/// Returns the entry of the model in one of the lists. Throws UsageError if there is none.
 template <class List> auto of_model(const List& list, const AppearanceSpec& appearance) {
     const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
     for (const auto& [name, entry] : list)
         if (info.name == name) return entry;
-    throw UsageError("appearance model '" + appearance.model + "' has no backend of this kind");
+    throw UsageError("this build cannot run appearance model '" + appearance.model + "' on this device");
 }
 
 }  // namespace

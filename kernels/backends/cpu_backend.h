@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CPU backend of one appearance model: the rasterizer, the loss, and a fused backward + Adam + noise per Gaussian.
+// The CPU backend of one appearance model: the rasterizer, the loss, and the fused backward pass, Adam and noise per
+// Gaussian.
 #pragma once
 
 #include "appearance/model_info.h"
@@ -15,7 +16,7 @@ namespace gs {
 
 template <class Model> class CpuBackend final : public Backend, private BackendTimer {
   public:
-    /// Every sum has a fixed order here, and images stay where they are.
+    /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
     explicit CpuBackend(const BackendOptions& options) : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
 
     std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
@@ -60,14 +61,15 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree, request.mode, out.rgb.data(),
                         out.alpha.data());
         for (float& t : out.alpha) t = 1 - t;
-        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp)) // a residual is no colour
+        // A residual is not a colour, so it is not corrected.
+        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
             correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
     }
 
     void step(const StepRequest& r) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.isp_rate > 0;
         const LossValues loss = view_loss(r, corrected);
-        ++state_.step; // counts steps that are then skipped, too: a device learns about those too late to count otherwise
+        ++state_.step; // skipped steps count too, because a device learns of those too late to leave them out
         if (corrects) ++state_.ppisp.step;
         if (!note_loss(loss)) return;
         if (corrected) {
@@ -103,7 +105,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     void synchronize() override {}
     BackendTimer& timer() override { return *this; }
 
-    MemoryUse memory() override { return {}; } // the process's memory is the operating system's to tell
+    MemoryUse memory() override { return {}; } // the operating system tells the process's memory
 
     DensifyStats densify(const DensifyRequest& r) override {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return mcmc_densify(state_, *mcmc, r.iteration, r.seed);
@@ -153,27 +155,27 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         const double gaussians = work_.gaussians, pairs = work_.pairs;
         const ModelInfo& info = appearance_model(state_.appearance.model);
         const bool residual = state_.active_degree > 0;
-        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0); // parameters of a Gaussian that are used
+        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0); // used parameters of a Gaussian
         const double operations = residual ? info.operations : 0, operations_backward = residual ? info.operations_backward : 0;
-        // Instructions are counted in the templates: fragment_alpha 17 (of these 10 for exp2) + blend_fragment 10;
-        // backward fragment_alpha 17 + blend_fragment_backward 34. A splat is 40 bytes, its sums 36.
+        // The instructions are counted in the templates: fragment_alpha 17 (10 of them for exp2) + blend_fragment 10
+        // forward, fragment_alpha 17 + blend_fragment_backward 34 backward. A splat has 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
              work_.visible * (260 + operations),
-             "one Gaussian at a time in scalar code, the floor assumes full vectors; exponentials, a logarithm, the loop over tiles", true},
+             "one Gaussian at a time in scalar code; the floor assumes full vectors; exponentials, a logarithm and the loop over tiles take time", true},
             {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
-             "a comparison sort of 8-byte keys, the floor assumes streaming"},
+             "a comparison sort of 8-byte keys; the floor assumes streaming"},
             {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27, ""},
             {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70),
              "each image row is read eleven times from the cache"},
             {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
              work_.visible * (500 + operations_backward) + gaussians * 10 * values,
-             "one Gaussian at a time in scalar code, the floor assumes full vectors", true}};
-        // Instructions per pixel: forward 235 (six powers of 25 each), backward those again and 300.
+             "one Gaussian at a time in scalar code; the floor assumes full vectors", true}};
+        // A pixel takes 235 instructions forward (six powers of 25 each), and these again and 300 backward.
         if (work_.corrected_pixels > 0)
             costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel", work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
-                             "powers and logarithms in scalar code, the floor assumes full vectors"});
+                             "powers and logarithms in scalar code; the floor assumes full vectors"});
         s = {};
         loss_seconds_ = update_seconds_ = correction_seconds_ = 0;
         work_ = {};
@@ -182,7 +184,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
 
     Ceilings measure_ceilings() override { return cpu_ceilings(); }
 
-    /// Renders the view into image_, corrects it into corrected_ on request, and leaves the gradient of either in dL_dimage_.
+    /// Renders the view into image_ and, if `corrected`, corrects it into corrected_. Leaves the gradient of the last
+    /// of these in dL_dimage_.
     LossValues view_loss(const StepRequest& r, bool corrected) {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
@@ -199,7 +202,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
     }
 
-    /// False: the step is to be skipped, for the loss is not finite.
+    /// Notes the loss. Returns false if it is not finite, so that the step must be skipped.
     bool note_loss(const LossValues& loss) {
         stats_.loss = loss.loss, stats_.l1 = loss.l1, stats_.ssim = loss.ssim;
         stats_.num_instances = raster_.num_instances();
@@ -252,7 +255,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         }
     }
 
-    /// One step of the residual of Gaussian i.
+    /// Takes one step of the residual of Gaussian i.
     static void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, const float* dL_dresidual) {
         const int k = int(Group::kResidual), width = a.width[k];
         float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
@@ -270,14 +273,14 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     ImageLoss<float> loss_;
     ViewCorrection correction_;
     std::vector<float> image_, transmittance_, dL_dimage_;
-    std::vector<float> corrected_;  ///< image_ after PPISP, where that is active
-    std::vector<float> dL_dshared_; ///< a row for each part, so that the sum has a fixed order
+    std::vector<float> corrected_;  ///< image_ after PPISP, where PPISP is active
+    std::vector<float> dL_dshared_; ///< (parts, shared weights), so that the sum has a fixed order
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
-    } work_; ///< of the steps since the last take_stage_costs
+    } work_; ///< work of the steps since the last take_stage_costs
 };
 
 }  // namespace gs

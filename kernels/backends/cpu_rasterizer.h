@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The render pipeline on the CPU, forward and backward: preprocess, sort, blend and the same way back.
+// The render pipeline on the CPU: preprocess, sort and blend, and the gradients in the reverse order.
 //
-// A template over the scalar (float in production, double as the tests' reference) and the appearance model. Results
-// do not depend on the number of threads: parts and tiles have fixed sizes, instance gradients have a slot each, and
-// sums run in a fixed order.
+// It is a template over the scalar (float in production, double as the tests' reference) and the appearance model.
+// Results do not depend on the number of threads: parts and tiles have fixed sizes, each instance's gradient has its
+// own slot, and sums run in a fixed order.
 #pragma once
 
 #include <atomic>
-#include <chrono>
 #include <vector>
 
 #include "kernels/blend/blend_cpu.h"
 #include "kernels/blend/score_cpu.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
@@ -23,19 +23,20 @@ namespace gs {
 /// Adds the time of a scope to a sum.
 class StageTimer {
   public:
-    explicit StageTimer(double& seconds) : seconds_(seconds), start_(std::chrono::steady_clock::now()) {}
-    ~StageTimer() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+    explicit StageTimer(double& seconds) : seconds_(seconds), start_(seconds_now()) {}
+    ~StageTimer() { seconds_ += seconds_now() - start_; }
 
   private:
     double& seconds_;
-    std::chrono::steady_clock::time_point start_;
+    const double start_;
 };
 
 template <class Real, class Model> class CpuRasterizer {
   public:
     explicit CpuRasterizer(std::int64_t max_instances = default_max_instances(), const Cutoffs<Real>& cutoffs = {}) : max_instances_(max_instances), cutoffs_(cutoffs) {}
 
-    /// image: planar (3,H,W); transmittance: (H,W). Keeps what backward() needs.
+    /// Renders a view into image, planar (3,H,W), and transmittance (H,W). Keeps the intermediate results for
+    /// backward().
     void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background, int degree,
                  RenderMode mode, Real* image, Real* transmittance) {
         camera_ = camera;
@@ -60,7 +61,8 @@ template <class Real, class Model> class CpuRasterizer {
         });
     }
 
-    /// Blend backward for the last forward() of RenderMode::kFull; then gaussian_gradient() may be called.
+    /// Computes the blend's gradients of the last forward(), whose mode must be kFull. gaussian_gradient() may be
+    /// called afterwards.
     void backward(const Real* image, const Real* transmittance, const Real* dL_dimage) {
         const StageTimer timer(seconds.blend_backward);
         sums_.resize(binning_.instances().size());
@@ -74,7 +76,8 @@ template <class Real, class Model> class CpuRasterizer {
         Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
     };
 
-    /// Gradients of Gaussian i; those of shared weights are added. `params` are those of forward(). Thread-safe.
+    /// Computes the gradients of Gaussian i, and adds those of shared weights. `params` are those of forward().
+    /// Thread-safe.
     void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out, Real* dL_dshared) const {
         out = {};
         if (bins_.count[i] == 0) return;
@@ -87,7 +90,7 @@ template <class Real, class Model> class CpuRasterizer {
         gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
     }
 
-    /// Adds the scores of the last forward() of RenderMode::kFull to `scores`, one a Gaussian.
+    /// Adds the scores of the last forward(), whose mode must be kFull, to `scores` (Gaussians).
     void add_scores(const Real* image, const Real* transmittance, std::vector<double>& scores) {
         score_sums_.resize(binning_.instances().size());
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
@@ -103,7 +106,8 @@ template <class Real, class Model> class CpuRasterizer {
     std::int64_t num_visible() const { return binning_.num_visible(); }
     std::int64_t num_instances() const { return static_cast<std::int64_t>(binning_.instances().size()); }
 
-    /// Lane operations (16 pixels x 1 Gaussian) the last forward() evaluated: the unit of the cost model.
+    /// Returns the number of lane operations (16 pixels x 1 Gaussian) of the last forward(), the unit of the cost
+    /// model.
     std::int64_t num_lane_operations() const {
         std::int64_t n = 0;
         for (std::size_t tile = 0; tile < processed_.size(); ++tile)
@@ -111,7 +115,7 @@ template <class Real, class Model> class CpuRasterizer {
         return n;
     }
 
-    /// Time spent so far, for the cost model.
+    /// The time spent so far, for the cost model.
     struct Seconds {
         double preprocess = 0, sort = 0, blend = 0, blend_backward = 0;
     } seconds;
@@ -132,7 +136,7 @@ template <class Real, class Model> class CpuRasterizer {
                 bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
                 preprocess_one(params, i, mode, bin);
                 bins_.count[i] = static_cast<std::uint32_t>(bin.tiles.size()) - bins_.first[i];
-                // Stop before memory runs out; build() then reports it.
+                // Stops before memory runs out; build() then reports it.
                 if (bins_.count[i] > 0 && instances.load(std::memory_order_relaxed) + std::int64_t(bin.tiles.size()) > max_instances_) break;
             }
             instances += static_cast<std::int64_t>(bin.tiles.size());
@@ -176,7 +180,7 @@ template <class Real, class Model> class CpuRasterizer {
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;
-    std::vector<Real> score_sums_; ///< by slot; only where scores are asked for
+    std::vector<Real> score_sums_; ///< (slots), only where scores are asked for
 };
 
 }  // namespace gs

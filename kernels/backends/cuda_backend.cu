@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The host's side of the CUDA backend: lays out memory, launches the stages, repeats steps that did not fit.
 #include "kernels/backends/cuda_backend.h"
 
 #include <algorithm>
@@ -7,18 +8,18 @@
 #include <cstring>
 
 #include "appearance/model_info.h"
+#include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
 
 namespace gs {
 namespace {
 
-/// The index of an instance is a signed 32-bit integer for the sort.
+/// The largest number of instances of a view. The sort's index of an instance is a signed 32-bit integer.
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
-/// Largest side: pixel bounds are 16-bit, padded to whole tiles.
+/// The largest side of an image in pixels. Pixel bounds have 16 bits and are padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
-/// Threads of a block that rounds parameters, and where they saturate.
+/// Threads of a block that rounds parameters.
 constexpr int kHalfBlock = 256;
-constexpr float kLargestHalf = 65504;
 
 std::uint32_t bits_of(float x) {
     std::uint32_t bits;
@@ -41,7 +42,7 @@ cudaStream_t make_stream() {
     return stream;
 }
 
-/// A group's moments as words of both (packed_moments.h), to nearest.
+/// Returns a group's moments as words of both (packed_moments.h), rounded to nearest.
 template <class Group> std::vector<float> packed(const Group& group) {
     std::vector<float> words(group.m.size());
     for (std::size_t i = 0; i < words.size(); ++i) {
@@ -51,7 +52,7 @@ template <class Group> std::vector<float> packed(const Group& group) {
     return words;
 }
 
-/// Back: m holds the words.
+/// Turns the words in a group's m into both moments.
 template <class Group> void unpack(Group& group) {
     group.v.resize(group.m.size());
     for (std::size_t i = 0; i < group.m.size(); ++i) {
@@ -63,7 +64,7 @@ template <class Group> void unpack(Group& group) {
 
 __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     const std::size_t i = std::size_t(blockIdx.x) * kHalfBlock + threadIdx.x;
-    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -kLargestHalf, kLargestHalf));
+    if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
 }
 
 int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
@@ -96,9 +97,9 @@ std::string CudaBackend::describe() const {
 // --- the model ------------------------------------------------------------------------------------------------------
 
 void CudaBackend::upload(const Gaussians& state) {
-    abandon_steps(); // of the model that goes
+    abandon_steps(); // they belong to the old model
     stats_ = {};
-    model_.count = 0; // stays so if there is no memory
+    model_.count = 0; // stays 0 if there is no memory
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
@@ -114,7 +115,7 @@ void CudaBackend::upload(const Gaussians& state) {
     }
     meta_.shared.width = state.shared.width;
     if (state.shared.width != kernels_.shared.count)
-        throw UsageError("the model holds " + std::to_string(state.shared.width) + " shared weights, its appearance has " + std::to_string(kernels_.shared.count));
+        throw UsageError("the model holds " + std::to_string(state.shared.width) + " shared weights, but its appearance model has " + std::to_string(kernels_.shared.count));
     if (kernels_.shared.count > 0) {
         const std::size_t n = std::size_t(kernels_.shared.count);
         model_.shared_param.upload(state.shared.param);
@@ -128,7 +129,7 @@ void CudaBackend::upload(const Gaussians& state) {
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
     ppisp_.upload(state.ppisp);
-    sizes_ = {}; // it takes some of the scratch block
+    sizes_ = {}; // PPISP takes some of the scratch block
     model_.count = state.count;
     half_residuals_current_ = false;
     lazy_.reset(meta_.step);
@@ -163,15 +164,15 @@ Gaussians CudaBackend::download(bool with_moments) {
 
 void CudaBackend::set_active_degree(int degree) {
     if (degree == meta_.active_degree) return;
-    synchronize(); // a step that has to be repeated must see the degree it began with
+    synchronize(); // a repeated step must see the degree that it began with
     meta_.active_degree = degree;
 }
 
 void CudaBackend::upload_ppisp(const PpispState& state) {
-    synchronize(); // a step that has to be repeated must see what it began with
+    synchronize(); // a repeated step must see the PPISP that it began with
     GS_CUDA(cudaStreamSynchronize(stream_));
     ppisp_.upload(state);
-    sizes_ = {}; // it takes some of the scratch block
+    sizes_ = {}; // PPISP takes some of the scratch block
     GS_CUDA(cudaDeviceSynchronize());
 }
 
@@ -188,7 +189,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     ppisp_.take(c, sizes.width, sizes.height, sizes.for_step);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
     if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
-    // What only binning uses, and what only comes after it, share their place.
+    // The buffers that only binning uses share their place with those that are needed only after it.
     const std::size_t at = c.at();
     binning_.take_temporaries(c);
     if (!sizes.for_step) return;
@@ -206,7 +207,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
 
 void CudaBackend::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
-    sizes_ = {}; // stays so if there is no memory
+    sizes_ = {}; // stays empty if there is no memory
     scratch_.carve([&](Carver& c) { take(c, sizes); });
     sizes_ = sizes;
 }
@@ -247,7 +248,7 @@ CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> backgrou
         lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
     } catch (const DeviceError&) {
         if (needed_ >= capacity_) throw;
-        capacity_ = std::max<std::int64_t>(needed_, 1); // room ahead of need was too much to ask
+        capacity_ = std::max<std::int64_t>(needed_, 1); // there was no memory for room ahead of need
         lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
     }
     args.shared = {model_.shared_prepared.get(), shared_sums_};
@@ -297,13 +298,13 @@ CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
     } while (statuses_->stopped);
-    if (for_steps) capacity_ = for_steps; // a single close view must not slow down the training that goes on
+    if (for_steps) capacity_ = for_steps; // a single close view must not slow down further training
     return bins;
 }
 
 void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
     forward_whole(r);
-    if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) { // a residual is no colour
+    if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) { // a residual is not a colour
         ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));
     }
@@ -320,7 +321,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     const std::int64_t for_steps = capacity_;
     std::int64_t most = 1;
     for (const RenderRequest& view : views) {
-        render(view, image); // warms up, and tells how much room a view needs
+        render(view, image); // warms up, and finds the room that a view needs
         most = std::max(most, std::int64_t(statuses_->num_instances));
     }
     capacity_ = most;
@@ -349,7 +350,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 void CudaBackend::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
     const bool lazily = r.residual_rates.empty();
-    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) { // not before it is known that no step in flight has to be repeated
+    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) { // only once no step in flight has to be repeated
         settle();
         lazy_.reset(meta_.step);
     }
@@ -375,7 +376,7 @@ PpispState CudaBackend::download_ppisp() {
 void CudaBackend::distill(const StepRequest& r) {
     check_distillation(ppisp_.host(), r.isp);
     while (in_flight_.size() >= kInFlight) finish_oldest();
-    if (in_flight_.empty() || in_flight_.back().adam_step) settle(); // residuals as they are at the end of training
+    if (in_flight_.empty() || in_flight_.back().adam_step) settle(); // residuals must have taken all steps
     Step s;
     s.request = r;
     if (r.isp_rate > 0) s.controller_step = ppisp_.begin_controller_step();
@@ -424,12 +425,13 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     StepControl* control = control_.get();
     if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     const SlotMap slots = binning_.slots();
-    blend_.backward(bins, splats_, blend_image(r.camera, r.background), dL_dimage_, control, sums_, n, options_.deterministic ? &slots : nullptr, stream_);
+    const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
+    blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control, stream_);
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
         ModelArrays arrays = model_.arrays();
         if (r.gather_gradient_stats) {
-            if (!model_.has_statistic) { // the first step of a statistic
+            if (!model_.has_statistic) { // this is the first step of a statistic
                 GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
                 GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
                 model_.has_statistic = true;
@@ -446,7 +448,7 @@ void CudaBackend::finish_oldest() {
     GS_CUDA(cudaEventSynchronize(done_[s.slot]));
     const StepStatus status = statuses_[s.slot];
     if (status.stopped) {
-        // This step and all behind it changed nothing.
+        // This step and all after it changed nothing.
         GS_CUDA(cudaStreamSynchronize(stream_));
         try {
             make_room(status.num_instances);
@@ -458,7 +460,8 @@ void CudaBackend::finish_oldest() {
         return;
     }
     needed_ = std::max(needed_, std::int64_t(status.num_instances));
-    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances)); // ahead of need
+    // Room is made ahead of need.
+    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
     const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
     stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
     stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;
@@ -508,14 +511,15 @@ Ceilings CudaBackend::measure_ceilings() {
 
 MemoryUse CudaBackend::memory() {
     synchronize();
-    sizes_ = {}; // counting leaves null pointers behind
+    sizes_ = {}; // counting leaves null pointers in the buffers
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
     use.rows = {{"parameters, Adam moments, indices", model_.bytes() + half_residuals_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
                 {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
                 {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
     if (ppisp_.host().active()) use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
-    // The scratch block of a step: how much of it goes with what. Stages share places, so the parts need not add up to it.
+    // The next rows divide the scratch block of a step by the items that its parts grow with. Stages share places, so
+    // the parts need not add up to it.
     const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1), std::max(largest_width_, 1), std::max(largest_height_, 1), true};
     const auto bytes = [&](const Sizes& sizes) {
         Carver count(nullptr);
@@ -535,7 +539,7 @@ MemoryUse CudaBackend::memory() {
 
 template <class Fn> auto CudaBackend::change_rows(Fn fn) {
     settle();
-    sizes_ = {}; // it may use all of the scratch block
+    sizes_ = {}; // fn may use all of the scratch block
     half_residuals_current_ = false;
     CudaDensify densify(model_, scratch_, stream_);
     const auto result = fn(densify);

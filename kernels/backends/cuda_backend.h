@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend: one stream of steps that the host runs ahead of. Included by .cu files only.
+// The CUDA backend: one stream of steps, with the host running ahead of it. Only .cu files include this header.
 //
-// The host never waits inside a step. Sizes it cannot know (how many instances a view has) are bounded by a capacity; a step
-// that does not fit changes nothing and neither do those after it, until the host, up to three steps later, reads so in the
-// step's status, makes room and repeats them.
+// The host never waits inside a step. A capacity bounds the sizes that it cannot know (the number of instances of a
+// view). A step that does not fit changes nothing, and neither do those after it. Up to three steps later the host
+// reads this in the step's status, makes room and repeats them.
 #pragma once
 
 #include <deque>
@@ -19,14 +19,14 @@
 
 namespace gs {
 
-/// What a step reports, written by the device into the host's memory.
+/// The report of a step, which the device writes into the host's memory.
 struct StepStatus {
     unsigned long long num_instances, num_pairs;
     double l1, ssim;
     unsigned num_visible, num_nonfinite, stopped;
 };
 
-/// The backend of one model on the current device. Used by one thread.
+/// The backend of one model on the current device. Only one thread may use it.
 class CudaBackend final : public Backend, private BackendTimer {
   public:
     CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
@@ -61,19 +61,20 @@ class CudaBackend final : public Backend, private BackendTimer {
     std::vector<StageCost> take_stage_costs() override;
     Ceilings measure_ceilings() override;
 
-    /// Steps whose status has not been read. Three: the device is never idle while the host prepares the next.
+    /// The largest number of steps whose status has not been read. With three the device is never idle while the host
+    /// prepares the next.
     static constexpr int kInFlight = 3;
 
     struct Step {
-        StepRequest request; ///< its target points to nothing; `target` does
+        StepRequest request; ///< its target holds no pointers; `target` does
         DeviceTarget target;
-        std::int64_t adam_step = 0;       ///< 0: the Gaussians stay
-        std::int64_t isp_step = 0;        ///< of PPISP's parameters; 0: they stay
-        std::int64_t controller_step = 0; ///< of a controller; 0: it stays
+        std::int64_t adam_step = 0;       ///< Adam's step of the Gaussians; 0: they do not change
+        std::int64_t isp_step = 0;        ///< step of PPISP's parameters; 0: they do not change
+        std::int64_t controller_step = 0; ///< step of a controller; 0: it does not change
         LazyArgs lazy{};
         int slot = 0;
     };
-    /// What the scratch block is laid out for.
+    /// The sizes that the scratch block is laid out for.
     struct Sizes {
         std::int64_t n = 0, capacity = 0;
         int width = 0, height = 0;
@@ -81,33 +82,33 @@ class CudaBackend final : public Backend, private BackendTimer {
         bool operator==(const Sizes&) const = default;
     };
 
-    /// Takes all of a step from the scratch block.
+    /// Takes all buffers of a step from the scratch block.
     void take(Carver& c, const Sizes& sizes);
     void lay_out(const Sizes& sizes);
     void enqueue(const Step& step);
-    /// What follows the loss: the way back to the Gaussians, and their optimizer's step.
+    /// Enqueues the part after the loss: the Gaussians' gradients and their optimizer step.
     void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins);
     /// Puts a step in flight, where it stays if it could be enqueued.
     void launch(Step step, const TargetImage& target);
-    /// Completes `args` with what it lays out.
+    /// Enqueues the forward pass, and completes `args` with the buffers that it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
-    /// Makes room until the view fits, and waits.
+    /// Renders a view, making room until it fits, and waits.
     CudaBins forward_whole(const RenderRequest& request);
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
-    /// Waits for the oldest step in flight and takes its status; repeats what was stopped.
+    /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
-    /// Takes back what a step that never took place was counted as.
+    /// Takes back the counts of a step that never took place.
     void forget(const Step& step);
     /// Forgets all steps in flight, none of which has changed anything.
     void abandon_steps();
     PreprocessArgs preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const;
-    /// Of a frame: all steps are taken.
+    /// Returns the arguments of a frame, for which all missed steps are taken first.
     PreprocessArgs frame_args(const RenderRequest& request);
     BlendImage blend_image(const CameraParams<float>& camera, Vec3<float> background) const;
-    /// Changes the set of rows, which have then taken all steps.
+    /// Changes the set of rows by fn(), after all rows have taken all steps.
     template <class Fn> auto change_rows(Fn fn);
-    /// Waits, and takes the steps that residuals have missed.
+    /// Waits for all steps, and takes those that residuals have missed.
     void settle();
 
     const ModelKernels kernels_;
@@ -116,15 +117,15 @@ class CudaBackend final : public Backend, private BackendTimer {
     cudaStream_t stream_ = nullptr;
     CudaModel model_;
     CudaLazyResiduals lazy_;
-    DeviceBuffer<__half> half_residuals_; ///< only with options.half_residuals
+    DeviceBuffer<__half> half_residuals_; ///< empty without options.half_residuals
     bool half_residuals_current_ = false;
     CudaPpisp ppisp_;
-    Gaussians meta_; ///< all but count, arrays and PPISP
+    Gaussians meta_; ///< model without count, arrays and PPISP
 
     Scratch scratch_;
     Sizes sizes_;
-    std::int64_t capacity_ = 0, needed_ = 0; ///< instances: laid out for, and seen
-    int largest_width_ = 0, largest_height_ = 0; ///< of any view so far
+    std::int64_t capacity_ = 0, needed_ = 0; ///< number of instances that there is room for, and that were seen
+    int largest_width_ = 0, largest_height_ = 0; ///< largest sides of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;
     SeparateArgs separate_{};
@@ -134,12 +135,12 @@ class CudaBackend final : public Backend, private BackendTimer {
     CudaLoss loss_;
 
     DeviceBuffer<StepControl> control_;
-    StepStatus* statuses_ = nullptr; ///< kInFlight, in pinned memory
+    StepStatus* statuses_ = nullptr; ///< (kInFlight) in pinned memory
     cudaEvent_t done_[kInFlight] = {};
     std::deque<Step> in_flight_;
     int next_slot_ = 0;
     CudaImages images_;
-    bool lazily_ = true; ///< how the last step treated residuals
+    bool lazily_ = true; ///< whether the last step updated residuals lazily
     StepStats stats_;
     StageTimes times_;
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels that know the appearance model: projection with colour, and its way back fused with the optimizer; and the same
-// with the appearance in kernels of its own, for comparison.
+// The kernels that know the appearance model: projection with colour, and its gradient fused with the optimizer. For
+// comparison there are also kernels of their own for the appearance.
 #pragma once
 
 #include "appearance/warp_appearance_cuda.cuh"
@@ -11,10 +11,10 @@ namespace gs {
 
 inline constexpr int kForwardBlock = 128;
 
-/// The tiles a lane's splat reaches. Up to 32 candidates each lane looks at its own; the rows of larger ones are shared by
-/// the warp.
+/// The tiles that a lane's splat reaches. Each lane tests up to 32 candidates of its own; the warp shares the rows of
+/// larger splats.
 struct TileTest {
-    unsigned mask;  ///< of up to 32 candidates
+    unsigned mask;  ///< bits of the reached tiles among up to 32 candidates
     unsigned count;
 };
 __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid) {
@@ -49,14 +49,15 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
 template <class Model> struct RowMemory {
     static constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
     alignas(16) float rows[32 * kWidth];
-    float sums[32]; ///< of the steps that a row has missed
+    float sums[32]; ///< LazyTable::sums of the steps that each row has missed
     std::uint8_t list[32];
 
-    /// Loads the rows in `mask` and takes the steps they have missed, here only. `first`: the warp's first Gaussian; `lag`: steps
-    /// that this lane's row has missed. Returns the rows that had.
+    /// Loads the rows in `mask`, and takes the steps that they have missed in this memory only. `first` is the warp's
+    /// first Gaussian, `lag` the number of steps that this lane's row has missed. Returns the rows that had missed
+    /// steps.
     __device__ unsigned load(const PreprocessArgs& a, std::int64_t first, unsigned mask, int lag) {
         const int width = a.params.residual_width;
-        if (a.half_residuals) { // of frames, which come after all steps
+        if (a.half_residuals) { // only frames read them, after all steps
             load_rows(mask, width, list, a.half_residuals + first * width, rows);
             return 0;
         }
@@ -70,7 +71,8 @@ template <class Model> struct RowMemory {
     }
 };
 
-/// The residual of this lane's Gaussian, 0 where the mode or the degree leaves it out. All lanes call.
+/// Returns the residual of this lane's Gaussian, which is 0 where the mode or the degree leaves it out. All lanes must
+/// call it.
 template <class Model>
 __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory, typename WarpAppearance<Model>::Memory& scratch) {
     if constexpr (Model::kDirectional) {
@@ -84,7 +86,7 @@ __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bo
     return {0, 0, 0};
 }
 
-/// kFused: with the colour. Otherwise evaluate_colors adds it.
+/// Projects the Gaussians. With kFused it also computes their colours; otherwise evaluate_colors adds them.
 template <class Model, bool kFused>
 __global__ void __launch_bounds__(kForwardBlock, 7)
     preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out, StepControl* __restrict__ control) {
@@ -116,7 +118,8 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
         out.counts[i] = tiles.count;
         out.depth_keys[i] = visible ? a.depth_key(depth) : kCulledKey;
     }
-    const unsigned instances = __reduce_add_sync(~0u, min(tiles.count, 1u << 26)); // 32 of these fit; more are beyond any capacity
+    // 32 of these counts fit into 32 bits; larger counts are beyond any capacity.
+    const unsigned instances = __reduce_add_sync(~0u, min(tiles.count, 1u << 26));
     if (lane == 0 && warp_visible) {
         atomicAdd(&block_instances, (unsigned long long)instances);
         atomicAdd(&block_visible, unsigned(__popc(warp_visible)));
@@ -128,7 +131,7 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     }
 }
 
-/// The separate pass: residuals and colours of the visible Gaussians.
+/// Computes residuals and colours of the visible Gaussians in the separate pass.
 template <class Model> __global__ void __launch_bounds__(kForwardBlock, 7) evaluate_colors(PreprocessArgs a, const std::uint32_t* __restrict__ counts, PackedSplat* __restrict__ splats) {
     __shared__ RowMemory<Model> memory[kForwardBlock / 32];
     __shared__ typename WarpAppearance<Model>::Memory scratch[kForwardBlock / 32];
@@ -141,52 +144,66 @@ template <class Model> __global__ void __launch_bounds__(kForwardBlock, 7) evalu
     splats[i].set_color(gaussian_color(a.params.activation, a.params.base(i), residual, a.mode));
 }
 
-/// From this many visible Gaussians in a warp on, the step is taken for all 32 of them: whole rows in a row move faster.
+/// The number of visible Gaussians in a warp from which the step is taken for all 32: contiguous whole rows move
+/// faster.
 constexpr int kManyVisible = 12;
 
-/// Adam's step for each residual column: one for all, or in shared memory one for each. (Lanes need those of different columns
-/// at a time, which kernel parameters give out one after another.)
+/// The step of Adam for each residual column: one for all, or one for each in shared memory. (Lanes need different
+/// columns at the same time, and kernel parameters give them out one after another.)
 struct ColumnSteps {
     AdamStep<float> all;
     const AdamStep<float>* each; ///< or null
     __device__ AdamStep<float> of(int column) const { return each ? each[column] : all; }
 };
 
-/// Adam on the selected residual rows of a warp, whose parameters (caught up) and gradients are in shared memory; the moments
-/// are multiplied by the factors of their row first.
-__device__ inline void update_rows(unsigned mask, int width, std::uint8_t* list, const float* parameters, const float* gradients, const float* decay_m,
-                                   const float* decay_v, const ColumnSteps& steps, float* __restrict__ p, const MomentRows& moments, std::uint32_t seed) {
-    RowElements elements(mask, width, list);
+/// What Adam reads and writes for the residual rows of a warp.
+struct RowStep {
+    int width;
+    const float *parameters, *gradients; ///< (32, width) in shared memory; the parameters are caught up
+    ColumnSteps columns;
+    float* out;                          ///< (32, width): the parameters
+    MomentRows moments;
+    std::uint32_t seed;                  ///< of the rounding of packed moments
+};
+
+/// Adam on the selected residual rows of a warp; the moments are multiplied by the factors of their row first.
+__device__ inline void update_rows(unsigned mask, std::uint8_t* list, const float* decay_m, const float* decay_v, const RowStep& rows) {
+    const float *parameters = rows.parameters, *gradients = rows.gradients;
+    float* __restrict__ p = rows.out;
+    RowElements elements(mask, rows.width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
         int at[kRowUnroll], row[kRowUnroll], column[kRowUnroll];
         float mm[kRowUnroll], vv[kRowUnroll];
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
             at[u] = elements.next(row[u], column[u]);
-            if (at[u] >= 0) moments.load(at[u], mm[u], vv[u]);
+            if (at[u] >= 0) rows.moments.load(at[u], mm[u], vv[u]);
         }
 #pragma unroll
         for (int u = 0; u < kRowUnroll; ++u) {
             if (at[u] < 0) continue;
             float x = parameters[at[u]];
             mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
-            adam_update(x, mm[u], vv[u], gradients[at[u]], steps.of(column[u]));
+            adam_update(x, mm[u], vv[u], gradients[at[u]], rows.columns.of(column[u]));
             p[at[u]] = x;
-            moments.store(at[u], mm[u], vv[u], seed);
+            rows.moments.store(at[u], mm[u], vv[u], rows.seed);
         }
     }
 }
 
 /// The same for all 32 rows, none of which has missed a step: four values at a time.
-__device__ inline void update_all_rows(int width, const float* parameters, const float* gradients, const ColumnSteps& steps, float* __restrict__ p,
-                                       const MomentRows& moments, std::uint32_t seed) {
+__device__ inline void update_all_rows(const RowStep& rows) {
     constexpr int kUnroll = 3;
+    const int width = rows.width;
+    const ColumnSteps& steps = rows.columns;
+    const float *parameters = rows.parameters, *gradients = rows.gradients;
+    float* __restrict__ p = rows.out;
     const int lane = threadIdx.x & 31, size = 8 * width;
     for (int e = lane; e < size; e += 32 * kUnroll) {
         float4 mm[kUnroll], vv[kUnroll];
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u)
-            if (e + 32 * u < size) moments.load4(e + 32 * u, mm[u], vv[u]);
+            if (e + 32 * u < size) rows.moments.load4(e + 32 * u, mm[u], vv[u]);
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u) {
             const int at = e + 32 * u;
@@ -197,22 +214,24 @@ __device__ inline void update_all_rows(int width, const float* parameters, const
             adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0)), adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1));
             adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2)), adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3));
             reinterpret_cast<float4*>(p)[at] = x;
-            moments.store4(at, mm[u], vv[u], seed);
+            rows.moments.store4(at, mm[u], vv[u], rows.seed);
         }
     }
 }
 
-/// The gradient of the loss for y = base + residual of this lane's Gaussian, from its sums; false: it is not finite.
+/// Computes the gradient of the loss for y = base + residual of this lane's Gaussian from its sums. Returns false if it
+/// is not finite.
 __device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, const Vec3<float>& residual, const SplatSums<float>& sums, Vec3<float>& out) {
     out = color_backward(a.params.activation, a.params.base(i), residual, {sums.r, sums.g, sums.b});
     return is_finite(out);
 }
 
-/// Shared memory of a warp in the backward pass. At the end of its work its sums of the shared weights' gradient take this place.
+/// The shared memory of a warp in the backward pass. At the end its sums of the shared weights' gradient take this
+/// place.
 template <class Model> struct WarpSpace {
     RowMemory<Model> memory;
     alignas(16) float gradients[32 * RowMemory<Model>::kWidth];
-    float decays[2][32]; ///< of the moments m and v of a row that has missed steps
+    float decays[2][32]; ///< factors of the moments m and v of rows that have missed steps
     typename WarpAppearance<Model>::Memory scratch;
 };
 template <class Model> struct alignas(16) WarpBytes {
@@ -222,16 +241,17 @@ template <class Model> struct alignas(16) WarpBytes {
     __device__ float* sums() { return reinterpret_cast<float*>(bytes); }
 };
 
-/// Gaussians of a block of the backward pass. With shared weights many, since each block writes a row of sums: as many as shared
-/// memory has room for.
+/// Returns the number of Gaussians of a block of the backward pass. With shared weights it is as large as shared memory
+/// allows, since each block writes a row of sums.
 template <class Model> constexpr int update_block() {
     if constexpr (kNumSharedOf<Model> == 0) return 64;
     return 8 * sizeof(WarpBytes<Model>) <= 47 * 1024 ? 256 : 128;
 }
-/// Blocks that a multiprocessor should hold: 16 warps at least, with 128 registers; 18 with 113.
+/// Returns the number of blocks that a multiprocessor should hold. They are 16 warps with 128 registers for shared
+/// weights, else 18 warps with 113.
 template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> > 0 ? 512 / update_block<Model>() : 9; }
 
-/// Adds up what the warps of a block have for the gradient of the shared weights, in their order. Ends the use of `warps`.
+/// Adds up the warps' gradients of the shared weights in the order of the warps. Ends the use of `warps`.
 template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps, float* out) {
     constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
     float* own = warps[threadIdx.x >> 5].sums();
@@ -249,7 +269,8 @@ template <class Model> __device__ void store_shared_sums(const WarpAppearance<Mo
     }
 }
 
-/// The separate pass: gradients of the residual parameters, of the means through the direction, and of the shared weights.
+/// Computes the gradients of the residual parameters, of the means through the direction, and of the shared weights in
+/// the separate pass.
 template <class Model>
 __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
     appearance_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, StepControl* __restrict__ control) {
@@ -279,7 +300,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     if constexpr (kShared > 0) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
-/// kFused: with the gradients of the appearance. Otherwise they are where appearance_backward left them.
+/// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
+/// otherwise it reads those of appearance_backward.
 template <class Model, bool kFused>
 __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
     preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
@@ -293,13 +315,13 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncthreads();
     }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
-    if (!isfinite(control->l1 + control->ssim)) { // a skipped step moves nothing, residuals that are behind no more than others
+    if (!isfinite(control->l1 + control->ssim)) { // a skipped step changes nothing, not even residuals that are behind
         if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
-    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 there is no gradient
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 the residual has no gradient
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     WarpSpace<Model>& space = warps[warp].space();
     float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0], *decay_v = space.decays[1];
@@ -346,15 +368,15 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncwarp();
         constexpr int k = int(Group::kResidual);
         const std::int64_t first = (i - lane) * width;
-        float* p = arrays.param[k] + first;
-        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
         const std::uint32_t seed = mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step)); // of the warp and the step
-        const ColumnSteps steps{update.steps[k], update.per_column ? column_steps : nullptr};
+        const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
+        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
+        const RowStep step{width, parameters, gradients, columns, arrays.param[k] + first, moments, seed};
         if (rows == ~0u && !stale) {
-            update_all_rows(width, parameters, gradients, steps, p, moments, seed);
+            update_all_rows(step);
         } else {
             if (!stale) decay_m[lane] = decay_v[lane] = 1;
-            update_rows(rows, width, space.memory.list, parameters, gradients, decay_m, decay_v, steps, p, moments, seed);
+            update_rows(rows, space.memory.list, decay_m, decay_v, step);
         }
     }
     if constexpr (kShared > 0) {
@@ -362,7 +384,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     }
 }
 
-/// Rows of threads of update_shared_weights, and weights of one of its blocks: 32 bytes, what a read moves at least.
+/// The rows of threads of update_shared_weights, and the weights of one of its blocks: 32 bytes, the least that a read
+/// moves.
 inline constexpr int kSumThreads = 64, kSumWeights = 8;
 
 /// Adds up the blocks' gradients of the shared weights in a fixed order, and takes the optimizer's step.
@@ -425,7 +448,7 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
         GS_CUDA_LAUNCHED("preprocess_backward");
     }
     if constexpr (kNumSharedOf<Model> > 0) {
-        if (!with_residual) return; // no gradient, and none before
+        if (!with_residual) return; // there is no gradient now, and was none before
         update_shared_weights<Model><<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(args.shared.sums, int(blocks), arrays,
                                                                                                                                  update.shared_step, args.shared.prepared, control);
         GS_CUDA_LAUNCHED("update_shared_weights");

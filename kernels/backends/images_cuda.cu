@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Uploads images through pinned memory, and keeps those that the budget has room for.
 #include "kernels/backends/images_cuda.h"
 
 #include <cstring>
@@ -53,7 +54,7 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
         kept = std::make_unique<Kept>();
         try {
             device = kept->memory.reserve(bytes);
-        } catch (const DeviceError&) { // keeping images is a convenience: from here on they are uploaded
+        } catch (const DeviceError&) { // training works without kept images; from here on they are uploaded
             kept.reset();
             budget_ = kept_bytes_;
         }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training images on the device: kept within a budget, else uploaded ahead of use through pinned memory.
+// The training images on the device. They are kept within a budget, or else uploaded ahead of use through pinned
+// memory.
 #pragma once
 
 #include <memory>
@@ -13,7 +14,7 @@ namespace gs {
 /// A target with pointers into device memory.
 struct DeviceTarget {
     TargetImage image;
-    double weight_sum = 0; ///< of the mask, or the number of pixels
+    double weight_sum = 0; ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
 /// Host memory that the device copies from without staging.
@@ -30,14 +31,15 @@ class PinnedBuffer {
     std::size_t bytes_ = 0;
 };
 
+/// Uploads training images and keeps them within a budget.
 class CudaImages {
   public:
-    /// `slots`: how many steps may be in flight.
+    /// Keeps up to `budget` bytes of images. `slots` is the number of steps that may be in flight.
     CudaImages(std::int64_t budget, int slots);
     ~CudaImages();
 
-    /// Starts the upload unless the image is there, and lets `stream` wait for it. The result stays valid until `slot`, whose
-    /// last step must be done, is used again.
+    /// Starts the upload unless the image is on the device, and lets `stream` wait for it. The last step of `slot` must
+    /// be done. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
     std::int64_t kept_bytes() const { return kept_bytes_; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the CUDA backend needs of an appearance model: its kernels. Everything else is compiled once.
+// The kernels of an appearance model for the CUDA backend. All other code of the backend is compiled once.
 #pragma once
 
 #include <cuda_fp16.h>
@@ -13,17 +13,18 @@
 
 namespace gs {
 
-/// The weights that all Gaussians of a model share; null without any.
+/// The weights that all Gaussians of a model share. Null without any.
 struct SharedArgs {
-    unsigned* prepared; ///< as the kernels read them
-    float* sums;        ///< gradients, a row for each block of the backward pass
+    unsigned* prepared; ///< weights in the form that kernels read
+    float* sums;        ///< gradients, one row per block of the backward pass
 };
 
-/// Where the separate pass keeps what fused kernels have in registers, one a Gaussian; null: fused.
+/// The buffers in which the separate pass keeps values that fused kernels have in registers, (n) each. Null for fused
+/// kernels.
 struct SeparateArgs {
     Vec3<float>* residuals;
     float* dL_dresiduals;   ///< (n, residual width)
-    Vec3<float>* dL_dmeans; ///< through the direction
+    Vec3<float>* dL_dmeans; ///< gradients of the means through the direction
 };
 
 /// One view of one model.
@@ -37,25 +38,28 @@ struct PreprocessArgs {
     LazyArgs lazy;
     SharedArgs shared;
     SeparateArgs separate;
-    const __half* half_residuals; ///< residual parameters as frames read them; null: those of `params`
+    const __half* half_residuals; ///< residual parameters that frames read; null: those of `params`
 };
 
+/// The kernels of one model.
 struct ModelKernels {
-    bool directional; ///< has a residual at all
-    /// Splats, spans and keys of visible Gaussians, counts of all; adds to control->num_instances and ->num_visible.
+    bool directional; ///< whether the model has a residual
+    /// Writes splats, spans and keys of visible Gaussians, and counts of all. Adds to control->num_instances and
+    /// control->num_visible.
     void (*preprocess)(const PreprocessArgs&, PackedSplat*, const CudaBinningInput&, StepControl*, cudaStream_t);
-    /// Gradients of all parameters from the sums, and the optimizer's step. Does nothing if the step was stopped or its
-    /// loss is not finite.
+    /// Computes the gradients of all parameters from the sums, and takes the optimizer's step. Does nothing if the step
+    /// was stopped or its loss is not finite.
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&, const UpdateArgs&, StepControl*, cudaStream_t);
     struct Shared {
-        int count = 0;          ///< weights that all Gaussians share
-        int prepared_words = 0; ///< what the kernels read of them, 4-byte words, initially 0
+        int count = 0;          ///< number of weights that all Gaussians share
+        /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.
+        int prepared_words = 0;
         void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
-        int gaussians_per_sum = 0; ///< that a row of SharedArgs::sums is for
+        int gaussians_per_sum = 0; ///< number of Gaussians whose gradients a row of SharedArgs::sums adds up
     } shared;
 };
 
-/// The CUDA backend of a model with these kernels.
+/// Makes the CUDA backend of a model with these kernels.
 std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options);
 
 }  // namespace gs

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The reference image of one appearance model, by the CPU rasterizer in double.
 #pragma once
 
 #include "kernels/backends/cpu_rasterizer.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Residual rows are long: a thread that walked its own row would touch 32 cache lines a warp at every column. A warp's rows
-// are one contiguous piece, which its lanes move together; each thread then finds its row in shared memory.
+// Copies residual rows between global and shared memory. Rows are long: threads that walked their own rows would touch
+// 32 cache lines a warp at every column. A warp's rows are one contiguous piece, which its lanes move together. Each
+// thread then finds its row in shared memory.
 #pragma once
 
 #include "kernels/optimizer/moments_cuda.cuh"
@@ -10,7 +11,8 @@ namespace gs {
 /// The elements of a warp's rows that a mask selects, dealt to the lanes in order.
 class RowElements {
   public:
-    /// `list`: 32 bytes of shared memory of this warp. All lanes call, converged.
+    /// Deals the elements of the rows in `mask`. `list` is 32 bytes of this warp's shared memory. All lanes must call
+    /// it, converged.
     __device__ RowElements(unsigned mask, int width, std::uint8_t* list) : list_(list), width_(width) {
         const int lane = threadIdx.x & 31;
         rows_ = __popc(mask);
@@ -20,7 +22,8 @@ class RowElements {
         step_rows_ = 32 / width, step_columns_ = 32 - step_rows_ * width;
     }
     __device__ int rounds() const { return (rows_ * width_ + 31) / 32; }
-    /// Offset of this lane's next element from the warp's first row, or -1; `row` and `column` say where that is.
+    /// Returns the offset of this lane's next element from the warp's first row, or -1. Sets `row` and `column` to its
+    /// place.
     __device__ int next(int& row, int& column) {
         row = row_ < rows_ ? list_[row_] : 0;
         const int at = row_ < rows_ ? row * width_ + column_ : -1;
@@ -35,12 +38,12 @@ class RowElements {
     int width_, rows_, row_, column_, step_rows_, step_columns_;
 };
 
-/// Loads in flight per lane and array.
+/// The number of loads in flight per lane and array.
 inline constexpr int kRowUnroll = 8;
 
 /// Copies the rows of a warp that `mask` selects to shared memory, at the same offsets.
 __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* __restrict__ from, float* to) {
-    if (mask == ~0u) { // whole rows of a whole warp: 16 bytes at a time, on 16-byte boundaries
+    if (mask == ~0u) { // all rows of a warp move 16 bytes at a time, on 16-byte boundaries
         for (int k = threadIdx.x & 31; k < 8 * width; k += 32) reinterpret_cast<float4*>(to)[k] = reinterpret_cast<const float4*>(from)[k];
         __syncwarp();
         return;
@@ -61,7 +64,7 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
     __syncwarp();
 }
 
-/// The same from half precision.
+/// Copies the rows of a warp that `mask` selects from half precision to shared memory, at the same offsets.
 __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const __half* __restrict__ from, float* to) {
     if (mask == ~0u) {
         for (int k = threadIdx.x & 31; k < 16 * width; k += 32) reinterpret_cast<float2*>(to)[k] = __half22float2(reinterpret_cast<const __half2*>(from)[k]);
@@ -95,8 +98,8 @@ __device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, 
     __syncwarp();
 }
 
-/// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums`: of the rows, in shared
-/// memory.
+/// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums` holds T_t(k) of
+/// each row, in shared memory.
 __device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon, const MomentRows& moments, float* parameters) {
     constexpr int kUnroll = 4;
     RowElements elements(mask, width, list);

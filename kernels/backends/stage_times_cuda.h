@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Marks between the stages of a step on the device's clock, and what the stages worked on.
+// The time and work of the stages of a step, by marks between them on the device's clock.
 #pragma once
 
 #include "kernels/cuda/cuda.h"
@@ -10,6 +10,7 @@ namespace gs {
 enum class CudaStage : int { kPreprocess, kSort, kBlend, kCorrect, kLoss, kCorrectBackward, kBlendBackward, kUpdate };
 inline constexpr int kNumCudaStages = 8;
 
+/// Adds up the times and work of stages.
 class StageTimes {
   public:
     ~StageTimes() {
@@ -32,12 +33,13 @@ class StageTimes {
             seconds_[k] += 1e-3 * ms;
         }
     }
-    /// What that step worked on; a pair is one pixel and one Gaussian.
+    /// Adds the work of that step. A pair is one pixel and one Gaussian.
     void count(double gaussians, double visible, double instances, double pairs, double pixels, bool corrected) {
         gaussians_ += gaussians, visible_ += visible, instances_ += instances, pairs_ += pairs, pixels_ += pixels;
         if (corrected) corrected_pixels_ += pixels;
     }
-    /// Costs since the last call, for a model with this many active residual parameters, whose residual takes so many operations.
+    /// Returns the costs since the last call, for a model with `residual_width` active residual parameters whose
+    /// residual takes the given operations.
     std::vector<StageCost> take(double residual_width, double operations, double operations_backward);
 
   private:

@@ -1,31 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backward pass of the blend: a warp per chunk and sub-tile, a lane per pixel.
+// The backward pass of the blend, with a warp per chunk and sub-tile and a lane per pixel.
 //
-// Per splat and warp, nine sums over 32 pixels are needed. Six of them are moments of h about the splat's mean: linear in
-// the moments about the sub-tile's centre, whose weights 1, X, Y, XX, XY, YY are the same for every splat. So the h and w of
-// 16 splats are collected as matrices (16 x 32 pixels) and multiplied on the tensor cores by the weights (32 x 6) and by
-// dL/dpixel (32 x 3). TF32 holds 11 bits; values are split into a high and a low part, which together hold 22.
+// Each splat and warp needs nine sums over 32 pixels. Six of them are moments of h about the splat's mean. These are
+// linear in the moments about the sub-tile's centre, whose weights 1, X, Y, XX, XY, YY are the same for every splat. So
+// the h and w of 16 splats are collected as matrices (16 x 32 pixels) and multiplied on the tensor cores by the weights
+// (32 x 6) and by dL/dpixel (32 x 3). TF32 holds 11 bits; values are split into a high and a low part, which together
+// hold 22.
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
 namespace {
 
 constexpr int kRows = 16;
-constexpr int kWarps = 2; ///< of a block; they share nothing but the block's share of resources
-constexpr int kStride = 36; ///< of a row in shared memory: 8 rows of 16 bytes then lie in different banks
+constexpr int kWarps = 2; ///< warps of a block, which share nothing but the block's resources
+/// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
+constexpr int kStride = 36;
 
-/// What one warp keeps in shared memory.
+/// The shared memory of one warp.
 struct WarpMemory {
     float h[kRows][kStride], w[kRows][kStride];
     SplatBatch batch;
     float gradient[3][32]; ///< dL/dpixel
     std::uint32_t target[32];
-    std::uint8_t list[kChunk]; ///< instances of the chunk that changed a pixel
+    std::uint8_t list[kChunk]; ///< instances of the chunk that changed a pixel of the sub-tile
 };
 
 __device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); }
 
-/// c += a b, m16n8k8.
+/// Adds a b to c, as m16n8k8.
 __device__ void multiply(float (&c)[4], const float (&a)[4], float b0, float b1) {
     asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, {%0,%1,%2,%3};"
         : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
@@ -33,7 +35,7 @@ __device__ void multiply(float (&c)[4], const float (&a)[4], float b0, float b1)
           "r"(__float_as_uint(b1)));
 }
 
-/// Columns 8 step .. 8 step + 7 of the 16 rows, split.
+/// Loads columns 8 step .. 8 step + 7 of the 16 rows, split into high and low parts.
 __device__ void load_rows(const float (&rows)[kRows][kStride], int step, int lane, float (&high)[4], float (&low)[4]) {
     const float* mine = &rows[(lane & 7) + (lane >> 3 & 1) * 8][step * 8 + (lane >> 4) * 4];
     unsigned r[4];
@@ -57,7 +59,8 @@ __device__ void add(float4* to, float4 x) {
 #endif
 }
 
-/// Multiplies all rows and adds the sums to the splats they belong to: `splat` is that of row `lane & 15`, or negative.
+/// Multiplies all rows and adds the sums to their splats. `splat` is the splat of row `lane & 15`, or negative for
+/// none.
 template <bool kFixedOrder>
 __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, float centre_x, float centre_y, PackedSums* __restrict__ sums) {
     const int n = lane >> 2, t = lane & 3;
@@ -81,7 +84,7 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
         multiply(colors, low, g0_high, g1_high);
     }
     __syncwarp();
-    // Rows n and n + 8, columns 2 t and 2 t + 1: through shared memory to two lanes a row.
+    // This lane holds rows n and n + 8, columns 2 t and 2 t + 1. Shared memory brings them to two lanes a row.
     float(&out)[kRows][kStride] = memory.h;
     if (t < 3) {
         *reinterpret_cast<float2*>(&out[n][2 * t]) = make_float2(moments[0], moments[1]);
@@ -119,18 +122,17 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(32 * kWarps, 16)
     blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, const float* __restrict__ dL_dimage, const StepControl* __restrict__ control,
-                   const float4* __restrict__ checkpoints, const BlendChunk* __restrict__ chunks, const std::uint32_t* __restrict__ all_hits,
-                   const std::uint32_t* __restrict__ processed, PackedSums* __restrict__ sums) {
+                   BlendTrail trail, PackedSums* __restrict__ sums) {
     __shared__ alignas(16) WarpMemory memories[kWarps];
     const unsigned item = blockIdx.x * kWarps + (threadIdx.x >> 5), lane = threadIdx.x & 31, sub_tile = item % kSubTiles;
     if (item / kSubTiles >= control->num_chunks) return;
-    const BlendChunk chunk = chunks[item / kSubTiles];
+    const BlendChunk chunk = trail.chunks[item / kSubTiles];
     // Where its pixels were finished, a sub-tile has neither lists nor states.
-    const int count = min(int(processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
+    const int count = min(int(trail.processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
     if (count <= 0) return;
     WarpMemory& memory = memories[threadIdx.x >> 5];
     const std::uint32_t tile_begin = bins.tile_offsets[chunk.tile], begin = tile_begin + chunk.first;
-    const std::uint32_t* hits = all_hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
+    const std::uint32_t* hits = trail.hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
     int listed = 0;
     {
         const unsigned word_of_lane = int(lane) * 32 < count ? hits[lane * kSubTiles] : 0;
@@ -146,7 +148,7 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     if (pixel.x < image.width && pixel.y < image.height) {
         const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
         float4 before = make_float4(0, 0, 0, 1);
-        if (chunk.first) before = checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
+        if (chunk.first) before = trail.checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
         const float t_final = image.transmittance[i];
         const Vec3<float> bg = image.background;
         p.t = before.w;
@@ -179,7 +181,7 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     }
 }
 
-/// One thread per Gaussian: adds up its instances in their order, and the sub-tiles of each in theirs.
+/// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
 __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepControl* __restrict__ control, const PackedSums* __restrict__ partial,
                                  PackedSums* __restrict__ sums) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;
@@ -199,17 +201,18 @@ __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepContro
 
 void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) { partial_ = c.take<PackedSums>(std::size_t(capacity) * kSubTiles); }
 
-void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, const StepControl* control, PackedSums* sums,
-                         std::int64_t n, const SlotMap* slots, cudaStream_t stream) {
+void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const BlendGradients& gradients, const StepControl* control,
+                         cudaStream_t stream) {
     // Surplus blocks see that there are fewer chunks and leave.
     const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
+    const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
-        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, sums);
+        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }
     GS_CUDA(cudaMemsetAsync(partial_, 0, std::size_t(capacity_) * kSubTiles * sizeof(PackedSums), stream));
-    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, checkpoints_, chunks_, hits_, processed_, partial_);
+    blend_backward<true><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, partial_);
     GS_CUDA_LAUNCHED("blend_backward");
     if (n == 0) return;
     add_partial_sums<<<num_blocks(n, 256), 256, 0, stream>>>(n, *slots, control, partial_, sums);

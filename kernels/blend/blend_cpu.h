@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blending one 16x16 tile on the CPU, sixteen pixels (a 4x4 block) per lane operation.
+// Blends one 16x16 tile on the CPU, sixteen pixels (a 4x4 block) per lane operation.
 //
-// The Gaussians of a tile are taken front to back; a lane operation tests all 16 blocks of the tile at once, and only
+// The Gaussians of a tile are taken front to back. A lane operation tests all 16 blocks of the tile at once, and only
 // the touched ones are evaluated. The test is conservative, so it never decides about a fragment.
 #pragma once
 
@@ -13,13 +13,13 @@
 
 namespace gs {
 
-/// Where a tile lies and what it reads.
+/// The place of a tile and its inputs.
 template <class Real> struct TileInput {
     int x0, y0;                  ///< first pixel
-    int width, height;           ///< of the image
-    const Instance* instances;   ///< of this tile, front to back
+    int width, height;           ///< size of the image
+    const Instance* instances;   ///< instances of this tile, front to back
     std::int64_t num_instances;
-    const Splat<Real>* splats;   ///< of all Gaussians
+    const Splat<Real>* splats;   ///< splats of all Gaussians
     Vec3<Real> background;
     Cutoffs<Real> cutoffs;
 };
@@ -41,19 +41,19 @@ template <class Real> struct BlockGeometry {
         }
     }
 
-    /// Bit b: block b may hold a pixel with alpha at the cutoff or above.
+    /// Returns the touched blocks: bit b is set if block b may hold a pixel with alpha at the cutoff or above.
     unsigned touched(const Splat<Real>& s) const {
         const Lanes<Real> power = min_power_in_rectangle(s, block_x, block_y, Real(kCpuBlock - 1), Real(kCpuBlock - 1));
         return mask_bits(at_least(Lanes<Real>(touch_threshold(s)), power));
     }
 };
 
-/// Index of pixel (x,y) of a tile in block order.
+/// Returns the index of pixel (x,y) of a tile in block order.
 inline int block_order(int x, int y) { return ((y / 4) * 4 + x / 4) * 16 + (y % 4) * 4 + x % 4; }
 
-/// Forward. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels;
-/// block_masks[k] receives the blocks that instance k was evaluated in. Returns the number of instances processed
-/// before every pixel was finished; masks behind it are not written.
+/// Blends a tile. Writes colour (planar, plane stride width*height) and final transmittance of the tile's pixels, and
+/// to block_masks[k] the blocks in which instance k was evaluated. Returns the number of instances processed until
+/// every pixel was finished; masks behind it are not written.
 template <class Real>
 std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, Real* image, Real* transmittance) {
     using L = Lanes<Real>;
@@ -98,7 +98,7 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
     return k;
 }
 
-/// Backward over the instances that the forward pass processed; writes their sums to sums[slot].
+/// Computes the gradients for the instances that the forward pass processed, and writes their sums to sums[slot].
 template <class Real>
 void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, const Real* image,
                          const Real* transmittance, const Real* dL_dimage, SplatSums<Real>* sums) {

@@ -2,9 +2,9 @@
 // Blending on the device: forward per pixel (docs/math/rasterizer.md#blending), backward per chunk of a tile's list
 // (docs/math/rasterizer.md#blend-gradient).
 //
-// A warp owns 8x4 pixels of a tile, the sub-tile. The forward pass tests each splat exactly against it and notes which ones
-// changed a pixel of it; the backward pass visits only those. The backward pass of a long list is cut into chunks that start from the state
-// which the forward pass saved there.
+// A warp owns 8x4 pixels of a tile, the sub-tile. The forward pass tests each splat exactly against it and notes which
+// splats changed a pixel of it; the backward pass visits only those. The backward pass cuts a long list into chunks.
+// Each starts from the state that the forward pass saved there.
 #pragma once
 
 #include "kernels/blend/blend_device.h"
@@ -15,12 +15,12 @@
 
 namespace gs {
 
-/// Instances of a tile between two saved states: few enough that the backward pass of the longest list spreads over the
-/// device, many enough that states (16 bytes a pixel) take little memory.
+/// The number of instances of a tile between two saved states. It is small enough that the backward pass of the longest
+/// list spreads over the device, and large enough that states (16 bytes a pixel) take little memory.
 inline constexpr int kChunk = 192;
 inline constexpr int kSubX = 8, kSubY = 4, kSubTiles = kCudaTilePixels / 32;
 
-/// Sums of one Gaussian over all pixels, as three 16-byte groups so that the device adds them with three atomics.
+/// The sums of one Gaussian over all pixels, in three 16-byte groups so that the device adds them with three atomics.
 struct alignas(16) PackedSums {
     float4 a; ///< h, hx, hy, hxx
     float4 b; ///< hxy, hyy, r, g
@@ -29,10 +29,26 @@ struct alignas(16) PackedSums {
     __device__ SplatSums<float> sums() const { return {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x}; }
 };
 
-/// Part of a tile's list. Each of the tile's sub-tiles walks it with a warp of its own.
+/// A part of a tile's list. Each of the tile's sub-tiles walks it with a warp of its own.
 struct BlendChunk {
     std::uint32_t tile, first;  ///< instances first .. first+kChunk of the tile
     std::uint32_t checkpoint;   ///< state before `first`; unused for the first chunk
+};
+
+/// What the forward pass keeps for the backward pass.
+struct BlendTrail {
+    float4* checkpoints = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
+    BlendChunk* chunks = nullptr;
+    std::uint32_t* hits = nullptr;      ///< by 32 instances and sub-tile: which of them changed a pixel of it
+    std::uint32_t* processed = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
+};
+
+/// Gradients that go into and come out of the backward pass.
+struct BlendGradients {
+    const float* dL_dimage; ///< (3,H,W)
+    PackedSums* sums;       ///< (n)
+    std::int64_t n;
+    const SlotMap* slots;   ///< null: float atomics add to the sums, which the caller zeroed
 };
 
 /// What a view is blended into.
@@ -45,25 +61,22 @@ struct BlendImage {
 
 class CudaBlend {
   public:
-    /// Takes what lives from the forward to the backward pass.
+    /// Takes the buffers that live from the forward to the backward pass.
     void take(Carver& c, std::int64_t capacity, int num_tiles);
-    /// Takes what only the backward pass with a fixed order of sums uses.
+    /// Takes the buffer that only the backward pass with a fixed order of sums uses.
     void take_partial_sums(Carver& c, std::int64_t capacity);
 
-    /// With `for_backward` it keeps what backward() needs.
+    /// Blends a view into `image`. With `for_backward` it keeps the lists and states for backward().
     void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream);
-    /// Adds to sums (n), which the caller zeroed. Float atomics: the order of additions varies from run to run. With `slots`
-    /// sums are written instead, each added up in the order of its instances; those of invisible Gaussians are left alone.
-    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const float* dL_dimage, const StepControl* control, PackedSums* sums,
-                  std::int64_t n, const SlotMap* slots, cudaStream_t stream);
+    /// Adds to the sums. The order of float atomics varies from run to run. With slots, sums are written instead, each added
+    /// up in the order of its instances; those of invisible Gaussians are left alone.
+    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const BlendGradients& gradients, const StepControl* control,
+                  cudaStream_t stream);
 
   private:
     std::int64_t capacity_ = 0;
-    float4* checkpoints_ = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
-    BlendChunk* chunks_ = nullptr;
-    std::uint32_t* hits_ = nullptr;      ///< by 32 instances and sub-tile: which of them changed a pixel of it
-    std::uint32_t* processed_ = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
-    PackedSums* partial_ = nullptr;      ///< (slots, sub-tiles)
+    BlendTrail trail_;
+    PackedSums* partial_ = nullptr; ///< (slots, sub-tiles)
 };
 
 }  // namespace gs

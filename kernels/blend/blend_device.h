@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One fragment: a Gaussian at a pixel, forward (docs/math/rasterizer.md#blending) and backward
+// The blending of one fragment, which is a Gaussian at a pixel (docs/math/rasterizer.md#blending), and its gradient
 // (docs/math/rasterizer.md#blend-gradient).
 //
 // P is a scalar (one pixel) or Lanes (sixteen pixels); nothing here depends on which.
@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// Scores of one fragment above this come from colours that no image holds.
+/// The largest score of one fragment. Larger ones come from colours that no image holds.
 inline constexpr double kLargestScore = 1e30;
 
 /// A splat with its conic scaled so that alpha = opacity * 2^(qa dx^2 + qb dx dy + qc dy^2).
@@ -26,23 +26,24 @@ template <class P> struct FragmentShape {
 
 template <class P> struct FragmentAlpha {
     P dx, dy; ///< splat mean - pixel centre
-    P alpha;  ///< not yet compared with the cutoff
+    P alpha;  ///< alpha before the comparison with the cutoff
 };
 
-/// alpha of a splat at pixel centres (px, py). Forward and backward call this one function, so that they agree on
-/// which fragments count.
+/// Returns alpha of a splat at pixel centres (px, py). Forward and backward pass both call this function, so that they
+/// agree on which fragments count.
 template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>& s, P px, P py) {
     const P dx = s.mx - px, dy = s.my - py;
     const P exponent = gs_fma(dx, gs_fma(s.qa, dx, s.qb * dy), s.qc * dy * dy);
     return {dx, dy, s.opacity * exp2_nonpositive(exponent)};
 }
 
-/// Front-to-back state of a pixel.
+/// The front-to-back state of a pixel.
 template <class P> struct PixelForward {
     P t, r, g, b; ///< transmittance and colour so far
 };
 
-/// Blends one fragment where it is visible (alpha >= 1/255) and the pixel is unfinished (T >= 1e-4), or as other cutoffs say.
+/// Blends one fragment where it is visible and the pixel is unfinished: alpha and T are at the cutoffs (1/255, 1e-4) or
+/// above.
 template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(s.t, P(cutoffs.transmittance));
     const P w = select(active, s.t * alpha, P(T(0)));
@@ -52,33 +53,33 @@ template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alph
     s.t = s.t - w;
 }
 
-/// Front-to-back state of a pixel in the backward pass.
-/// `behind` = dL/dpixel . (colour still to come), so one scalar replaces three; `background` = T_final dL/dpixel . bg.
+/// The front-to-back state of a pixel in the backward pass. `behind` is dL/dpixel . (colour still to come), so one
+/// scalar replaces three; `background` is T_final dL/dpixel . bg.
 template <class P> struct PixelBackward {
     P t, behind;
     P gr, gg, gb; ///< dL/dpixel
     P background;
 };
 
-/// What one fragment passes on: w = T alpha, for the colour; h = -alpha dL/dalpha, for the shape.
+/// The factors of one fragment's gradients: w = T alpha for the colour, h = -alpha dL/dalpha for the shape.
 template <class P> struct FragmentGradient {
     P w, h;
 };
 
-/// w = T alpha and dL/dalpha of one fragment; both 0 where it is not blended.
+/// w = T alpha and dL/dalpha of one fragment. Both are 0 where it is not blended.
 template <class P> struct FragmentSlope {
     P w, dL_dalpha;
 };
 
-/// Passes a fragment front to back: `t`, `behind` and `background` are those of PixelBackward, color_gradient is
+/// Passes a fragment front to back. `t`, `behind` and `background` are those of PixelBackward; color_gradient is
 /// dL/dpixel . colour of the fragment.
 template <class P, class T> GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient, const Cutoffs<T>& cutoffs) {
     const P zero(T(0)), one(T(1));
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(t, P(cutoffs.transmittance));
     const P w = select(active, t * alpha, zero);
     const P t_after = t - w;
-    // Behind the fragment that finishes a pixel there is exactly nothing. Setting so removes the one badly
-    // conditioned case: 1/(1-alpha) up to 1e6 times rounding noise.
+    // Nothing lies behind the fragment that finishes a pixel. Setting `behind` to 0 there removes the one badly
+    // conditioned case: rounding noise times 1/(1-alpha), which is up to 1e6.
     behind = select(at_least(t_after, P(cutoffs.transmittance)), behind - w * color_gradient, zero);
     const P inverse = reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))));
     const P dL_dalpha = t * color_gradient - (behind + background) * inverse;
@@ -92,20 +93,21 @@ template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBac
     return {f.w, -(alpha * f.dL_dalpha)};
 }
 
-/// Front-to-back state of a pixel while its fragments are scored: that of PixelBackward for L = I, the sum of the channels
-/// of the composited colour.
+/// The front-to-back state of a pixel while its fragments are scored. It is the state of PixelBackward for L = I, the
+/// sum of the channels of the composited colour.
 template <class P> struct PixelScore {
     P t, behind, background;
 
-    /// Of a pixel with this colour and final transmittance.
+    /// Returns the first state of a pixel with this colour and final transmittance.
     template <class T> static GS_HD PixelScore of(const Vec3<T>& color, T transmittance, const Vec3<T>& bg) {
         const T background = transmittance * (bg.x + bg.y + bg.z);
         return {P(T(1)), P(color.x + color.y + color.z - background), P(background)};
     }
 };
 
-/// (dI/dG)^2 of one fragment, G = alpha / opacity its Gaussian's value (docs/math/densification.md#pruning-by-score).
-/// What is not finite counts as nothing: such a Gaussian is not worth more than one that was never seen.
+/// Returns (dI/dG)^2 of one fragment, where G = alpha / opacity is the Gaussian's value
+/// (docs/math/densification.md#pruning-by-score). A value that is not finite counts as 0: such a Gaussian is worth no
+/// more than one that was never seen.
 template <class P, class T> GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
     const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs).dL_dalpha, square = slope * slope;
     return select(at_least(P(T(kLargestScore)), square), square, P(T(0)));

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scoring walks the lists of the forward pass once more: what a fragment is worth takes the final colour of its pixel.
+// Scores Gaussians on the device. It walks the lists of the forward pass again, because a fragment's score needs the
+// final colour of its pixel.
 #include "kernels/blend/score_cuda.h"
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
 namespace {
 
-/// A warp per sub-tile, through the whole list. out: by Gaussian, or by (slot, sub-tile) with a fixed order.
+/// Sums the scores of each sub-tile with a warp, which walks the whole list. `out` is (Gaussians), or (slots,
+/// sub-tiles) with a fixed order.
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
     __shared__ SplatBatch batches[kSubTiles];
@@ -16,7 +18,7 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     SplatBatch& batch = batches[warp];
     std::uint32_t* targets = all_targets[warp];
-    PixelScore<float> p{}; // outside of the image no light is left
+    PixelScore<float> p{}; // pixels outside of the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
         const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
         p = PixelScore<float>::of(Vec3<float>{image.rgb[i], image.rgb[i + plane], image.rgb[i + 2 * plane]}, image.transmittance[i], image.background);
@@ -52,7 +54,7 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
     }
 }
 
-/// One thread per Gaussian: adds up its instances in their order, and the sub-tiles of each in theirs.
+/// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
 __global__ void add_partial_scores(std::int64_t n, SlotMap slots, const float* __restrict__ partial, float* __restrict__ scores) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;
     if (k >= n) return;

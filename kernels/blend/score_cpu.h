@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scores of the Gaussians of one 16x16 tile on the CPU (docs/math/densification.md#pruning-by-score).
+// Scores the Gaussians of one 16x16 tile on the CPU (docs/math/densification.md#pruning-by-score).
 #pragma once
 
 #include "kernels/blend/blend_cpu.h"
 
 namespace gs {
 
-/// After blend_tile, over the instances that it processed: writes their sums of (dI/dG)^2 over the tile's pixels to
-/// sums[slot]. image: planar (3,H,W); transmittance: (H,W).
+/// Writes the sums of (dI/dG)^2 over the tile's pixels to sums[slot], for the instances that blend_tile processed
+/// before. image: planar (3,H,W); transmittance: (H,W).
 template <class Real>
 void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, const Real* image, const Real* transmittance, Real* sums) {
     using L = Lanes<Real>;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scores of all Gaussians on the device, gathered view by view (docs/math/densification.md#pruning-by-score).
+// The scores of all Gaussians on the device, gathered view by view (docs/math/densification.md#pruning-by-score).
 #pragma once
 
 #include <vector>
@@ -8,18 +8,19 @@
 
 namespace gs {
 
-/// Holds 4 bytes a Gaussian while it lives, with a fixed order of sums also 24 bytes an instance.
+/// The scores of n Gaussians. It holds 4 bytes a Gaussian while it lives, and 24 bytes an instance more with a fixed
+/// order of sums.
 class CudaScores {
   public:
-    /// All zero.
+    /// Starts with scores of zero.
     CudaScores(std::int64_t n, cudaStream_t stream);
 
-    /// Adds a view that was blended into `image`. Float atomics: the order of additions varies from run to run. With `slots`,
-    /// of `num_instances`, they have a fixed order.
+    /// Adds a view that was blended into `image`. It uses float atomics, whose order varies from run to run. With
+    /// `slots`, which belong to `num_instances`, the order is fixed.
     void add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots, std::int64_t num_instances);
 
     const float* get() const { return scores_.get(); }
-    /// Waits.
+    /// Waits for the stream and returns the scores (n).
     std::vector<float> download() const;
 
   private:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How threads, pixels and a batch of splats are laid out in the blend kernels. Included by the .cu files of this folder only.
+// The layout of threads, pixels and batches of splats in the blend kernels. Only the .cu files of this folder include
+// it.
 #pragma once
 
 #include "kernels/blend/blend_cuda.h"
@@ -7,19 +8,19 @@
 namespace gs {
 
 __device__ inline int2 tile_corner(int tile, int tiles_x) { return {tile % tiles_x * kCudaTileX, tile / tiles_x * kCudaTileY}; }
-/// Sub-tiles of a tile: two in a row, three rows; a warp each.
+/// Returns the first pixel of a warp's sub-tile. A tile has three rows of two sub-tiles.
 __device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) { return {tile_corner.x + (warp & 1) * kSubX, tile_corner.y + (warp >> 1) * kSubY}; }
 __device__ inline int2 pixel_of(int2 sub_tile, int lane) { return {sub_tile.x + (lane & 7), sub_tile.y + (lane >> 3)}; }
 
-/// Whether a splat reaches a pixel centre of the sub-tile.
+/// Returns whether a splat reaches a pixel centre of the sub-tile.
 __device__ inline bool reaches(const Splat<float>& s, int2 sub_tile) {
     return min_power_in_rectangle(s, float(sub_tile.x), float(sub_tile.y), float(kSubX - 1), float(kSubY - 1)) <= touch_threshold(s);
 }
 
-/// Where the lists of a tile's first 32 instances are kept; those of the next follow.
+/// Returns the place of the lists of a tile's first 32 instances. Those of the next instances follow.
 __device__ inline std::size_t first_group(int tile, std::uint32_t tile_begin) { return tile_begin / 32 + tile; }
 
-/// Splats of one warp in shared memory. All lanes read the same one, 16 bytes at a time.
+/// The splats of one warp in shared memory. All lanes read the same splat, 16 bytes at a time.
 struct SplatBatch {
     float4 a[32]; ///< mean x, mean y, qa, qb
     float4 b[32]; ///< qc, opacity, red, green

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an appearance model is called, and how colours are activated.
+// The name and size of an appearance model, and the activation of colours.
 #pragma once
 
 #include <string>
 
 namespace gs {
 
-/// Colour activation phi (docs/math/appearance.md#colour-activation).
+/// The colour activation phi (docs/math/appearance.md#colour-activation).
 enum class ColorActivation : int { kRelu, kSoftplus, kSigmoid, kHardSigmoid };
 
-/// Which appearance model, at which size. Part of every checkpoint.
+/// An appearance model and its size. Every checkpoint holds one.
 struct AppearanceSpec {
     std::string model = "sh";
-    int max_degree = 3; ///< unit of the model: SH bands, sites, lobes (docs/math/appearance.md#degrees)
+    int max_degree = 3; ///< in the model's own unit: SH bands, sites, lobes (docs/math/appearance.md#degrees)
     ColorActivation activation = ColorActivation::kRelu;
 };
 

@@ -1,26 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the bandwidth and the arithmetic rate that the CPU reaches.
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
 #include <vector>
 
 #include "kernels/core/ceilings.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/lanes.h"
 #include "kernels/core/parallel.h"
 
 namespace gs {
 namespace {
 
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
-
 /// Best of a few runs: a ceiling is what is possible.
 template <class Fn>
 double best_seconds(Fn&& fn) {
     double best = 1e9;
     for (int k = 0; k < 5; ++k) {
-        const double start = now();
+        const double start = seconds_now();
         fn();
-        best = std::min(best, now() - start);
+        best = std::min(best, seconds_now() - start);
     }
     return best;
 }

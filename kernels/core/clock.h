@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The clock that durations are taken from.
+// The clock that measures durations.
 #pragma once
 
 #include <chrono>

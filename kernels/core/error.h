@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Typed errors of every room. They carry the exit code the program ends with; only apps/ prints and exits.
+// The typed errors of every room. They carry the program's exit code; only apps/ prints and exits.
 #pragma once
 
 #include <stdexcept>
@@ -17,7 +17,7 @@ enum class ExitCode : int {
     kInterrupted = 130 ///< stopped by the user after writing a checkpoint
 };
 
-/// Base of all gsapp errors. The message names file, field and value, and the likely cause where one is known.
+/// The base of all gsapp errors. The message names file, field and value, and the likely cause where one is known.
 class Error : public std::runtime_error {
   public:
     Error(ExitCode code, const std::string& message) : std::runtime_error(message), code_(code) {}

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half precision on the host, as files and viewers store it.
+// Half precision on the host, which files and viewers use.
 #pragma once
 
 #include <bit>
 #include <cstdint>
 
+#include "kernels/core/half_range.h"
+
 namespace gs {
 
-inline constexpr double kLargestHalf = 65504;
-
-/// Bits of the nearest half, ties to even. Values beyond +-kLargestHalf count as that, so that a file never holds an infinity;
-/// NaN stays NaN.
+/// Returns the bits of the nearest half, ties to even. Values are clamped to +-kLargestHalf, so that a file never holds
+/// an infinity. NaN stays NaN.
 inline std::uint16_t half_bits(double x) {
     const double limited = x > kLargestHalf ? kLargestHalf : (x < -kLargestHalf ? -kLargestHalf : x);
     return std::bit_cast<std::uint16_t>(static_cast<_Float16>(limited));

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen pixels side by side: the lane type the blend mathematics runs on on the CPU.
+// Vectors of sixteen lanes, with which the CPU blends sixteen pixels at once.
 //
-// `Lanes<T>` is a compiler vector of 16 values; where AVX-512 is there, the few operations that compilers turn into
-// poor code (compare + select, exp2, reciprocal) use its instructions. Every operation has an overload for a plain
-// scalar, so the same templates serve one pixel (tests, CUDA) and sixteen.
+// `Lanes<T>` is a compiler vector of 16 values. With AVX-512, the few operations that compilers turn into poor code
+// (compare + select, exp2, reciprocal) use its instructions. Every operation has an overload for a plain scalar, so the
+// same templates serve one pixel (tests, CUDA) and sixteen.
 #pragma once
 
 #include <cstdint>
@@ -119,7 +119,7 @@ GS_HD Lanes<float> gs_fma(Lanes<float> a, Lanes<float> b, Lanes<float> c) {
     return Lanes<float>((LaneTypes<float>::Vector)_mm512_fmadd_ps((__m512)a.v, (__m512)b.v, (__m512)c.v));
 }
 GS_HD Lanes<float> reciprocal(Lanes<float> x) {
-    // One Newton step on the 14-bit estimate: relative error below 2^-23.
+    // One Newton step on the 14-bit estimate makes the relative error less than 2^-23.
     const __m512 r = _mm512_maskz_rcp14_ps(kAllLanes, (__m512)x.v);
     const __m512 e = _mm512_fnmadd_ps((__m512)x.v, r, _mm512_set1_ps(1.0f));
     return Lanes<float>((LaneTypes<float>::Vector)_mm512_fmadd_ps(r, e, r));
@@ -153,7 +153,8 @@ GS_HD Lanes<float> reciprocal(Lanes<float> x) { return Lanes<float>(1.0f / x.v);
 GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) { return Lanes<float>(a.v > b.v ? a.v : b.v); }
 GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) { return Lanes<float>(a.v < b.v ? a.v : b.v); }
 GS_HD Lanes<float> round_lanes(Lanes<float> x) {
-    // Adding 1.5*2^23 pushes the fraction out of the mantissa; exact for |x| < 2^22, which exp2's clamp ensures.
+    // Adding 1.5*2^23 pushes the fraction out of the mantissa. This is exact for |x| < 2^22, which exp2's clamp
+    // ensures.
     const LaneTypes<float>::Vector magic = 12582912.0f - LaneTypes<float>::Vector{};
     volatile LaneTypes<float>::Vector shifted = x.v + magic;
     return Lanes<float>(shifted - magic);
@@ -172,8 +173,8 @@ GS_HD float sum_lanes(Lanes<float> x) {
 
 #endif
 
-/// 2^min(x,0) with relative error below 2e-7; 0 below x = -126. Polynomial on [-1/2,1/2] after rounding off the
-/// integer part (coefficients: Cephes exp2f).
+/// Returns 2^min(x,0) with relative error below 2e-7, and 0 below x = -126. After the integer part is rounded off, a
+/// polynomial serves on [-1/2,1/2] (coefficients: Cephes exp2f).
 GS_HD Lanes<float> exp2_nonpositive(Lanes<float> x) {
     using L = Lanes<float>;
     const L clamped = lane_min(lane_max(x, L(-126.0f)), L(0.0f));
@@ -188,7 +189,7 @@ GS_HD Lanes<float> exp2_nonpositive(Lanes<float> x) {
     return scale_by_power_of_two(p, n);
 }
 
-// Double lanes serve the reference backend of the tests: plain loops.
+// Double lanes serve the reference backend of the tests, so plain loops are enough.
 GS_HD Lanes<double> gs_fma(Lanes<double> a, Lanes<double> b, Lanes<double> c) { return a.v * b.v + c.v; }
 GS_HD Lanes<double> reciprocal(Lanes<double> x) { return Lanes<double>(1.0 / x.v); }
 GS_HD Lanes<double> lane_max(Lanes<double> a, Lanes<double> b) { return Lanes<double>(a.v > b.v ? a.v : b.v); }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Parallel loops on a TBB arena of the chosen number of threads.
 #include "kernels/core/parallel.h"
 
 #include <tbb/global_control.h>
@@ -11,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// Threads of all parallel work. The control lets the arena have more threads than cores, which tests ask for.
+/// The threads of all parallel work. The control lets the arena have more threads than cores, which tests ask for.
 struct Threads {
     tbb::task_arena arena;
     std::unique_ptr<tbb::global_control> control;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one place that picks threads on the CPU.
+// Parallel loops on the CPU. Only this file picks threads.
 #pragma once
 
 #include <cstdint>
@@ -7,26 +7,28 @@
 
 namespace gs {
 
-/// 0 = all cores the process may use. Not while a parallel_for runs.
+/// Sets the number of threads; 0 means all cores that the process may use. Must not be called while a parallel_for
+/// runs.
 void set_num_threads(int threads);
 int num_threads();
 
-/// Calls fn(i) for i in [0, n), in any order and on any thread; waits for all. Results must not depend on the order;
-/// callers that reduce do so over fixed-size parts, in order. The first exception is rethrown. Idle threads sleep, so
-/// that a busy machine does not slow it beyond its share. Cost: some microseconds, and an indirect call for each i.
+/// Calls fn(i) for i in [0, n), in any order and on any thread, and waits for all. Results must not depend on the
+/// order; callers that reduce do so over fixed-size parts, in order. The first exception is rethrown. Idle threads
+/// sleep, so that a busy machine does not slow the loop beyond its share. A loop costs some microseconds, and an
+/// indirect call for each i.
 void parallel_for_function(std::int64_t n, const std::function<void(std::int64_t)>& fn);
 
-/// The same for any callable, passed by reference: std::function would copy a large closure to the heap.
+/// Calls parallel_for_function with any callable by reference; std::function would copy a large closure to the heap.
 template <class Fn> void parallel_for(std::int64_t n, Fn&& fn) { parallel_for_function(n, std::ref(fn)); }
 
-/// Ascending; the same for any number of threads, as keys are plain numbers.
+/// Sorts in ascending order. The result is the same for any number of threads, because keys are plain numbers.
 void parallel_sort(std::uint64_t* begin, std::uint64_t* end);
 
-/// Rows of the Gaussian arrays are worked on in parts of this size, whatever the number of threads.
+/// The number of Gaussian rows that are worked on as one part, for any number of threads.
 inline constexpr std::int64_t kPartSize = 1024;
 inline std::int64_t num_parts(std::int64_t n, std::int64_t part = kPartSize) { return (n + part - 1) / part; }
 
-/// parallel_for over rows in parts of kPartSize: for work too small for a call each.
+/// Calls fn(i) for rows i in [0, n), in parallel parts of kPartSize. It serves work that is too small for a call each.
 template <class Fn> void parallel_for_rows(std::int64_t n, Fn&& fn) {
     parallel_for(num_parts(n), [&](std::int64_t part) {
         for (std::int64_t i = part * kPartSize, end = i + kPartSize < n ? i + kPartSize : n; i < end; ++i) fn(i);

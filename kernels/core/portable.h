@@ -7,7 +7,7 @@
 
 #if defined(__CUDACC__)
 #define GS_HD __host__ __device__ __forceinline__
-/// Before a loop with a constant bound whose array elements should be registers.
+/// Unrolls the next loop on the device, so that the elements of an array stay in registers. The bound must be constant.
 #define GS_UNROLL _Pragma("unroll")
 #else
 #define GS_HD inline __attribute__((always_inline))
@@ -20,7 +20,7 @@ template <class T> GS_HD T gs_min(T a, T b) { return a < b ? a : b; }
 template <class T> GS_HD T gs_max(T a, T b) { return a > b ? a : b; }
 template <class T> GS_HD T gs_clamp(T x, T lo, T hi) { return gs_min(gs_max(x, lo), hi); }
 
-// Overloads instead of std:: calls: the same template text then compiles for float, double and device code.
+// These overloads replace std:: calls, so that the same template text compiles for float, double and device code.
 GS_HD float gs_exp(float x) { return ::expf(x); }
 GS_HD double gs_exp(double x) { return ::exp(x); }
 GS_HD float gs_log(float x) { return ::logf(x); }
@@ -52,7 +52,7 @@ GS_HD double gs_floor(double x) { return ::floor(x); }
 GS_HD float gs_ceil(float x) { return ::ceilf(x); }
 GS_HD double gs_ceil(double x) { return ::ceil(x); }
 #if !defined(__CUDACC__)
-// The reference of the stability measurements (eval/bench/stability.h). nvcc would take long double for double.
+// Long double is the reference of the stability measurements (eval/bench/stability.h). nvcc would treat it as double.
 inline long double gs_exp(long double x) { return ::expl(x); }
 inline long double gs_log(long double x) { return ::logl(x); }
 inline long double gs_sqrt(long double x) { return ::sqrtl(x); }
@@ -63,17 +63,18 @@ inline long double gs_tanh(long double x) { return ::tanhl(x); }
 inline long double gs_sin(long double x) { return ::sinl(x); }
 inline long double gs_cos(long double x) { return ::cosl(x); }
 inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sinl(x), c = ::cosl(x); }
-inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; } // fmal is a hundred times slower
+// fmal is a hundred times slower.
+inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; }
 #endif
 template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308)); }
 
-/// Logistic function, stable for every finite x.
+/// The logistic function, stable for every finite x.
 template <class T> GS_HD T sigmoid(T x) { return T(1) / (T(1) + gs_exp(-x)); }
 
-/// ln(1 + e^x), stable for every finite x. Its derivative is the logistic function.
+/// Returns ln(1 + e^x), stable for every finite x. Its derivative is the logistic function.
 template <class T> GS_HD T softplus(T x) { return gs_max(x, T(0)) + gs_log1p(gs_exp(-gs_abs(x))); }
 
-/// Derivative of tanh. 1 - tanh^2 would be exactly 0 in float from |x| = 9 on; this is not up to 43.
+/// The derivative of tanh. In float, 1 - tanh^2 would be exactly 0 from |x| = 9 on; this form is positive up to 43.
 template <class T> GS_HD T tanh_derivative(T x) {
     const T e = gs_exp(T(-2) * gs_abs(x));
     return T(4) * e / ((T(1) + e) * (T(1) + e));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counter-based random numbers (Philox4x32-10): a value depends only on (seed, stream, index), so there is no
-// generator state to store, resuming is exact and the number of threads has no influence.
+// Counter-based random numbers (Philox4x32-10). A value depends only on (seed, stream, index). So there is no generator
+// state to store, resuming is exact, and the number of threads has no influence.
 // Source: Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
 #pragma once
 
@@ -8,9 +8,10 @@
 
 namespace gs {
 
-/// What a random number is used for; part of the counter, so that uses never share numbers.
+/// The use of a random number. It is part of the counter, so that uses never share numbers.
 enum class RngStream : std::uint32_t { kViewOrder = 1, kNoise, kRelocate, kGrow, kSplit, kInitPoints, kBackground, kScene, kInitWeights, kHostile, kController };
 
+/// One block of 128 random bits.
 struct Philox4 {
     std::uint32_t v[4];
 };
@@ -32,12 +33,12 @@ GS_HD Philox4 philox(std::uint64_t seed, RngStream stream, std::uint64_t major, 
     return {{c0, c1, c2, c3}};
 }
 
-/// Uniform in (0, 1), never 0 or 1.
+/// Returns a number uniform in (0, 1), never 0 or 1.
 template <class T = float> GS_HD T uniform_from_bits(std::uint32_t bits) {
     return (T(bits >> 9) + T(0.5)) * T(1.0 / 8388608.0); // 23 bits: adding the half is exact in float
 }
 
-/// Four standard normals from one Philox block (Box-Muller).
+/// Makes four standard normals from one Philox block (Box-Muller).
 GS_HD void normals_from(const Philox4& r, float out[4]) {
     for (int k = 0; k < 2; ++k) {
         const float radius = ::sqrtf(-2.0f * ::logf(uniform_from_bits<float>(r.v[2 * k])));

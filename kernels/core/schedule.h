@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Learning-rate schedules of the paper (table "learning rates"; docs/math/optimization.md#schedules). Host only.
+// The learning-rate schedules of the paper (table "learning rates"; docs/math/optimization.md#schedules), for the host.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// One learning rate over time. `at(it)` takes the 1-based iteration and returns the absolute rate.
+/// One learning rate over time. `at(it)` returns the absolute rate of the 1-based iteration `it`.
 struct Schedule {
     enum class Kind { kConstant, kLogLinear, kCosine, kWarmUp };
     Kind kind = Kind::kConstant;
@@ -15,8 +15,8 @@ struct Schedule {
     double final_factor = 1; ///< kLogLinear, kCosine: last rate / initial rate
     double start = 0;        ///< kCosine: first iteration of the decay
     double end = 30000;      ///< iteration at which the last rate is reached
-    double before = 1;       ///< kCosine: factor before `start`
-    bool zero_after = false; ///< kCosine: rate is 0 after `end` (delayed cosine of spherical Voronoi)
+    double before = 1;       ///< kCosine: factor on `initial` before `start`
+    bool zero_after = false; ///< kCosine: the rate is 0 after `end` (delayed cosine of spherical Voronoi)
 
     double at(double it) const {
         switch (kind) {
@@ -33,7 +33,8 @@ struct Schedule {
                 return last + 0.5 * (initial - last) * (1 + std::cos(M_PI * t));
             }
             case Kind::kWarmUp: {
-                // Delay of 3000 iterations with multiplier 1e-8, then log-linear to a tenth over 30 000.
+                // The rate rises over 3000 iterations from a factor of 1e-8, and falls log-linearly to a tenth over 30
+                // 000.
                 const double w = it < 3000 ? 1e-8 + (1 - 1e-8) * std::sin(0.5 * M_PI * std::clamp(it / 3000, 0.0, 1.0)) : 1.0;
                 return w * initial * std::pow(0.1, std::clamp(it / 30000, 0.0, 1.0));
             }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The few small vectors and matrices the rendering mathematics needs, templates over the scalar (or lane pack).
+// The small vectors and matrices of the rendering mathematics, as templates over the scalar (or lane vector).
 #pragma once
 
 #include "kernels/core/portable.h"
@@ -27,13 +27,13 @@ template <class T> struct Vec4 {
     T x, y, z, w;
 };
 
-/// Symmetric 2x2 matrix [[xx,xy],[xy,yy]]. As a gradient, xy is ONE off-diagonal element of the gradient matrix,
-/// i.e. half the derivative with respect to the shared scalar (docs/math/rasterizer.md#conventions).
+/// A symmetric 2x2 matrix [[xx,xy],[xy,yy]]. In a gradient, xy is ONE off-diagonal element of the gradient matrix,
+/// which is half the derivative with respect to the shared scalar (docs/math/rasterizer.md#conventions).
 template <class T> struct Sym2 {
     T xx, xy, yy;
 };
 
-/// Symmetric 3x3 matrix; the same half convention for gradients.
+/// A symmetric 3x3 matrix, with the same half convention for gradients.
 template <class T> struct Sym3 {
     T xx, xy, xz, yy, yz, zz;
     GS_HD Vec3<T> operator*(const Vec3<T>& v) const {
@@ -41,7 +41,7 @@ template <class T> struct Sym3 {
     }
 };
 
-/// 3x3 matrix, rows r0..r2.
+/// A 3x3 matrix with rows r0..r2.
 template <class T> struct Mat3 {
     Vec3<T> r0, r1, r2;
     GS_HD Vec3<T> operator*(const Vec3<T>& v) const { return {dot(r0, v), dot(r1, v), dot(r2, v)}; }

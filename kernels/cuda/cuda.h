@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checked CUDA calls. Included by .cu files only.
+// Checked CUDA calls. Only .cu files include this header.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -11,16 +11,17 @@
 
 namespace gs {
 
+/// Throws DeviceError, with `what` and CUDA's message, unless `error` is cudaSuccess.
 inline void cuda_check(cudaError_t error, const char* what) {
     if (error == cudaSuccess) return;
-    cudaGetLastError(); // clear it: the process may go on, e.g. to write a checkpoint
+    cudaGetLastError(); // clears the error: the process may go on, e.g. to write a checkpoint
     throw DeviceError(std::string(what) + ": " + cudaGetErrorString(error));
 }
 #define GS_CUDA(call) ::gs::cuda_check((call), #call)
-/// After every launch, in every build.
+/// Checks a launch. It follows every launch, in every build.
 #define GS_CUDA_LAUNCHED(name) ::gs::cuda_check(cudaGetLastError(), name)
 
-/// Sum over the warp, in every lane.
+/// Returns the sum over the warp, in every lane.
 template <class T> __device__ T warp_sum(T x) {
 #pragma unroll
     for (int step = 16; step; step /= 2) x += __shfl_xor_sync(~0u, x, step);

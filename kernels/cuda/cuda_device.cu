@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Asks for the device, and measures the bandwidth and the arithmetic rate that it reaches.
 #include "kernels/cuda/cuda_device.h"
 
 #include <algorithm>
@@ -9,18 +10,18 @@ namespace gs {
 namespace {
 
 constexpr int kBlock = 256;
-/// FMA chains a thread works on side by side, and links of each between two looks at the loop counter. An FMA answers after
-/// 4 cycles; 8 chains times the warps of a full multiprocessor hide that many times over.
+/// The FMA chains that a thread works on side by side, and the links of each per turn of the loop. An FMA takes 4
+/// cycles; 8 chains times the warps of a full multiprocessor hide that many times over.
 constexpr int kChains = 8, kUnrolled = 16;
 constexpr int kRounds = 512;
 
 __global__ void __launch_bounds__(kBlock) copy_float4(const float4* __restrict__ from, float4* __restrict__ to, std::size_t n) {
     const std::size_t stride = std::size_t(gridDim.x) * kBlock;
-#pragma unroll 4 // four loads under way in each thread
+#pragma unroll 4 // each thread has four loads under way
     for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < n; i += stride) to[i] = from[i];
 }
 
-/// The factors come as arguments, so that the compiler cannot work the chains out beforehand.
+/// Runs the chains. The factors are arguments, so that the compiler cannot compute the chains beforehand.
 __global__ void __launch_bounds__(kBlock) chain_fmas(float factor, float term, float* __restrict__ out) {
     float x[kChains];
     for (int c = 0; c < kChains; ++c) x[c] = float(threadIdx.x + c);
@@ -32,7 +33,7 @@ __global__ void __launch_bounds__(kBlock) chain_fmas(float factor, float term, f
     }
     float sum = 0;
     for (int c = 0; c < kChains; ++c) sum += x[c];
-    if (sum == -1.0f) *out = sum; // never: but then the chains have a reader
+    if (sum == -1.0f) *out = sum; // never true, but keeps the compiler from removing the chains
 }
 
 class Event {
@@ -47,7 +48,7 @@ class Event {
     cudaEvent_t event_ = nullptr;
 };
 
-/// Not a DeviceBuffer: what is only measured with must not show in the peak that runs report.
+/// Device memory of a measurement. It is no DeviceBuffer, so that it does not count in the peak that runs report.
 class Memory {
   public:
     explicit Memory(std::size_t bytes) { GS_CUDA(cudaMalloc(&data_, bytes)); }
@@ -60,7 +61,7 @@ class Memory {
     void* data_ = nullptr;
 };
 
-/// Best of five, after one launch to warm up: a ceiling is what is possible.
+/// Returns the least time of five launches after one to warm up, because a ceiling is the best that is possible.
 template <class Launch> double best_seconds(const char* name, Launch&& launch) {
     const Event begin, end;
     float best = 1e30f;
@@ -85,7 +86,7 @@ cudaDeviceProp current_device() {
     return properties;
 }
 
-/// 12080 -> "12.8"
+/// Turns CUDA's version number into text: 12080 -> "12.8".
 std::string cuda_version(int number) { return std::to_string(number / 1000) + "." + std::to_string(number % 1000 / 10); }
 
 }  // namespace
@@ -115,7 +116,8 @@ std::string cuda_driver_description() {
 }
 
 Ceilings cuda_ceilings() {
-    const unsigned blocks = unsigned(8 * current_device().multiProcessorCount); // 2048 threads on each: full
+    // 2048 threads fill a multiprocessor.
+    const unsigned blocks = unsigned(8 * current_device().multiProcessorCount);
     std::size_t free = 0, total = 0;
     GS_CUDA(cudaMemGetInfo(&free, &total));
     const std::size_t bytes = std::min<std::size_t>(std::size_t(1) << 30, free / 4), n = bytes / sizeof(float4);

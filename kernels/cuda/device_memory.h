@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Device memory: buffers that grow, one scratch block carved anew for every use, and what all of it adds up to.
-// Included by .cu files only.
+// Device memory: buffers that grow, one scratch block that is carved anew for every use, and the count of all bytes.
+// Only .cu files include this header.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// Bytes that all buffers of the process hold now, and the most they ever held. Used by one thread.
+/// The bytes that all buffers of the process hold now, and the most that they ever held. Only one thread may use it.
 struct DeviceMemoryCount {
     std::int64_t now = 0, peak = 0;
 };
@@ -28,7 +28,8 @@ template <class T> class DeviceBuffer {
     DeviceBuffer& operator=(const DeviceBuffer&) = delete;
     ~DeviceBuffer() { release(); }
 
-    /// At least n elements; growing drops the contents. Throws DeviceError naming what was asked and what was free.
+    /// Makes room for at least n elements; growing drops the contents. Throws DeviceError with the sizes asked and
+    /// free.
     T* reserve(std::size_t n) {
         if (n > capacity_) {
             const std::size_t wanted = std::max(n, capacity_ + capacity_ / 4);
@@ -37,12 +38,13 @@ template <class T> class DeviceBuffer {
         }
         return data_;
     }
-    /// As reserve, keeping the first `used` elements, and not a byte more than n elements.
+    /// Makes room for n elements and keeps the first `used`. Growing allocates exactly n. Throws DeviceError like
+    /// reserve.
     T* grow(std::size_t n, std::size_t used) {
         if (n <= capacity_) return data_;
         DeviceBuffer bigger;
         bigger.allocate(n);
-        // Ordered with the streams that use the old memory by its release, which waits for the device.
+        // The release of the old memory waits for the device, which orders this copy with the streams that use it.
         if (used) GS_CUDA(cudaMemcpy(bigger.data_, data_, used * sizeof(T), cudaMemcpyDeviceToDevice));
         std::swap(data_, bigger.data_);
         std::swap(capacity_, bigger.capacity_);
@@ -52,11 +54,11 @@ template <class T> class DeviceBuffer {
     std::int64_t bytes() const { return std::int64_t(capacity_ * sizeof(T)); }
     std::size_t capacity() const { return capacity_; }
 
-    /// Blocking copies.
+    /// Copies all of `host` to the device and waits.
     void upload(const std::vector<T>& host) {
         if (!host.empty()) GS_CUDA(cudaMemcpy(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice));
     }
-    /// Moments that the host may have dropped: `n` of them, zeros if it has none.
+    /// Uploads `n` moments, or zeros if the host has dropped them.
     void upload_or_zero(const std::vector<T>& host, std::size_t n) {
         upload(host);
         if (host.empty() && n > 0) GS_CUDA(cudaMemset(reserve(n), 0, n * sizeof(T)));
@@ -98,11 +100,11 @@ template <class T> class DeviceBuffer {
     std::size_t capacity_ = 0;
 };
 
-/// Hands out consecutive pieces of a block; with a null block it only counts.
+/// Hands out consecutive pieces of a block. With a null block it only counts.
 class Carver {
   public:
     explicit Carver(unsigned char* block) : block_(block) {}
-    /// n elements of T on a 256-byte boundary.
+    /// Returns n elements of T on a 256-byte boundary.
     template <class T> T* take(std::size_t n) {
         T* piece = block_ ? reinterpret_cast<T*>(block_ + at_) : nullptr;
         at_ += (n * sizeof(T) + 255) / 256 * 256;
@@ -110,7 +112,7 @@ class Carver {
         return piece;
     }
     std::size_t at() const { return at_; }
-    /// Goes back to an earlier at(): what was taken since is dead, and its place is given out again.
+    /// Goes back to an earlier at(). Pieces taken since then are dead, and their place is given out again.
     void rewind(std::size_t at) { at_ = at; }
     std::size_t most() const { return most_; }
 
@@ -119,11 +121,11 @@ class Carver {
     std::size_t at_ = 0, most_ = 0;
 };
 
-/// One block for what lives no longer than an iteration or a densification.
+/// One block for memory that lives no longer than an iteration or a densification.
 class Scratch {
   public:
-    /// layout(Carver&) runs twice: to count, and to take. It must ask for the same both times. Invalidates what was taken
-    /// before.
+    /// Runs layout(Carver&) twice, first to count and then to take; it must ask for the same both times. Pieces taken
+    /// before become invalid.
     template <class Layout> void carve(Layout&& layout) {
         Carver count(nullptr);
         layout(count);

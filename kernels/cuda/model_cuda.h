@@ -13,14 +13,14 @@ struct CudaModel {
     std::int64_t count = 0;
     int width[kNumGroups] = {};
     DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups]; ///< (count, width)
-    bool packed_moments = false; ///< of the residuals: m holds words of both, v nothing (packed_moments.h)
-    bool has_statistic = false;                                          ///< the two below hold `count` values
+    bool packed_moments = false; ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
+    bool has_statistic = false;  ///< gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
-    DeviceBuffer<float> shared_param, shared_m, shared_v; ///< weights of all Gaussians
-    DeviceBuffer<unsigned> shared_prepared;               ///< the same as kernels read them
+    DeviceBuffer<float> shared_param, shared_m, shared_v; ///< weights that all Gaussians share
+    DeviceBuffer<unsigned> shared_prepared;               ///< these weights in the form that kernels read
 
     std::size_t floats(int group) const { return std::size_t(count) * width[group]; }
-    /// The arrays that hold a group's moments. Zeros in them are moments of 0.
+    /// Returns the arrays that hold a group's moments. Zeros in them are moments of 0.
     std::vector<DeviceBuffer<float>*> moments(int group) {
         if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
         return {&m[group], &v[group]};
@@ -31,7 +31,7 @@ struct CudaModel {
         a.shared_param = shared_param.get(), a.shared_m = shared_m.get(), a.shared_v = shared_v.get();
         return a;
     }
-    /// Room for n rows in every group, keeping the present ones.
+    /// Makes room for n rows in every group and keeps the present ones.
     void reserve_rows(std::int64_t n) {
         for (int g = 0; g < kNumGroups; ++g) {
             param[g].grow(std::size_t(n) * width[g], floats(g));

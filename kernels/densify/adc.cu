@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adaptive density control on the device. What becomes of every row is decided first; then one gather builds the model.
+// Adaptive density control on the device. It first decides the fate of every row; then one gather builds the model.
 #include <cub/device/device_radix_sort.cuh>
 
 #include "kernels/densify/adc_device.h"
@@ -9,7 +9,7 @@
 namespace gs {
 namespace {
 
-/// What becomes of a row; several may hold.
+/// The fate of a row; several may hold.
 enum Fate : unsigned char { kGrows = 1, kOriginalStays = 2, kCloneStays = 4, kChildrenStay = 8 };
 
 struct HasFate {
@@ -19,10 +19,10 @@ struct HasFate {
 };
 
 struct AdcCounts {
-    unsigned long long cloned, split, originals, clones, parents; ///< the last three: of what stays
+    unsigned long long cloned, split, originals, clones, parents; ///< the last three count only rows that stay
 };
 
-/// Without a statistic nothing was gathered: zero.
+/// Marks the rows that grow. Without a statistic all sums count as zero.
 __global__ void find_growers(std::int64_t n, AdcRule rule, const float* gradient_sum, const float* gradient_count, unsigned char* fates) {
     const std::int64_t i = thread_row();
     if (i < n) fates[i] = rule.grows(gradient_sum ? gradient_sum[i] : 0.0f, gradient_count ? gradient_count[i] : 0.0f) ? kGrows : 0;
@@ -54,7 +54,7 @@ __global__ void decide_fates(std::int64_t n, AdcRule rule, const float* raw_opac
         const float scale = max_log_scale(log_scales + 3 * i);
         const bool grows = fates[i] & kGrows;
         cloned = grows && rule.is_small(scale), split = grows && !cloned;
-        // Clones look like the original, both children alike.
+        // A clone equals its original, and both children have the same scale, so one test decides for both.
         if (rule.is_kept(raw_opacities[i], rotations + 4 * i, split ? scale - kLogSplitShrink : scale)) {
             fate = split ? kChildrenStay : kOriginalStays;
             if (cloned) fate |= kCloneStays;
@@ -73,7 +73,7 @@ __global__ void list_children(std::int64_t n, const std::uint32_t* parents, std:
     if (k < n) order[k] = parents[k / 2];
 }
 
-/// Rows first, first + 1, ... are copies of the parents, two of each.
+/// Turns the rows from `first` on, which are two copies of each parent, into children.
 __global__ void make_children(std::int64_t n, std::int64_t first, const std::uint32_t* order, float* means, float* log_scales, const float* rotations,
                               std::int64_t iteration, std::uint64_t seed) {
     const std::int64_t k = thread_row(), row = first + k;
@@ -99,12 +99,33 @@ struct AdcSpace {
     unsigned char* fates = nullptr;
     AdcCounts* counts = nullptr;
     std::int64_t* num_selected = nullptr;
-    std::uint32_t* growers[2] = {}; ///< these two only where there is a cap
+    std::uint32_t* growers[2] = {}; ///< growers and ranks exist only with a cap
     float* ranks[2] = {};
-    std::uint32_t *order = nullptr, *parents = nullptr; ///< in the place of the two above
+    std::uint32_t *order = nullptr, *parents = nullptr; ///< in the place of growers and ranks
     CubSpace cub;
     RowSlice slice;
+
+    /// For n rows, of which at most `room` grow; `block`: bytes of the scratch before it was carved.
+    void take(Carver& c, const CudaModel& model, std::int64_t room, bool capped, std::int64_t block) {
+        const std::int64_t n = model.count;
+        fates = c.take<unsigned char>(n), counts = c.take<AdcCounts>(1), num_selected = c.take<std::int64_t>(1);
+        cub.take(c);
+        const std::size_t ranked = c.at();
+        for (auto& half : growers) half = c.take<std::uint32_t>(capped ? n : 0);
+        for (auto& half : ranks) half = c.take<float>(capped ? n : 0);
+        c.rewind(ranked);
+        order = c.take<std::uint32_t>(n + room), parents = c.take<std::uint32_t>(room);
+        slice = take_slice(c, model, n + room, block);
+    }
 };
+
+/// Makes room for `total` rows, and for some more up to the cap (0: none), so that the next densification needs no new memory.
+void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStream_t stream) {
+    if (has_room(model, total)) return;
+    GS_CUDA(cudaStreamSynchronize(stream));
+    const std::int64_t spare = total + total / 20;
+    model.reserve_rows(cap > 0 ? std::max(total, std::min(spare, cap)) : spare);
+}
 
 }  // namespace
 
@@ -129,16 +150,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         const auto sort = [&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, num_growers, 0, 32, stream_); };
         space.cub.ask(select);
         if (capped) space.cub.ask(sort);
-        scratch_.carve([&](Carver& c) {
-            space.fates = c.take<unsigned char>(n), space.counts = c.take<AdcCounts>(1), space.num_selected = c.take<std::int64_t>(1);
-            space.cub.take(c);
-            const std::size_t ranked = c.at();
-            for (auto& half : space.growers) half = c.take<std::uint32_t>(capped ? n : 0);
-            for (auto& half : space.ranks) half = c.take<float>(capped ? n : 0);
-            c.rewind(ranked);
-            space.order = c.take<std::uint32_t>(n + room), space.parents = c.take<std::uint32_t>(room);
-            space.slice = take_slice(c, model_, n + room, block);
-        });
+        scratch_.carve([&](Carver& c) { space.take(c, model_, room, capped, block); });
         const auto list = [&](Fate fate, std::uint32_t* out) {
             wanted = {space.fates, fate}, selected = out;
             space.cub.run(select);
@@ -153,7 +165,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
                 rank_growers<<<num_blocks(num_growers, kRowBlock), kRowBlock, 0, stream_>>>(num_growers, space.growers[0], sums, views, space.ranks[0]);
                 GS_CUDA_LAUNCHED("rank_growers");
                 keys = {space.ranks[0], space.ranks[1]}, rows = {space.growers[0], space.growers[1]};
-                space.cub.run(sort); // stable: of equal ranks the first rows grow
+                space.cub.run(sort); // stable: among equal ranks the first rows grow
                 const std::int64_t dropped = num_growers - room;
                 drop_growers<<<num_blocks(dropped, kRowBlock), kRowBlock, 0, stream_>>>(dropped, rows.Current() + room, space.fates);
                 GS_CUDA_LAUNCHED("drop_growers");
@@ -176,11 +188,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         list_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(children, space.parents, space.order + first_child);
         GS_CUDA_LAUNCHED("list_children");
     }
-    if (!has_room(model_, total)) {
-        GS_CUDA(cudaStreamSynchronize(stream_));
-        const std::int64_t spare = total + total / 20; // the next densification needs no new memory
-        model_.reserve_rows(capped ? std::max(total, std::min(spare, params.cap)) : spare);
-    }
+    make_room(model_, total, params.cap, stream_);
     model_.has_statistic = false; // it starts anew
     gather_rows(model_, space.order, kept, total, space.slice, stream_);
     if (children > 0) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adaptive density control: clone, split, prune (docs/math/densification.md#adc).
+// Adaptive density control on host arrays: it clones, splits and prunes (docs/math/densification.md#adc).
 #include <algorithm>
 
 #include "kernels/core/error.h"
@@ -35,7 +35,7 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
     const AdcRule rule = AdcRule::of(params);
     const std::int64_t before = s.count;
     const auto max_scale = [&](std::int64_t i) { return max_log_scale(&s[Group::kScale].param[3 * i]); };
-    s.gradient_sum.resize(before, 0.0f); // nothing gathered yet: nothing grows
+    s.gradient_sum.resize(before, 0.0f); // without a statistic nothing grows
     s.gradient_count.resize(before, 0.0f);
     std::vector<std::pair<float, std::uint32_t>> growers; // (rank, index)
     for (std::int64_t i = 0; i < before; ++i)

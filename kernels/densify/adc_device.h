@@ -10,12 +10,12 @@
 
 namespace gs {
 
-/// Opacity 0.01, the value of the reset.
+/// The logit of opacity 0.01, to which a reset lowers opacities.
 inline constexpr float kResetLogit = -4.595119953155518f;
-/// Children of a split are smaller by 1.6; the logarithm, so that no backend computes it.
+/// The logarithm of 1.6, by which the children of a split are smaller. It is a constant so that no backend computes it.
 inline constexpr float kLogSplitShrink = 0.4700036292457356f;
 
-/// Leaves a NaN as it is.
+/// Returns a raw opacity after the reset. NaN stays NaN.
 GS_HD float reset_raw_opacity(float raw) { return raw > kResetLogit ? kResetLogit : raw; }
 
 GS_HD float max_log_scale(const float* s) {
@@ -23,7 +23,7 @@ GS_HD float max_log_scale(const float* s) {
     return m < s[2] ? s[2] : m;
 }
 
-/// The thresholds of one densification. Logarithms are taken on the host.
+/// The thresholds of one densification. The host takes their logarithms.
 struct AdcRule {
     float grad_threshold, dense, min_logit, large;
 
@@ -32,17 +32,18 @@ struct AdcRule {
                 p.prune_large ? std::log(0.1f * p.extent) : std::numeric_limits<float>::infinity()};
     }
     GS_HD bool grows(float gradient_sum, float views) const { return gradient_sum >= grad_threshold * gs_max(views, 1.0f); }
-    /// Grows by a clone, else by a split.
+    /// Returns whether a Gaussian that grows is cloned; otherwise it is split.
     GS_HD bool is_small(float max_scale) const { return max_scale <= dense; }
     GS_HD bool is_kept(float raw_opacity, const float* q, float max_scale) const {
         return raw_opacity >= min_logit && usable_rotation(q) && !(max_scale > large);
     }
 };
 
-/// Sorts growers: the strongest mean gradient first.
+/// Returns the sort key of a grower, which puts the strongest mean gradient first.
 GS_HD float adc_rank(float gradient_sum, float views) { return -gradient_sum / gs_max(views, 1.0f); }
 
-/// Turns a copy of row `parent` into its child 0 or 1: a place drawn from the parent's distribution, a smaller scale.
+/// Turns a copy of row `parent` into its child 0 or 1, with a place drawn from the parent's distribution and a smaller
+/// scale.
 GS_HD void make_split_child(float* mean, float* log_scale, const float* q, std::uint32_t parent, std::uint32_t child, std::int64_t iteration, std::uint64_t seed) {
     float xi[4];
     normals_from(philox(seed, RngStream::kSplit, std::uint64_t(iteration), 2 * parent + child), xi);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Growing, relocating and pruning Gaussians on the host (docs/math/densification.md). Rows of all groups move alike.
+// Grows, relocates and prunes Gaussians on the host (docs/math/densification.md). Rows of all groups move in the same
+// way.
 #pragma once
 
 #include <vector>
@@ -8,7 +9,8 @@
 
 namespace gs {
 
-/// New row k = old row order[k]; rows not named are removed. Moments and the ADC statistic move along.
+/// Makes old row order[k] the new row k, and removes rows that `order` does not name. Moments and the ADC statistic
+/// move along.
 void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order);
 
 /// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap (docs/math/densification.md#mcmc). Drops
@@ -19,18 +21,22 @@ DensifyStats mcmc_densify(Gaussians& state, const McmcParams& params, std::int64
 /// NumericError if nothing is left.
 DensifyStats adc_densify(Gaussians& state, const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
 
+/// Lowers opacities to 0.01 and zeroes their moments.
 void adc_reset_opacity(Gaussians& state);
 
-/// Removes Gaussians with a parameter that is not finite or beyond kLargestParameter (rows_device.h); counts the offending rows per group. Returns how many went.
+/// Removes Gaussians with a parameter that is not finite or beyond kLargestParameter (rows_device.h), and counts the
+/// broken rows per group. Returns the number of removed Gaussians.
 std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups]);
 
-/// Removes Gaussians that no view can show: opacity < 1/255 or |q|^2 < 1e-8. Returns how many went.
+/// Removes Gaussians that no view can show: opacity < 1/255 or |q|^2 < 1e-8. Returns their number.
 std::int64_t remove_invisible(Gaussians& state);
 
-/// Removes the share `ratio` of lowest scores (score_rule.h), one score a row. Returns how many went.
+/// Removes the share `ratio` of lowest scores (score_rule.h). `scores` has one value per row. Returns the number of
+/// removed Gaussians.
 std::int64_t remove_lowest_scores(Gaussians& state, const std::vector<float>& scores, double ratio);
 
-/// Order of the Morton codes of the means, 21 bits an axis (docs/math/densification.md#morton-order).
+/// Returns the rows in the order of the Morton codes of their means, 21 bits an axis
+/// (docs/math/densification.md#morton-order).
 std::vector<std::uint32_t> morton_order(const Gaussians& state);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Growing, relocating, pruning and ordering rows on the device; the same decisions as densify.h.
+// Grows, relocates, prunes and orders rows on the device, with the same decisions as densify.h.
 #pragma once
 
 #include "kernels/cuda/model_cuda.h"
@@ -7,7 +7,8 @@
 
 namespace gs {
 
-/// Every call works on `stream` and has ended when it returns; it may use all of `scratch`.
+/// Densifies `model`. Every call works on `stream`, and its work is done when it returns. It may use all of
+/// `scratch`.
 class CudaDensify {
   public:
     CudaDensify(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), scratch_(scratch), stream_(stream) {}
@@ -18,7 +19,7 @@ class CudaDensify {
     void morton_sort();
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]);
     std::int64_t prune_invisible();
-    /// scores: on the device, not in the scratch.
+    /// Removes the share `ratio` of lowest scores. `scores` (n) is on the device, but not in the scratch.
     std::int64_t prune_lowest_scores(const float* scores, double ratio);
 
   private:

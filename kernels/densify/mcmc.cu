@@ -17,7 +17,7 @@ struct IsDead {
     __host__ __device__ bool operator()(std::uint32_t i) const { return is_dead(raw_opacities[i], rotations + 4 * std::int64_t(i), dead_logit); }
 };
 
-/// The dead are not drawn while they look for a place; they are when the model grows.
+/// The sampling weight of a row. Dead rows are not drawn while they are relocated, but are when the model grows.
 struct WeightOfRow {
     IsDead is_dead;
     bool dead_too;
@@ -40,12 +40,12 @@ __global__ void share_places(std::int64_t n, const int* copies, float min_opacit
     for (int c = 0; c < 3; ++c) log_scales[3 * j + c] += share.log_scale_shift;
 }
 
-/// Rows may be named more than once.
+/// Sets rows to 0. `rows` may name a row more than once.
 __global__ void clear_rows(std::int64_t n, const std::uint32_t* rows, int width, float* data) {
     for_row_values(n, width, [=](std::int64_t k, unsigned c) { data[std::int64_t(rows[k]) * width + c] = 0.0f; });
 }
 
-/// Row to[k] becomes row from[k]; without a list, row first + k does. No row is both.
+/// Copies row from[k] to row to[k], or to row first + k without a list. No row is both source and target.
 __global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t first, const std::uint32_t* from, int width, float* data) {
     for_row_values(n, width, [=](std::int64_t k, unsigned c) {
         const std::int64_t target = to ? std::int64_t(to[k]) : first + k;
@@ -53,18 +53,26 @@ __global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t 
     });
 }
 
-/// What a densification keeps in the scratch.
+/// The buffers of a densification in the scratch.
 struct McmcSpace {
     std::uint64_t* sums = nullptr; ///< (n) prefix sums of the weights
-    int* copies = nullptr;         ///< (n) how often a row was drawn
+    int* copies = nullptr;         ///< (n) number of times that a row was drawn
     std::uint32_t *dead = nullptr, *from = nullptr;
     std::int64_t* num_dead = nullptr;
 };
 
-/// num_rows rows become copies of rows drawn among the first n: those of `to`, or those from n on without a list. Drawn
-/// rows get the opacity and scale of their share and lose their moments.
-void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, std::int64_t num_rows, const std::uint32_t* to, float min_opacity, RngStream stream_of_draws,
-               std::int64_t iteration, std::uint64_t seed, cudaStream_t stream) {
+/// Rows that become copies of others.
+struct RowsToFill {
+    std::int64_t num_rows;
+    const std::uint32_t* list; ///< null: the rows from n on
+    RngStream draws;
+};
+
+/// `rows` become copies of rows drawn among the first n. Drawn rows get the opacity and scale of their share and lose their
+/// moments.
+void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const RowsToFill& rows, float min_opacity, std::int64_t iteration, std::uint64_t seed,
+               cudaStream_t stream) {
+    const auto [num_rows, to, stream_of_draws] = rows;
     GS_CUDA(cudaMemsetAsync(space.copies, 0, n * sizeof *space.copies, stream));
     draw_rows<<<num_blocks(num_rows, kRowBlock), kRowBlock, 0, stream>>>(num_rows, n, space.sums, seed, stream_of_draws, iteration, space.from, space.copies);
     GS_CUDA_LAUNCHED("draw_rows");
@@ -89,7 +97,7 @@ void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, std::in
 DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
     const std::int64_t n = model_.count;
-    model_.has_statistic = false; // of other rows (docs/math/densification.md#mcmc)
+    model_.has_statistic = false; // the statistic is of other rows (docs/math/densification.md#mcmc)
     if (n == 0) return stats;
     const std::int64_t target = mcmc_target(n, params);
     const IsDead is_dead{model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(), logit(params.min_opacity)};
@@ -109,7 +117,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     cub.run(select), cub.run(scan);
     const std::int64_t num_dead = read_back(space.num_dead, stream_);
     if (num_dead > 0 && num_dead < n && read_back(space.sums + n - 1, stream_) > 0) {
-        fill_rows(model_, space, n, num_dead, space.dead, params.min_opacity, RngStream::kRelocate, iteration, seed, stream_);
+        fill_rows(model_, space, n, {num_dead, space.dead, RngStream::kRelocate}, params.min_opacity, iteration, seed, stream_);
         stats.relocated = num_dead;
     }
 
@@ -117,12 +125,12 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
         dead_too = true;
         cub.run(scan);
         if (read_back(space.sums + n - 1, stream_) > 0) {
-            model_.reserve_rows(params.cap); // once; nothing works on the old rows any more
+            model_.reserve_rows(params.cap); // only once; nothing works on the old rows any more
             for (int g = 0; g < kNumGroups; ++g)
                 for (auto* moment : model_.moments(g))
                     if (const int width = model_.width[g])
                         GS_CUDA(cudaMemsetAsync(moment->get() + n * width, 0, std::size_t(target - n) * width * sizeof(float), stream_));
-            fill_rows(model_, space, n, target - n, nullptr, params.min_opacity, RngStream::kGrow, iteration, seed, stream_);
+            fill_rows(model_, space, n, {target - n, nullptr, RngStream::kGrow}, params.min_opacity, iteration, seed, stream_);
             model_.count = target;
             stats.added = target - n;
         }

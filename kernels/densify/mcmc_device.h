@@ -13,19 +13,22 @@ namespace gs {
 
 GS_HD bool is_dead(float raw_opacity, const float* q, float dead_logit) { return !(raw_opacity > dead_logit) || !usable_rotation(q); }
 
-/// Chance of being drawn, in units of 2^-32 of opacity; 0 for a NaN. An integer, because sums of integers are exact in
-/// any order: a parallel prefix sum then draws what a serial one draws. 2^32 rows cannot overflow 64 bits.
+/// Returns the weight of a row in draws, in units of 2^-32 of opacity; 0 for a NaN. It is an integer, because sums of
+/// integers are exact in any order. So a parallel prefix sum draws the same rows as a serial one. 2^32 rows cannot
+/// overflow 64 bits.
 GS_HD std::uint64_t sampling_weight(float raw_opacity) {
     const double opacity = sigmoid(double(raw_opacity));
     return opacity >= 0 ? std::uint64_t(opacity * 4294967296.0 + 0.5) : 0;
 }
 
-/// Row of the k-th draw, with probability proportional to weight. prefix_sums: (n) inclusive, the last one > 0.
+/// Returns the row of the k-th draw, with probability proportional to weight. prefix_sums: (n), inclusive, the last >
+/// 0.
 GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, std::uint64_t seed, RngStream stream, std::int64_t iteration, std::uint32_t k) {
     __extension__ using Wide = unsigned __int128;
     const Philox4 r = philox(seed, stream, std::uint64_t(iteration), k);
-    const std::uint64_t target = std::uint64_t(Wide(std::uint64_t(r.v[0]) << 32 | r.v[1]) * prefix_sums[n - 1] >> 64); // uniform in [0, sum)
-    std::int64_t low = 0, high = n - 1; // the first row whose sum is above the target
+    // Uniform in [0, sum).
+    const std::uint64_t target = std::uint64_t(Wide(std::uint64_t(r.v[0]) << 32 | r.v[1]) * prefix_sums[n - 1] >> 64);
+    std::int64_t low = 0, high = n - 1; // bisects for the first row whose sum is above the target
     while (low < high) {
         const std::int64_t middle = (low + high) / 2;
         if (prefix_sums[middle] > target)
@@ -36,7 +39,7 @@ GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, s
     return std::uint32_t(low);
 }
 
-/// What a Gaussian and its copies have in place of its own opacity and scale.
+/// The opacity and scale that a Gaussian and each of its copies get in place of its own.
 struct McmcShare {
     float raw_opacity;
     float log_scale_shift; ///< added to all three log scales
@@ -48,7 +51,8 @@ GS_HD McmcShare mcmc_share(float raw_opacity, int copies, float min_opacity) {
     return {float(gs_log(o) - gs_log1p(-o)), float(gs_log(r.scale_factor))};
 }
 
-/// How many Gaussians there are to be: 5 % more, at least one (fewer than 20 would never grow), up to the cap. Not below n.
+/// Returns the number of Gaussians to grow to: 5 % more, at least one more (fewer than 20 would never grow), and up to
+/// the cap. It is never below n.
 inline std::int64_t mcmc_target(std::int64_t n, const McmcParams& params) {
     return std::max(n, std::min(params.cap, std::max(n + 1, std::int64_t(params.growth * double(n)))));
 }

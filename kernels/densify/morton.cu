@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Morton order on the device.
+// Puts the rows into Morton order on the device.
 #include <thrust/iterator/transform_iterator.h>
 
 #include <cub/device/device_radix_sort.cuh>
@@ -51,7 +51,7 @@ void CudaDensify::morton_sort() {
     };
     cub::DoubleBuffer<std::uint64_t> keys;
     cub::DoubleBuffer<std::uint32_t> rows;
-    // Stable: equal codes keep their order, as on the CPU.
+    // The sort is stable: equal codes keep their order, as on the CPU.
     const auto sort = [&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, n, 0, 63, stream_); };
     cub.ask(reduce), cub.ask(sort);
     scratch_.carve([&](Carver& c) {

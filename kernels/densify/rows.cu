@@ -18,7 +18,7 @@ __global__ void put_columns(std::int64_t n, int width, int first, int columns, c
 void gather_array(float* data, int width, const std::uint32_t* order, std::int64_t n, const RowSlice& slice, cudaStream_t stream) {
     if (n == 0 || width == 0) return;
     int most = int(std::min<std::size_t>(width, slice.floats / n));
-    if (most > 8 && most < width) most -= most % 8; // 32 bytes, the unit in which memory is read
+    if (most > 8 && most < width) most -= most % 8; // 8 values are 32 bytes, the unit in which memory is read
     const unsigned blocks = num_blocks(n, kRowsPerBlock);
     for (int first = 0; first < width; first += most) {
         const int columns = std::min(most, width - first);
@@ -34,7 +34,7 @@ __global__ void find_nonfinite(std::int64_t n, const float* values, float larges
     if (i < n && !in_range(values[i], largest)) *found = 1;
 }
 
-/// A thread a row: only for models that are known to have such rows.
+/// Marks the broken rows, with a thread per row. It runs only for models that are known to have such rows.
 __global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, float largest, unsigned char* bad, unsigned long long* num_bad) {
     const std::int64_t i = thread_row();
     if (i >= n) return;
@@ -82,7 +82,7 @@ std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
         find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(), kLargestParameter[g], found);
         GS_CUDA_LAUNCHED("find_nonfinite");
     }
-    if (!read_back(found, stream_)) return 0; // the usual case
+    if (!read_back(found, stream_)) return 0; // the usual case: no row is broken
 
     PruneSpace space(model_, scratch_, stream_);
     for (int g = 0; g < kNumGroups; ++g) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Moving rows on the device: what the .cu files of this folder share.
+// Moves rows on the device. The .cu files of this folder share these functions.
 #pragma once
 
 #include <thrust/iterator/counting_iterator.h>
@@ -11,24 +11,24 @@
 namespace gs {
 
 inline constexpr int kRowBlock = 256;
-/// Rows that one block moves: few, so that some thousand relocated rows still occupy the device.
+/// The number of rows that one block moves. It is small, so that some thousand relocated rows still occupy the device.
 inline constexpr int kRowsPerBlock = 64;
-/// A gather needs a temporary; more than this buys nothing.
+/// The size of a gather's temporary in bytes. A larger one gains nothing.
 inline constexpr std::size_t kSliceBytes = std::size_t(64) << 20;
 
-/// fn(row, column) for all values of n rows of a few columns, neighbouring threads at neighbouring values. For kernels
-/// of num_blocks(n, kRowsPerBlock) blocks of kRowBlock threads.
+/// Calls fn(row, column) for all values of n rows of a few columns, with neighbouring threads at neighbouring values.
+/// The kernel must have num_blocks(n, kRowsPerBlock) blocks of kRowBlock threads.
 template <class Fn> __device__ void for_row_values(std::int64_t n, unsigned columns, Fn fn) {
     const std::int64_t first = std::int64_t(blockIdx.x) * kRowsPerBlock, left = n - first;
     const unsigned values = unsigned(left < kRowsPerBlock ? left : kRowsPerBlock) * columns;
     for (unsigned j = threadIdx.x; j < values; j += kRowBlock) fn(first + j / columns, j % columns);
 }
 
-/// Index of the thread among all of a one-dimensional grid of kRowBlock threads a block.
+/// Returns the index of the thread in a one-dimensional grid with kRowBlock threads a block.
 __device__ inline std::int64_t thread_row() { return std::int64_t(blockIdx.x) * kRowBlock + threadIdx.x; }
 
-/// Temporary memory that the CUB calls of one function share. A call is a lambda (void*, size_t&); it may capture by
-/// reference what is only carved after `ask`.
+/// Temporary memory that the CUB calls of one function share. A call is a lambda (void*, size_t&). It may capture
+/// pointers by reference that are only carved after `ask`.
 struct CubSpace {
     unsigned char* memory = nullptr;
     std::size_t bytes = 1;
@@ -45,16 +45,16 @@ struct CubSpace {
     }
 };
 
-/// Row indices 0, 1, ... as an input of CUB.
+/// Returns the row indices 0, 1, ... as an input of CUB.
 inline thrust::counting_iterator<std::uint32_t> row_indices() { return thrust::counting_iterator<std::uint32_t>(0); }
 
-/// Rows i < n for which keep(i), ascending, and how many.
+/// Writes the rows i < n for which keep(i) holds to `out`, ascending, and their number to `num_out`.
 template <class Keep>
 cudaError_t select_rows(void* memory, std::size_t& bytes, std::int64_t n, const Keep& keep, std::uint32_t* out, std::int64_t* num_out, cudaStream_t stream) {
     return cub::DeviceSelect::If(memory, bytes, row_indices(), out, num_out, n, keep, stream);
 }
 
-/// Waits.
+/// Reads one value from the device and waits for it.
 template <class T> T read_back(const T* device, cudaStream_t stream) {
     T value;
     GS_CUDA(cudaMemcpyAsync(&value, device, sizeof value, cudaMemcpyDeviceToHost, stream));
@@ -62,13 +62,14 @@ template <class T> T read_back(const T* device, cudaStream_t stream) {
     return value;
 }
 
-/// The temporary of a gather: some columns of all its rows.
+/// The temporary of a gather, which holds some columns of all its rows.
 struct RowSlice {
     float* data = nullptr;
     std::size_t floats = 0;
 };
 
-/// A slice for up to `rows` rows. `block`: bytes of the scratch before it was carved; what is there anyway is used.
+/// Takes a slice for up to `rows` rows. `block` is the scratch's size in bytes before it was carved; the slice uses the
+/// rest of it.
 inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows, std::int64_t block) {
     const std::size_t left = std::size_t(block) > c.at() + 256 ? std::size_t(block) - c.at() - 256 : 0;
     const auto widest = std::size_t(*std::max_element(model.width, model.width + kNumGroups));
@@ -78,8 +79,9 @@ inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows,
     return slice;
 }
 
-/// New row k = old row order[k], k < total; rows not named are removed. Moments move along up to row `kept`; the rows from
-/// there on are copies and start with none. order: on the device; there must be room for `total` rows. Sets the count.
+/// Makes old row order[k] the new row k for k < total, removes rows that `order` does not name, and sets the count.
+/// Moments move along up to row `kept`; the rows from there on are copies and start with moments of 0. `order` is on
+/// the device. There must be room for `total` rows.
 void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total, const RowSlice& slice, cudaStream_t stream);
 
 struct IsUnmarked {
@@ -87,10 +89,10 @@ struct IsUnmarked {
     __device__ bool operator()(std::uint32_t i) const { return !marked[i]; }
 };
 
-/// A mark a row, zero at first, and what it takes to remove the marked rows.
+/// A mark for each row, and the buffers that removing the marked rows needs.
 struct PruneSpace {
-    unsigned char* marked = nullptr;
-    unsigned long long* num_bad = nullptr; ///< a counter a group, zero at first
+    unsigned char* marked = nullptr;       ///< (n) 0 at first
+    unsigned long long* num_bad = nullptr; ///< (groups) counters, 0 at first
 
     PruneSpace(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), stream_(stream) {
         const std::int64_t n = model.count, block = scratch.bytes();
@@ -104,7 +106,7 @@ struct PruneSpace {
         GS_CUDA(cudaMemsetAsync(marked, 0, n, stream));
         GS_CUDA(cudaMemsetAsync(num_bad, 0, kNumGroups * sizeof *num_bad, stream));
     }
-    /// How many went. Waits.
+    /// Removes the marked rows, waits, and returns their number.
     std::int64_t remove_marked() {
         const std::int64_t n = model_.count;
         cub_.run([&](void* m, std::size_t& b) { return select(m, b); });

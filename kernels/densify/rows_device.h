@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one row says about itself: whether it can be seen, and its place on the Morton curve.
+// Properties of one row: whether it can be seen, whether its values are sane, and its place on the Morton curve.
 #pragma once
 
 #include "kernels/model/gaussian_state.h"
@@ -7,24 +7,24 @@
 
 namespace gs {
 
-/// Raw value of an opacity. On the host only, so that all backends compare with the very same float.
+/// Returns the raw value of an opacity. It is for the host only, so that all backends compare with the very same float.
 inline float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
-/// q: 4 values.
+/// Returns whether the quaternion of 4 values has a direction.
 GS_HD bool usable_rotation(const float* q) { return usable_rotation(Vec4<float>{q[0], q[1], q[2], q[3]}); }
 
-/// False if no view can show the Gaussian.
+/// Returns false if no view can show the Gaussian.
 GS_HD bool is_visible(float raw_opacity, const float* q) { return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q); }
 
-/// Largest magnitude of the parameters of each group. Training does not get there from anywhere sane, and not back either: at
-/// its rate a base colour needs a million steps to 1e3, and the fastest residual there is 2000 steps in one direction to 5e3.
-/// Such a Gaussian is broken like one with a NaN, and removed with it.
+/// The largest magnitude of the parameters of each group. Training neither gets there from sane values nor back: at its
+/// rate a base colour needs a million steps to 1e3, and the fastest residual needs 2000 steps in one direction to 5e3.
+/// A Gaussian beyond it is broken like one with a NaN, and removed likewise.
 inline constexpr float kLargestParameter[kNumGroups] = {1e15f, 1e3f, 1e8f, 1e3f, 1e3f, 5e3f};
 
-/// False for NaN, too.
+/// Returns whether |x| is at most `largest`; false for NaN.
 GS_HD bool in_range(float x, float largest) { return gs_abs(x) <= largest; }
 
-/// Box around means. Starts empty; coordinates that are NaN do not widen it.
+/// The box around means. It starts empty. Coordinates that are NaN do not widen it.
 struct MeanBounds {
     static constexpr float kMax = 3.402823466e38f;
     float low[3] = {kMax, kMax, kMax}, high[3] = {-kMax, -kMax, -kMax};
@@ -39,7 +39,7 @@ struct MeanBounds {
     }
 };
 
-/// Bits 0..20 of x, three places apart.
+/// Returns bits 0..20 of x, spread three places apart.
 GS_HD std::uint64_t spread_bits(std::uint64_t x) {
     x &= 0x1fffff;
     x = (x | x << 32) & 0x1f00000000ffffull;
@@ -49,8 +49,8 @@ GS_HD std::uint64_t spread_bits(std::uint64_t x) {
     return (x | x << 2) & 0x1249249249249249ull;
 }
 
-/// 63 bits, 21 an axis, x lowest; one cube side for all axes (docs/math/densification.md#morton-order). A NaN counts as
-/// the low side.
+/// Returns the Morton code of a mean: 63 bits, 21 an axis, x lowest. All axes share one cube side
+/// (docs/math/densification.md#morton-order). A NaN counts as the low side.
 GS_HD std::uint64_t morton_code(const float* mean, const MeanBounds& bounds) {
     const float extent = bounds.extent();
     std::uint64_t code = 0;

@@ -14,10 +14,10 @@ __global__ void list_rows(std::int64_t n, std::uint32_t* rows) {
     if (i < n) rows[i] = std::uint32_t(i);
 }
 
-/// One thread. scores: falling; the threshold is the one of rank `rank` from below.
+/// Finds the cut in one thread. `scores` fall; the threshold is the score of rank `rank` from below.
 __global__ void find_cut(std::int64_t n, std::int64_t rank, std::int64_t least, const float* scores, const std::uint32_t* rows, ScoreCut* cut) {
     const float threshold = scores[n - rank];
-    std::int64_t low = 0, high = n; // the first that is not above the threshold
+    std::int64_t low = 0, high = n; // bisects for the first score that is not above the threshold
     while (low < high) {
         const std::int64_t middle = (low + high) / 2;
         if (scores[middle] > threshold)

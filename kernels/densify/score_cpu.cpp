@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pruning by score.
+// Pruning by score on the host.
 #include <algorithm>
 #include <numeric>
 

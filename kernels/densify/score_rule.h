@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which Gaussians go when those of lowest score do (docs/math/densification.md#pruning-by-score), the same on every
-// backend.
+// The rule of pruning by score (docs/math/densification.md#pruning-by-score), the same on every backend.
 #pragma once
 
 #include <algorithm>
@@ -11,12 +10,13 @@
 
 namespace gs {
 
-/// How many of n rows have to score at most the threshold: the threshold is the score of that rank, 1 the lowest.
+/// Returns the rank of the threshold among n scores, where rank 1 is the lowest.
 inline std::int64_t score_rank(double ratio, std::int64_t n) {
     return std::clamp<std::int64_t>(std::int64_t(std::floor(ratio * double(n - 1))) + 1, 1, n);
 }
 
-/// Rows that stay whatever the scores: a hundredth. Where no view shows anything all scores are 0, and all would go.
+/// Returns the number of rows that always stay, a hundredth. Where no view shows anything all scores are 0, and all
+/// rows would go.
 inline std::int64_t least_kept(std::int64_t n) { return (n + 99) / 100; }
 
 /// The last row that stays when rows are ordered by falling score, equal ones by index.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two kernels: SSIM's derivative maps, then the gradient. A block filters a 32x32 tile of one channel with its 5-pixel
-// border: rows from shared memory, eight outputs a thread, then columns, four outputs a thread, so that a value read once
-// serves several taps.
+// The loss on the device in two kernels: one makes SSIM's derivative maps, the other the gradient. A block filters a
+// 32x32 tile of one channel with its 5-pixel border, first the rows, eight outputs a thread, then the columns, four
+// outputs a thread. So a value that is read once from shared memory serves several taps.
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/loss/loss_device.h"
 
@@ -9,7 +9,7 @@ namespace gs {
 namespace {
 
 constexpr int kTile = 32, kHalo = kTile + 2 * kSsimRadius, kThreads = 256;
-constexpr int kAcross = 8, kDown = kTile * kTile / kThreads; ///< outputs of a thread in a row, in a column
+constexpr int kAcross = 8, kDown = kTile * kTile / kThreads; ///< outputs of a thread in a row and in a column
 constexpr int kTapCount = 2 * kSsimRadius + 1;
 
 __constant__ float kTaps[kTapCount];
@@ -33,7 +33,7 @@ struct LossArgs {
     }
 };
 
-/// sums[o] = filtered value at output o, from inputs(t), t = 0 .. Outputs + 10.
+/// Sets sums[o] to the filtered value at output o, from input(t) with t = 0 .. kOutputs + 9.
 template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutputs], Input input) {
 #pragma unroll
     for (int o = 0; o < kOutputs; ++o) sums[o] = 0;
@@ -46,7 +46,7 @@ template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutpu
     }
 }
 
-/// Sum over the block; valid in thread 0.
+/// Returns the sum over the block, valid in thread 0.
 __device__ float block_sum(float value) {
     __shared__ float parts[kThreads / 32];
     value = warp_sum(value);
@@ -61,7 +61,7 @@ __device__ float block_sum(float value) {
 __device__ unsigned block_number() { return blockIdx.x + gridDim.x * (blockIdx.y + gridDim.y * blockIdx.z); }
 
 __global__ void __launch_bounds__(kThreads, 4) ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
-    __shared__ float2 tile[kHalo][kHalo + 1]; // render, target; odd stride: lanes on different rows meet different banks
+    __shared__ float2 tile[kHalo][kHalo + 1]; // render, target; the odd stride puts rows into different banks
     __shared__ float rows[5][kHalo][kTile + 1];
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
     for (int k = threadIdx.x; k < kHalo * kHalo; k += kThreads) {
@@ -117,7 +117,7 @@ __global__ void __launch_bounds__(kThreads, 4) ssim_maps(LossArgs a, float* __re
     if (threadIdx.x == 0) partials[block_number()].y = sum;
 }
 
-/// The block that ends last adds up all partial sums, each thread its share in order.
+/// Adds up all partial sums in the block that ends last; each thread adds its share in order.
 __device__ void finish_sums(const float2* partials, StepControl* control) {
     __shared__ bool last;
     __shared__ double parts[2][kThreads];
@@ -207,7 +207,7 @@ void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* c
         GS_CUDA(cudaStreamSynchronize(stream)); // `all` goes out of scope
         has_taps_ = true;
     }
-    if (!(in.weight_sum > 0)) { // nothing is looked at
+    if (!(in.weight_sum > 0)) { // the mask hides all pixels
         GS_CUDA(cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
         return;
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The loss on the CPU: per row, a vertical filter over 11 rows and then a horizontal one over the filtered row, both
-// along contiguous memory. No filtered image is stored; the second pass filters the three derivative maps likewise.
+// The loss on the CPU. Each row takes a vertical filter over 11 rows and then a horizontal one over the filtered row,
+// both along contiguous memory. No filtered image is stored. The second pass filters the three derivative maps
+// likewise.
 #include "kernels/loss/loss.h"
 
 #include <algorithm>
@@ -13,8 +14,8 @@ namespace {
 
 constexpr int kRows = 8; ///< rows per task
 
-/// Rows of scratch, zero in the room for the horizontal filter on both sides. The memory is the thread's and stays: no
-/// allocation inside an iteration. One per thread may be in use at a time.
+/// Scratch rows, with zeros on both sides for the horizontal filter. The memory belongs to the thread and stays, so
+/// that an iteration allocates none. A thread may use one at a time.
 template <class Real> struct RowScratch {
     std::vector<Real>& data;
     int stride;
@@ -42,7 +43,7 @@ template <class Real> struct Plane {
     const Real* row(int y) const { return data + std::size_t(y) * width; }
 };
 
-/// Vertical moments of row y: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy (zero padding).
+/// Computes the vertical moments of row y with zero padding: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy.
 template <class Real> void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>& taps, Real* const out[5]) {
     const int w = a.width;
     for (int k = 0; k < 5; ++k) std::fill(out[k], out[k] + w, Real(0));
@@ -59,6 +60,17 @@ template <class Real> void vertical_moments(Plane<Real> a, Plane<Real> b, int y,
             o3[x] += gq * q[x];
             o4[x] += gp * q[x];
         }
+    }
+}
+
+/// Row y of a map filtered vertically (zero padding).
+template <class Real> void filter_column(Plane<Real> map, int y, const SsimTaps<Real>& taps, Real* out) {
+    std::fill(out, out + map.width, Real(0));
+    for (int j = std::max(0, y - kSsimRadius); j <= std::min(map.height - 1, y + kSsimRadius); ++j) {
+        const Real g = taps.g[std::abs(j - y)];
+        const Real* in = map.row(j);
+#pragma omp simd
+        for (int x = 0; x < map.width; ++x) out[x] += g * in[x];
     }
 }
 
@@ -89,7 +101,26 @@ template <class Real> void decode_target(const TargetImage& t, const Vec3<float>
         decode(t.f32, Real(1));
 }
 
+/// Adds up the sums of all tasks in their order; `norm`: one over the weights of all values.
+LossValues weighted_means(const std::vector<double>& l1_sums, const std::vector<double>& ssim_sums, double norm, double lambda_dssim) {
+    LossValues out;
+    for (std::size_t k = 0; k < l1_sums.size(); ++k) out.l1 += l1_sums[k], out.ssim += ssim_sums[k];
+    out.l1 *= norm;
+    out.ssim *= norm;
+    out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
+    return out;
+}
+
 }  // namespace
+
+template <class Real> double ImageLoss<Real>::apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels) {
+    weight_.resize(pixels);
+    masked_.resize(3 * pixels);
+    double weight_sum = 0;
+    for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = mask[i] * (Real(1) / Real(255));
+    for (std::size_t i = 0; i < 3 * pixels; ++i) masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+    return weight_sum;
+}
 
 template <class Real>
 LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
@@ -103,11 +134,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     double weight_sum = double(pixels);
     weight_.clear();
     if (target.mask) {
-        weight_.resize(pixels);
-        masked_.resize(3 * pixels);
-        weight_sum = 0;
-        for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = target.mask[i] * (Real(1) / Real(255));
-        for (std::size_t i = 0; i < 3 * pixels; ++i) masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+        weight_sum = apply_mask(image, target.mask, pixels);
         render = masked_.data();
     }
     if (weight_sum <= 0) {
@@ -125,7 +152,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(10, w); // 5 rows filtered vertically, then the same filtered in both directions
+        RowScratch<Real> v(10, w); // 5 rows filtered vertically, then these filtered in both directions
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
         double ssim_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
@@ -156,16 +183,8 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
         double l1_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             for (int k = 0; k < 3; ++k) {
-                Real* o = v.row(k);
-                std::fill(o, o + w, Real(0));
-                const Real* map = &maps_[(3 * c + k) * pixels];
-                for (int j = std::max(0, y - kSsimRadius); j <= std::min(h - 1, y + kSsimRadius); ++j) {
-                    const Real g = taps.g[std::abs(j - y)];
-                    const Real* in = map + std::size_t(j) * w;
-#pragma omp simd
-                    for (int x = 0; x < w; ++x) o[x] += g * in[x];
-                }
-                filter_row(o, taps, w, v.row(3 + k));
+                filter_column(Plane<Real>{&maps_[(3 * c + k) * pixels], w, h}, y, taps, v.row(k));
+                filter_row(v.row(k), taps, w, v.row(3 + k));
             }
             const Real *fp = v.row(3), *fq = v.row(4), *fr = v.row(5), *px = a.row(y), *ty = b.row(y);
             const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
@@ -183,12 +202,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
         }
         l1_sums_[task] = l1_sum;
     });
-    LossValues out;
-    for (std::int64_t k = 0; k < tasks; ++k) out.l1 += l1_sums_[k], out.ssim += ssim_sums_[k];
-    out.l1 *= norm;
-    out.ssim *= norm;
-    out.loss = (1 - lambda_dssim) * out.l1 + lambda_dssim * (1 - out.ssim);
-    return out;
+    return weighted_means(l1_sums_, ssim_sums_, norm, lambda_dssim);
 }
 
 template class ImageLoss<float>;

@@ -8,27 +8,27 @@
 
 namespace gs {
 
-/// A rendered image and its target, both on the device: `target` as TargetImage, with device pointers.
+/// A rendered image and its target, both on the device.
 struct CudaLossInput {
     const float* image;  ///< (3,H,W)
-    TargetImage target;
+    TargetImage target;  ///< with device pointers
     Vec3<float> background;
     float lambda_dssim;
-    double weight_sum;   ///< sum of the mask's weights, or the number of pixels
+    double weight_sum;   ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
 class CudaLoss {
   public:
-    /// Takes what compute() needs for a view of this size.
+    /// Takes the buffers of compute() for a view of this size.
     void take(Carver& c, int width, int height);
-    /// Writes dL_dimage (3,H,W), and to control->l1 and ->ssim the sums of weighted |difference| and weighted SSIM, not yet
-    /// divided by 3 weight_sum. All sums have a fixed order.
+    /// Writes dL_dimage (3,H,W). Writes the sums of weighted |difference| and weighted SSIM, not yet divided by 3
+    /// weight_sum, to control->l1 and control->ssim. All sums have a fixed order.
     void compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream);
 
   private:
-    bool has_taps_ = false;     ///< the filter is on the device
+    bool has_taps_ = false;     ///< whether the filter is on the device
     float* maps_ = nullptr;     ///< (3 maps, 3, H, W)
-    float2* partials_ = nullptr; ///< by block: sums of |difference| and of SSIM
+    float2* partials_ = nullptr; ///< (blocks) sums of |difference| and of SSIM
 };
 
 }  // namespace gs

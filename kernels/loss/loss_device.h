@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM of one pixel from its filtered moments, with derivatives (docs/math/optimization.md#ssim).
+// The SSIM of one pixel from its filtered moments, with derivatives (docs/math/optimization.md#ssim).
 #pragma once
 
 #include <cmath>
@@ -8,11 +8,11 @@
 
 namespace gs {
 
-/// Half width of the SSIM window: 11 taps, sigma 1.5.
+/// The half width of the SSIM window, which has 11 taps and sigma 1.5.
 inline constexpr int kSsimRadius = 5;
 inline constexpr double kSsimC1 = 0.01 * 0.01, kSsimC2 = 0.03 * 0.03;
 
-/// Taps g[0] (centre) .. g[5], normalised over all 11.
+/// The taps g[0] (centre) .. g[5], normalised over all 11.
 template <class T> struct SsimTaps {
     T g[kSsimRadius + 1];
     SsimTaps() {
@@ -22,20 +22,21 @@ template <class T> struct SsimTaps {
     }
 };
 
-/// p, q, r: derivatives of SSIM by the filtered x (total, through mu1), x^2 and x y.
+/// SSIM and its derivatives p, q, r by the filtered x (total, through mu1), x^2 and x y.
 template <class T> struct SsimPixel {
     T ssim, p, q, r;
 };
 
-/// x is the render, y the target; mx = G*x, exx = G*x^2, ... Written without branches: loops over it vectorise.
+/// Computes the SSIM of a pixel. x is the render, y the target; mx = G*x, exx = G*x^2, and so on. It has no branches,
+/// so that loops over it vectorise.
 template <class T> GS_HD SsimPixel<T> ssim_pixel(T mx, T my, T exx, T eyy, T exy) {
     const T raw_x = exx - mx * mx, raw_y = eyy - my * my;
-    // Variances are >= 0 but for rounding; a clamped one passes no derivative.
+    // Variances are >= 0 except for rounding. A clamped variance passes no derivative.
     const T var_x = raw_x > T(0) ? raw_x : T(0), var_y = raw_y > T(0) ? raw_y : T(0);
     const T a = mx * mx + my * my + T(kSsimC1), b = var_x + var_y + T(kSsimC2);
     const T c = T(2) * mx * my + T(kSsimC1), d = T(2) * (exy - mx * my) + T(kSsimC2);
     const T ia = T(1) / a, ib = T(1) / b, s = c * d * ia * ib;
-    // |SSIM| <= 1 but for rounding; clamping passes no derivative either.
+    // |SSIM| is <= 1 except for rounding. A clamped SSIM passes no derivative either.
     const T pass = s <= T(1) && s >= T(-1) ? T(1) : T(0);
     const T dq = -s * ib * pass;
     const T open = raw_x > T(0) ? T(1) : T(0);

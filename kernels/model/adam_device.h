@@ -10,12 +10,13 @@
 namespace gs {
 
 inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
-/// beta2 of weights that all Gaussians share: every view has a gradient for them, so that they need less memory of past ones.
+/// beta2 of weights that all Gaussians share. Every view has a gradient for them, so they need less memory of past
+/// ones.
 inline constexpr double kAdamBeta2Shared = 0.99;
-/// Far below any gradient that matters: the step is lr * m / sqrt(v) for all of them.
+/// Adam's epsilon. It is far below any gradient that matters: the step is lr * m / sqrt(v) for all of them.
 inline constexpr double kAdamEpsilon = 1e-15;
 
-/// Factors of step t, computed in double on the host.
+/// The factors of step t, computed in double on the host.
 template <class T> struct AdamStep {
     T step_size;         ///< lr / (1 - beta1^t)
     T inverse_sqrt_bias; ///< 1 / sqrt(1 - beta2^t)
@@ -25,13 +26,15 @@ template <class T> struct AdamStep {
     }
 };
 
-/// Larger gradients count as this. Their squares leave float's range, and a second moment of infinity is NaN in the next step.
+/// The limit that gradients are clamped to. Squares of larger ones leave float's range, and an infinite second moment
+/// makes the next step NaN.
 inline constexpr double kLargestGradient = 1e18;
 
-/// One step: p, m, v are updated in place. g must be finite.
+/// Takes one step: updates p, m and v in place. The gradient must be finite.
 template <class T> GS_HD void adam_update(T& p, T& m, T& v, T gradient, const AdamStep<T>& s, double beta2 = kAdamBeta2) {
     const T g = gs_clamp(gradient, T(-kLargestGradient), T(kLargestGradient));
-    // As v + (1-beta)(g^2 - v): 1-beta is exact to half an ulp, where beta itself, rounded to float, is off by 1e-5 of it.
+    // Written as v + (1-beta)(g^2 - v), since 1-beta is exact to half an ulp; beta rounded to float would be off by
+    // 1e-5 of 1-beta.
     m = gs_fma(T(1 - kAdamBeta1), g - m, m);
     v = gs_fma(T(1 - beta2), g * g - v, v);
     p = p - s.step_size * m * reciprocal(gs_sqrt(v) * s.inverse_sqrt_bias + T(kAdamEpsilon));

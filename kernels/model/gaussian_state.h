@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host-side form of a model under training: what backends upload and download, and files store.
+// The host-side form of a model under training. Backends upload and download it, and files store it.
 #pragma once
 
 #include <array>
@@ -17,28 +17,28 @@ enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
 inline constexpr int kNumGroups = 6;
 inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means", "raw_scales", "rotations", "raw_opacities", "base_colors", "residuals"};
 
-/// One group: `width` values per Gaussian, row-major (N, width).
+/// The values of one group, `width` per Gaussian, row-major (N, width).
 template <class Real> struct GroupArrays {
     int width = 0;
     std::vector<Real> param; ///< raw (pre-activation) values
     std::vector<Real> m, v;  ///< Adam moments; empty when the optimizer state was dropped
 };
 
-/// All Gaussians of a model.
-/// Groups: means (N,3) world units; raw_scales (N,3) log; rotations (N,4) w,x,y,z unnormalised; raw_opacities (N,1)
-/// logit; base_colors (N,3) pre-activation, Y0 folded in; residuals (N,R) in the model's own layout.
+/// All Gaussians of a model. The groups are means (N,3) in world units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
+/// unnormalised; raw_opacities (N,1), logit; base_colors (N,3), pre-activation with Y0 folded in; residuals (N,R) in
+/// the model's own layout.
 template <class Real> struct GaussianState {
     std::int64_t count = 0;
     AppearanceSpec appearance;
     int active_degree = 0;
     std::int64_t step = 0; ///< optimizer steps, skipped ones included; Adam's t
     std::array<GroupArrays<Real>, kNumGroups> groups;
-    /// Weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
+    /// The weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
     GroupArrays<Real> shared;
-    /// ADC statistic since the last densification, one per Gaussian: summed norm of the screen-space mean gradient, and
-    /// in how many views it was seen. Both empty where nothing gathers them.
+    /// The ADC statistic since the last densification, one value per Gaussian: the summed norm of the screen-space mean
+    /// gradient, and the number of views in which it was seen. Both are empty where nothing gathers them.
     std::vector<Real> gradient_sum, gradient_count;
-    PpispState ppisp; ///< what the training images differ by photometrically; inactive where a scene needs none
+    PpispState ppisp; ///< photometric differences between the training images; inactive where a scene needs none
 
     GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
     const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }

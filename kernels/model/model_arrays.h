@@ -6,12 +6,12 @@
 
 namespace gs {
 
-/// Where the rows of all groups are.
+/// Pointers to the rows of all groups.
 struct ModelArrays {
     float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
     int width[kNumGroups];
     float *gradient_sum, *gradient_count; ///< ADC statistic, or null
-    float *shared_param, *shared_m, *shared_v; ///< weights of all Gaussians, or null
+    float *shared_param, *shared_m, *shared_v; ///< weights that all Gaussians share, or null
 };
 
 }  // namespace gs

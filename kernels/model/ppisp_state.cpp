@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The parameters that correct nothing.
 #include "kernels/model/ppisp_state.h"
 
 #include <cmath>
@@ -11,7 +12,7 @@ PpispState identity_ppisp(int num_frames, int num_cameras) {
     PpispState state;
     state.num_frames = num_frames, state.num_cameras = num_cameras;
     state.param.assign(state.size(), 0.0f);
-    // Inverse softplus, so that toe, shoulder and gamma are 0.3 + 0.7 and 0.1 + 0.9; the centre is sigmoid(0).
+    // The inverse of softplus makes toe and shoulder 0.3 + 0.7 and gamma 0.1 + 0.9. The centre is sigmoid(0).
     const float to_one[kIspResponse] = {float(std::log(std::expm1(0.7))), float(std::log(std::expm1(0.7))), float(std::log(std::expm1(0.9))), 0};
     for (int camera = 0; camera < num_cameras; ++camera) {
         float* response = state.param.data() + state.camera_offset(camera) + 3 * kIspVignetting;

@@ -7,37 +7,41 @@
 
 namespace gs {
 
-/// Values of one frame: exposure in stops, then colour latents (blue, red, green, neutral) x 2.
+/// The number of values of one frame: exposure in stops, then colour latents (blue, red, green, neutral) x 2.
 inline constexpr int kIspFrameValues = 9;
-/// Values of one camera: 3 channels x vignetting (cx, cy, alpha0, alpha1, alpha2), then 3 channels x raw response (toe, shoulder,
-/// gamma, centre).
+/// The number of values of one camera: 3 channels x vignetting (cx, cy, alpha0, alpha1, alpha2), then 3 channels x raw
+/// response (toe, shoulder, gamma, centre).
 inline constexpr int kIspVignetting = 5, kIspResponse = 4, kIspCameraValues = 3 * (kIspVignetting + kIspResponse);
 
-/// Layers of one controller, in this order; each holds its weights (outputs, inputs) and then its biases.
+// The layers of one controller, in this order. Each holds its weights (outputs, inputs) and then its biases.
 inline constexpr int kControllerBins = 5;     ///< the image is averaged to 5x5
-inline constexpr int kControllerPool = 3;     ///< side of the squares that the first layer's maximum is taken over
+inline constexpr int kControllerPool = 3;     ///< side of the squares over which the first layer takes the maximum
 inline constexpr int kControllerConv[4] = {3, 16, 32, 64};
 inline constexpr int kControllerHidden = 128;
-inline constexpr int kControllerInputs = kControllerConv[3] * kControllerBins * kControllerBins + 1; ///< the last one is the prior exposure
+/// The last input is the prior exposure.
+inline constexpr int kControllerInputs = kControllerConv[3] * kControllerBins * kControllerBins + 1;
 inline constexpr int layer_weights(int inputs, int outputs) { return (inputs + 1) * outputs; }
 inline constexpr int kControllerWeights = layer_weights(3, 16) + layer_weights(16, 32) + layer_weights(32, 64) + layer_weights(kControllerInputs, kControllerHidden) +
                                           2 * layer_weights(kControllerHidden, kControllerHidden) + layer_weights(kControllerHidden, kIspFrameValues);
 static_assert(kControllerWeights == 241961);
 
-/// Everything PPISP learns. Frames are the training images, by index; no cameras means no PPISP.
+/// Everything that PPISP learns. Frames are the training images by index; num_cameras = 0 means no PPISP.
 struct PpispState {
     int num_frames = 0, num_cameras = 0;
-    std::int64_t step = 0;          ///< optimizer steps of the parameters; sets their rate, too
-    std::vector<float> param, m, v; ///< (frames x kIspFrameValues, then cameras x kIspCameraValues); moments empty = zero
+    std::int64_t step = 0;          ///< optimizer steps of the parameters, which also set their rate
+    /// The parameters and their moments: frames x kIspFrameValues, then cameras x kIspCameraValues. Empty moments are
+    /// 0.
+    std::vector<float> param, m, v;
     std::int64_t controller_step = 0;
-    std::vector<float> controller, controller_m, controller_v; ///< (cameras x kControllerWeights); empty before distillation
+    /// The controllers' weights and their moments (cameras x kControllerWeights), empty before distillation.
+    std::vector<float> controller, controller_m, controller_v;
 
     bool active() const { return num_cameras > 0; }
     std::size_t camera_offset(int camera) const { return std::size_t(num_frames) * kIspFrameValues + std::size_t(camera) * kIspCameraValues; }
     std::size_t size() const { return camera_offset(num_cameras); }
 };
 
-/// PPISP that changes nothing: exposure 0, neutral colours, no vignetting, straight response.
+/// Returns a PPISP that changes nothing: exposure 0, neutral colours, no vignetting, straight response.
 PpispState identity_ppisp(int num_frames, int num_cameras);
 
 /// Adds a controller with random weights, uniform within 1/sqrt(inputs), to every camera.

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam for residuals of Gaussians that were out of view: the steps they missed, all with gradient zero, are taken at once
-// when they are next seen. (Their geometry is needed in every step, and never waits.)
+// Adam for the residuals of Gaussians that were out of view. The steps that they missed have gradient zero, and are
+// taken at once when they are next seen. (Their geometry is needed in every step, and never waits.)
 //
 // Without a gradient, k steps of Adam from (p, m, v) after step s end at m beta1^k, v beta2^k and
 //     p - sum_j a_{s+j} m beta1^j / (sqrt(v beta2^j) b_{s+j} + eps),  j = 1..k,
 // with the step size a and bias factor b of each step. Where sqrt(v) >> eps the sum is m / sqrt(v) times
 //     S_s(k) = sum_j (a_{s+j} / b_{s+j}) q^j,  q = beta1 / sqrt(beta2),
-// which does not depend on the Gaussian. Seen from the step t = s + k + 1 about to be taken, T_t(k) = S_{t-1-k}(k) obeys
-//     T_t(k) = T_{t-1}(k - 1) + (a_{t-1} / b_{t-1}) q^k,  T(0) = 0,
-// so a table for all k up to a limit is kept with one addition per entry and step. eps, which matters only where gradients
-// were about 1e-14, enters as eps / b of the last step.
+// which does not depend on the Gaussian. For the step t = s + k + 1 about to be taken, T_t(k) = S_{t-1-k}(k) obeys
+//     T_t(k) = T_{t-1}(k - 1) + (a_{t-1} / b_{t-1}) q^k,  T(0) = 0.
+// So one addition per entry and step keeps a table for all k up to a limit. eps matters only where gradients were about
+// 1e-14, and enters as eps / b of the last step.
 #pragma once
 
 #include <array>
@@ -18,10 +18,10 @@
 
 namespace gs {
 
-/// Steps a residual may lag behind; before it lags further, all are caught up.
+/// The number of steps that a residual may lag behind. Before one lags further, all are caught up.
 inline constexpr int kMaxLag = 127;
 
-/// T_t(k) by k. Plain data, passed to kernels by value.
+/// T_t(k) by k. It is plain data, passed to kernels by value.
 struct LazyTable {
     float sums[kMaxLag + 1];
     float epsilon; ///< eps / b
@@ -36,7 +36,7 @@ class LazySchedule {
         t.epsilon = float(epsilon_);
         return t;
     }
-    /// Step t was taken with this rate.
+    /// Advances the table after step t, which was taken with this rate.
     void advance(double rate, std::int64_t t) {
         const double inverse_b = std::sqrt(1 - std::pow(kAdamBeta2, double(t))), r = rate / (1 - std::pow(kAdamBeta1, double(t))) * inverse_b;
         epsilon_ = kAdamEpsilon * inverse_b;
@@ -55,10 +55,10 @@ class LazySchedule {
     double epsilon_ = kAdamEpsilon;
 };
 
-/// The parameter after the missed steps; `sum` is T_t(k) of the row.
+/// Returns the parameter after the missed steps; `sum` is T_t(k) of the row.
 GS_HD float catch_up_parameter(float p, float m, float v, float sum, float epsilon) { return p - sum * m * reciprocal(gs_sqrt(v) + epsilon); }
 
-/// Factors of the moments after `lag` missed steps.
+/// The factors of the moments after `lag` missed steps.
 GS_HD float first_moment_decay(int lag) { return ::exp2f(float(lag) * -0.15200309344504995f); }  // log2 0.9
 GS_HD float second_moment_decay(int lag) { return ::exp2f(float(lag) * -0.0014434168696687186f); }  // log2 0.999
 

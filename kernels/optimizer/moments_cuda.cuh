@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam's moments of the residuals as kernels read and write them: two floats, or both in one word (packed_moments.h).
+// Adam's moments of the residuals in the form that kernels read and write: two floats, or one word (packed_moments.h).
 #pragma once
 
 #include "kernels/cuda/cuda.h"
@@ -7,10 +7,10 @@
 
 namespace gs {
 
-/// Some rows of moments. Offsets count values.
+/// Rows of moments. Offsets count values.
 struct MomentRows {
     float* m;
-    float* v; ///< null: m holds words of both
+    float* v; ///< null if m holds words of both moments
 
     __device__ MomentRows at(std::int64_t first) const { return {m + first, v ? v + first : nullptr}; }
     __device__ void load(int at, float& mm, float& vv) const {
@@ -20,14 +20,14 @@ struct MomentRows {
         else
             unpack(mm, vv);
     }
-    /// `seed`: of the rows and the step.
+    /// Stores both moments of a value. `seed` depends on the rows and the step.
     __device__ void store(int at, float mm, float vv, std::uint32_t seed) const {
         if (v)
             m[at] = mm, v[at] = vv;
         else
             m[at] = word(mm, vv, seed + at);
     }
-    /// Four values at 4 at.
+    /// Loads the moments of the four values from 4 * at on.
     __device__ void load4(int at, float4& mm, float4& vv) const {
         mm = reinterpret_cast<const float4*>(m)[at];
         if (v)
@@ -48,7 +48,7 @@ struct MomentRows {
     __device__ static float word(float mm, float vv, std::uint32_t k) {
         return __uint_as_float(pack_moments(__float_as_uint(mm), __float_as_uint(vv), mix_bits(k)));
     }
-    /// mm: a word, then its first moment.
+    /// Turns a word in mm into the first moment in mm and the second in vv.
     __device__ static void unpack(float& mm, float& vv) {
         const unsigned word = __float_as_uint(mm);
         mm = __uint_as_float(first_moment_bits(word)), vv = __uint_as_float(second_moment_bits(word));

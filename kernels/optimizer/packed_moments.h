@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Both of Adam's moments of a value in one 32-bit word, as bfloat16.
+// Packs both of Adam's moments of a value into one 32-bit word, as bfloat16.
 //
-// bfloat16 has float's range and 8 bits of mantissa. A step changes the second moment by a thousandth, which rounding to nearest
-// would lose each time; it is rounded up or down at random, right on average. The random bits are a hash of place and step.
+// bfloat16 has float's range and 8 bits of mantissa. A step changes the second moment by a thousandth, which rounding
+// to nearest would lose each time. So it is rounded up or down at random, which is right on average. The random bits
+// are a hash of place and step.
 #pragma once
 
 #include <cstdint>
@@ -11,21 +12,21 @@
 
 namespace gs {
 
-/// A hash of all bits to all bits (two rounds of multiply and shift).
+/// Hashes all bits to all bits (two rounds of multiply and shift).
 GS_HD std::uint32_t mix_bits(std::uint32_t x) {
     x = (x ^ x >> 16) * 0x7feb352du;
     x = (x ^ x >> 15) * 0x846ca68bu;
     return x ^ x >> 16;
 }
 
-/// m in the upper half of the word, to nearest; v in the lower one, up where its remainder exceeds the 16 bits of `random`. Both
-/// finite, v >= 0.
+/// Returns m, rounded to nearest, in the upper half of the word and v in the lower half. v is rounded up where its
+/// remainder and the 16 bits of `random` add up to more than 16 bits hold. Both must be finite, and v >= 0.
 GS_HD std::uint32_t pack_moments(std::uint32_t m_bits, std::uint32_t v_bits, std::uint32_t random) {
     const std::uint32_t m = m_bits + 0x7fffu + (m_bits >> 16 & 1), v = v_bits + (random & 0xffffu);
     return (m & 0xffff0000u) | v >> 16;
 }
 
-/// The bits of both moments in a word.
+/// These return the bits of the moments in a word.
 GS_HD std::uint32_t first_moment_bits(std::uint32_t word) { return word & 0xffff0000u; }
 GS_HD std::uint32_t second_moment_bits(std::uint32_t word) { return word << 16; }
 

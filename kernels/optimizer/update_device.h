@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The optimizer step of one Gaussian: regularisers, guard against non-finite gradients, Adam on every group, noise.
+// The optimizer step of one Gaussian: regularisers, a guard against non-finite gradients, Adam on every group, and
+// noise.
 #pragma once
 
 #include "kernels/model/adam_device.h"
@@ -10,20 +11,20 @@
 
 namespace gs {
 
-/// Columns that may have rates of their own. Bounded so that a kernel takes them as a parameter.
+/// The largest number of columns with rates of their own. It is bounded so that a kernel takes them as a parameter.
 inline constexpr int kMaxResidualColumns = 96;
 
-/// What all Gaussians share in one step. Plain data, passed to kernels by value.
+/// The values that all Gaussians share in one step. They are plain data, passed to kernels by value.
 struct UpdateArgs {
     AdamStep<float> steps[kNumGroups];
-    bool per_column;                       ///< residual_steps holds one per residual column; else steps[kResidual] is for all
+    bool per_column;                       ///< whether each residual column has its own residual_steps entry
     AdamStep<float> residual_steps[kMaxResidualColumns];
-    AdamStep<float> shared_step;           ///< of the shared weights
+    AdamStep<float> shared_step;           ///< step of the shared weights
     float opacity_gradient;                ///< lambda_o / N
     float scale_gradient;                  ///< lambda_s / 3N
     float noise;                           ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
-    int width, height;                     ///< of the view, for the ADC statistic
+    int width, height;                     ///< size of the view, for the ADC statistic
 };
 
 /// One row of a group with its moments.
@@ -51,7 +52,7 @@ template <int kWidth> struct Row {
 };
 
 GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual, int residual_width) {
-    // x - x is 0 for finite x and NaN otherwise; NaN survives the sum.
+    // x - x is 0 for finite x and NaN otherwise. NaN survives the sum.
     const auto& q = g.geometry;
     const auto zero = [](float x) { return x - x; };
     float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) + zero(q.log_scale.z) + zero(q.raw_opacity) +
@@ -60,7 +61,7 @@ GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual
     return s == 0;
 }
 
-/// Zeroes a gradient that is not finite, and then returns false: one bad value would stay in the moments for ever.
+/// Zeroes a gradient that is not finite, and then returns false. One such value would stay in the moments for ever.
 GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int residual_width) {
     if (!g.visible || is_finite(g, dL_dresidual, residual_width)) return true;
     g = GaussianGradient<float>{};
@@ -68,14 +69,14 @@ GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int r
     return false;
 }
 
-/// One step of everything but the residual of Gaussian i, whose data gradient is `g` (finite; zero where invisible).
+/// Takes one step of Gaussian i except for its residual. `g` is its data gradient (finite; zero where invisible).
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
     if (g.visible && a.gradient_sum) {
         const float x = 0.5f * u.width * g.mean2d.x, y = 0.5f * u.height * g.mean2d.y;
         a.gradient_sum[i] += gs_sqrt(x * x + y * y);
         a.gradient_count[i] += 1.0f;
     }
-    // Regularisers: means over all Gaussians, visible or not.
+    // The regularisers are means over all Gaussians, visible or not.
     if (u.opacity_gradient > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
         g.geometry.raw_opacity += u.opacity_gradient * o * (1 - o);
@@ -85,7 +86,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
         const auto gradient = [&](float x) { return u.scale_gradient * gs_exp(gs_min(x, float(kMaxLogScale))); };
         g.geometry.log_scale += Vec3<float>{gradient(s[0]), gradient(s[1]), gradient(s[2])};
     }
-    // All rows are read before any is written: writes in between would make each read wait for the one before it.
+    // All rows are read before any is written. Writes in between would make each read wait for the one before it.
     const auto& q = g.geometry;
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
@@ -94,7 +95,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
     rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
     opacity.step(u, {q.raw_opacity});
-    opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]); // NaN stays NaN, to be found
+    opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]); // NaN stays NaN, so that pruning finds it
     base.step(u, {g.base.x, g.base.y, g.base.z});
     if (u.noise > 0) {
         const GaussianGeometry<float> now{{mean.p[0], mean.p[1], mean.p[2]},
@@ -107,7 +108,8 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     mean.write(a, i), scale.write(a, i), rotation.write(a, i), opacity.write(a, i), base.write(a, i);
 }
 
-/// One step of a shared weight with the gradient summed over all Gaussians. False: it was not finite and counts as 0.
+/// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
+/// finite, which then counts as 0.
 GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const AdamStep<float>& step) {
     const bool finite = gs_isfinite(gradient);
     adam_update(p, m, v, finite ? gradient : 0.0f, step, kAdamBeta2Shared);
@@ -115,7 +117,7 @@ GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const Ada
     return finite;
 }
 
-/// The factors of Adam's step `t` for a request.
+/// Returns the arguments of Adam's step `t` for a request.
 inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians) {
     UpdateArgs u{};
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A block of threads for each row of 3x3 pixels, whose sums are added in order; one block for the layers behind the mean.
+// The controller on the device. Each row of 3x3 pixels has a block of threads, whose sums are added in order. One block
+// does the layers behind the mean.
 #include "kernels/model/adam_device.h"
 #include "kernels/ppisp/controller_cuda.h"
 
@@ -9,7 +10,7 @@ namespace {
 using Activations = ControllerActivations;
 
 constexpr int kRowValues = kControllerBins * kControllerChannels;
-/// Columns that a block looks at together.
+/// The columns that a block processes together.
 constexpr int kForwardColumns = 128, kForwardThreads = kRowValues, kBackwardColumns = 64, kBackwardThreads = 256;
 static_assert(kForwardThreads >= kForwardColumns && kBackwardThreads >= kBackwardColumns);
 constexpr int kDenseThreads = 1024, kWeightThreads = 256;
@@ -18,7 +19,7 @@ __device__ void copy_block_weights(const float* weights, float* to) {
     for (int k = threadIdx.x; k < kControllerBlockWeights; k += blockDim.x) to[k] = weights[k];
 }
 
-/// Sums of the features of one row of blocks, by bin: (rows, 5, 32).
+/// Sums the features of one row of blocks by bin: (rows, 5, 32).
 __global__ void __launch_bounds__(kForwardThreads) sum_row_features(const float* weights, const float* image, int width, int height, float* row_sums) {
     __shared__ float w[kControllerBlockWeights], features[kForwardColumns][kControllerChannels + 1];
     copy_block_weights(weights, w);
@@ -39,7 +40,7 @@ __global__ void __launch_bounds__(kForwardThreads) sum_row_features(const float*
     row_sums[blockIdx.x * kRowValues + t] = sum;
 }
 
-/// out = W in + b, a warp for each output.
+/// Computes out = W in + b with a warp for each output.
 __device__ void linear(const float* weights, ControllerLayer layer, const float* in, float* out, bool relu) {
     const int lane = threadIdx.x % 32;
     for (int o = threadIdx.x / 32; o < layer.outputs; o += kDenseThreads / 32) {
@@ -74,7 +75,7 @@ __global__ void __launch_bounds__(kDenseThreads) evaluate_dense(const float* wei
     linear(weights, controller_layer(6), a->hidden[2], a->out, false);
 }
 
-/// W^T dL_dout, of input i.
+/// Returns W^T dL_dout for input i.
 __device__ float linear_backward(const float* weights, ControllerLayer layer, const float* dL_dout, int i) {
     float sum = 0;
     for (int o = 0; o < layer.outputs; ++o) sum += weights[layer.offset + o * layer.inputs + i] * dL_dout[o];
@@ -103,7 +104,7 @@ __global__ void __launch_bounds__(kDenseThreads) dense_backward(const float* wei
     }
 }
 
-/// Gradients of the layers that see blocks, summed over one row of blocks: (rows, kControllerBlockWeights).
+/// Sums the gradients of the layers that see blocks over one row of blocks: (rows, kControllerBlockWeights).
 __global__ void __launch_bounds__(kBackwardThreads)
     sum_row_gradients(const float* weights, const float* image, int width, int height, const Activations* a, float* row_gradients) {
     constexpr ControllerLayer first = controller_layer(0), second = controller_layer(1);
@@ -112,7 +113,7 @@ __global__ void __launch_bounds__(kBackwardThreads)
     __shared__ float dL_dout[kBackwardColumns][kControllerChannels], pixel[kBackwardColumns][kControllerHiddenChannels * 3];
     copy_block_weights(weights, w);
     const int t = threadIdx.x, y = blockIdx.x, columns = controller_blocks(width), rows = controller_blocks(height);
-    if (t < kRowValues) { // what a block of this row gets from each bin column
+    if (t < kRowValues) { // the gradient that a block of this row gets from each bin column
         float sum = 0;
         for (int row = 0; row < kControllerBins; ++row)
             if (controller_bin_has(row, rows, y)) sum += a->dL_dbins[row * kRowValues + t];
@@ -161,7 +162,7 @@ __global__ void __launch_bounds__(kBackwardThreads)
         if (const int k = t + m * kBackwardThreads; k < kControllerBlockWeights) row_gradients[std::size_t(y) * kControllerBlockWeights + k] = sums[m];
 }
 
-/// Of weight k, from what the layers left behind.
+/// Returns the gradient of weight k from the layers' activations and gradients.
 __device__ float weight_gradient(int k, const Activations* a, const float* row_gradients, int rows) {
     if (k < kControllerBlockWeights) {
         double sum = 0;
@@ -229,29 +230,31 @@ void CudaController::take(Carver& c, int width, int height, bool for_step) {
     gradient_ = c.take<float>(kControllerWeights);
 }
 
-const float* CudaController::forward(int camera, const float* image, int width, int height, float prior_exposure, cudaStream_t stream) {
+const float* CudaController::forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream) {
+    const auto [rgb, width, height] = image;
     Activations* a = activations_.get();
     if (!controller_sees(width, height)) {
         GS_CUDA(cudaMemsetAsync(a->out, 0, sizeof a->out, stream));
         return a->out;
     }
     const float* weights = weights_.get() + std::size_t(camera) * kControllerWeights;
-    sum_row_features<<<controller_blocks(height), kForwardThreads, 0, stream>>>(weights, image, width, height, row_sums_);
+    sum_row_features<<<controller_blocks(height), kForwardThreads, 0, stream>>>(weights, rgb, width, height, row_sums_);
     GS_CUDA_LAUNCHED("sum_row_features");
     evaluate_dense<<<1, kDenseThreads, 0, stream>>>(weights, row_sums_, controller_blocks(width), controller_blocks(height), prior_exposure, a);
     GS_CUDA_LAUNCHED("evaluate_dense");
     return a->out;
 }
 
-void CudaController::step(int camera, const float* image, int width, int height, const float* dL_dout, double rate, std::int64_t step, StepControl* control,
+void CudaController::step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step, StepControl* control,
                           cudaStream_t stream) {
+    const auto [rgb, width, height] = image;
     const std::size_t at = std::size_t(camera) * kControllerWeights;
     const int columns = controller_blocks(width), rows = controller_blocks(height);
     float* weights = weights_.get() + at;
     Activations* a = activations_.get();
     dense_backward<<<1, kDenseThreads, 0, stream>>>(weights, dL_dout, columns, rows, a);
     GS_CUDA_LAUNCHED("dense_backward");
-    sum_row_gradients<<<rows, kBackwardThreads, 0, stream>>>(weights, image, width, height, a, row_gradients_);
+    sum_row_gradients<<<rows, kBackwardThreads, 0, stream>>>(weights, rgb, width, height, a, row_gradients_);
     GS_CUDA_LAUNCHED("sum_row_gradients");
     const unsigned blocks = num_blocks(kControllerWeights, kWeightThreads);
     weight_gradients<<<blocks, kWeightThreads, 0, stream>>>(a, row_gradients_, rows, gradient_);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blocks in parallel by rows, whose sums are added in order; the layers behind the mean are small.
+// The controller on the CPU. Rows of blocks run in parallel, and their sums are added in order. The layers behind the
+// mean are small and run in one thread.
 #include <algorithm>
 #include <cmath>
 
@@ -11,7 +12,7 @@ namespace gs {
 
 namespace {
 
-/// out = W in + b.
+/// Computes out = W in + b.
 template <class Real> void linear(const Real* weights, const ControllerLayer& layer, const Real* in, Real* out) {
     for (int o = 0; o < layer.outputs; ++o) {
         const Real* w = weights + layer.offset + std::ptrdiff_t(o) * layer.inputs;
@@ -35,7 +36,7 @@ void linear_backward(const Real* weights, const ControllerLayer& layer, const Re
     }
 }
 
-constexpr int kEncoded = kControllerConv[3]; ///< channels of a bin
+constexpr int kEncoded = kControllerConv[3]; ///< number of channels of a bin
 
 }  // namespace
 
@@ -88,7 +89,7 @@ template <class Real> void Controller<Real>::backward(const Real* weights, const
             if (!(inputs_[k][i] > Real(0))) dL_din[i] = 0;
         dL_dlayer = std::move(dL_din);
     }
-    std::vector<Real> dL_dbins(kControllerGrid * kControllerChannels, Real(0)); // with respect to a bin's sum
+    std::vector<Real> dL_dbins(kControllerGrid * kControllerChannels, Real(0)); // gradients of the bins' sums
     for (int bin = 0; bin < kControllerGrid; ++bin) {
         Real dL_dencoded[kEncoded], *dL_dmean = dL_dbins.data() + bin * kControllerChannels;
         for (int c = 0; c < kEncoded; ++c) dL_dencoded[c] = dL_dlayer[c * kControllerGrid + bin];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers on the device: the same as controller.h. Included by .cu files only.
+// The controllers on the device, which compute the same as controller.h. Only .cu files include this header.
 #pragma once
 
 #include "kernels/cuda/device_memory.h"
@@ -8,14 +8,22 @@
 
 namespace gs {
 
-/// What one evaluation leaves behind, and the gradients with respect to it. Bins are means over blocks, (25, 32); what is encoded
-/// from them is laid out as the inputs of the first dense layer are.
+/// The activations of one evaluation, and their gradients. Bins are means over blocks, (25, 32). Their encoded values
+/// are the inputs of the first dense layer.
 struct ControllerActivations {
     static constexpr int kGridValues = kControllerGrid * kControllerChannels, kEncoded = kControllerInputs - 1;
     float bins[kGridValues], inputs[kControllerInputs], hidden[3][kControllerHidden], out[kIspFrameValues];
-    float dL_dbins[kGridValues];                                                ///< with respect to the sum over a bin's blocks
-    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before their activation
-    int nonfinite;                                                              ///< a gradient of the last step was not finite
+    /// The gradients of the sums over bins' blocks.
+    float dL_dbins[kGridValues];
+    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before the activation
+    /// Nonzero if a gradient of the last step was not finite.
+    int nonfinite;
+};
+
+/// What a controller looks at: planar (3,H,W) on the device.
+struct ControllerImage {
+    const float* rgb;
+    int width, height;
 };
 
 class CudaController {
@@ -24,10 +32,10 @@ class CudaController {
     void download(PpispState& state, bool with_moments) const;
     void take(Carver& c, int width, int height, bool for_step);
 
-    /// Evaluates the controller of one camera on a planar (3,H,W) image; the result stays on the device.
-    const float* forward(int camera, const float* image, int width, int height, float prior_exposure, cudaStream_t stream);
+    /// Evaluates the controller of one camera; the result stays on the device.
+    const float* forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream);
     /// Optimizer step of that controller. dL_dout: kIspFrameValues, on the device.
-    void step(int camera, const float* image, int width, int height, const float* dL_dout, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
+    void step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
 
     bool exists() const { return count_ > 0; }
     std::int64_t bytes() const;
@@ -36,7 +44,8 @@ class CudaController {
     int count_ = 0;
     DeviceBuffer<float> weights_, m_, v_; ///< (cameras, kControllerWeights)
     DeviceBuffer<ControllerActivations> activations_;
-    float *row_sums_ = nullptr, *row_gradients_ = nullptr, *gradient_ = nullptr; ///< a row of blocks each; (kControllerWeights)
+    /// The first two have one row per row of blocks; gradient_ has kControllerWeights.
+    float *row_sums_ = nullptr, *row_gradients_ = nullptr, *gradient_ = nullptr;
 };
 
 }  // namespace gs

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every form of the controller shares (docs/math/ppisp.md#controller): where its weights are, which blocks fall
-// into which bin, and the layers that see single blocks of pixels.
+// The parts that CPU and CUDA controller share (docs/math/ppisp.md#controller): the layout of the weights, the blocks
+// of each bin, and the layers that see single blocks of pixels.
 //
-// The convolution to 64 channels is linear and followed by a mean. It is therefore applied to the 25 means of 32 channels
-// instead of to all blocks: the same up to rounding, without the widest layer.
+// The convolution to 64 channels is linear and followed by a mean. It is therefore applied to the 25 means of 32
+// channels instead of to all blocks. The result is the same up to rounding, and all blocks are spared the widest layer.
 #pragma once
 
 #include <cstddef>
@@ -13,14 +13,14 @@
 
 namespace gs {
 
-/// Weights (outputs, inputs) row-major from `offset`, then biases.
+/// The place of a layer's values: weights (outputs, inputs), row-major from `offset`, then biases.
 struct ControllerLayer {
     int offset, inputs, outputs;
     GS_HD constexpr int bias() const { return offset + inputs * outputs; }
 };
 
 inline constexpr int kControllerLayers = 7;
-/// 0..2 see blocks and bins, 3..5 the whole image, 6 gives exposure and colour latents.
+/// Returns a layer. Layers 0..2 see blocks and bins, 3..5 the whole image; layer 6 gives exposure and colour latents.
 GS_HD constexpr ControllerLayer controller_layer(int layer) {
     const int inputs[kControllerLayers] = {3, 16, 32, kControllerInputs, kControllerHidden, kControllerHidden, kControllerHidden};
     const int outputs[kControllerLayers] = {16, 32, 64, kControllerHidden, kControllerHidden, kControllerHidden, kIspFrameValues};
@@ -31,20 +31,21 @@ GS_HD constexpr ControllerLayer controller_layer(int layer) {
 static_assert(controller_layer(6).bias() + kIspFrameValues == kControllerWeights);
 
 inline constexpr int kControllerGrid = kControllerBins * kControllerBins;
-/// Channels after the first and the second layer.
+/// The number of channels after the first and after the second layer.
 inline constexpr int kControllerHiddenChannels = kControllerConv[1], kControllerChannels = kControllerConv[2];
-/// Weights of the layers that see blocks: the first ones.
+/// The number of weights of the layers that see blocks, which come first.
 inline constexpr int kControllerBlockWeights = controller_layer(2).offset;
 
-/// Blocks along a side of `pixels`; pixels left over at its end are not looked at.
+/// Returns the number of blocks along a side of `pixels`. Pixels left over at its end are ignored.
 GS_HD constexpr int controller_blocks(int pixels) { return pixels / kControllerPool; }
-/// Without a single block the controller says nothing: zeros.
+/// Returns whether an image has a block. Without one the controller's values are 0.
 GS_HD constexpr bool controller_sees(int width, int height) { return controller_blocks(width) > 0 && controller_blocks(height) > 0; }
-/// Bin `bin` along a side of n blocks covers [begin, end). Neighbours overlap by one unless 5 divides n; below 5 they repeat.
+/// Bin `bin` along a side of n blocks covers [begin, end). Neighbours overlap by one unless 5 divides n. With fewer
+/// than 5 blocks they repeat.
 GS_HD constexpr int controller_bin_begin(int bin, int n) { return bin * n / kControllerBins; }
 GS_HD constexpr int controller_bin_end(int bin, int n) { return ((bin + 1) * n + kControllerBins - 1) / kControllerBins; }
 GS_HD constexpr bool controller_bin_has(int bin, int n, int block) { return controller_bin_begin(bin, n) <= block && block < controller_bin_end(bin, n); }
-/// Blocks in bin `bin` (row-major) of an image of columns x rows blocks.
+/// Returns the number of blocks in bin `bin` (row-major) of an image of columns x rows blocks.
 GS_HD constexpr int controller_bin_size(int bin, int columns, int rows) {
     const int x = bin % kControllerBins, y = bin / kControllerBins;
     return (controller_bin_end(x, columns) - controller_bin_begin(x, columns)) * (controller_bin_end(y, rows) - controller_bin_begin(y, rows));
@@ -52,18 +53,19 @@ GS_HD constexpr int controller_bin_size(int bin, int columns, int rows) {
 
 /// A block of pixels of a planar image.
 template <class Real> struct ControllerBlock {
-    const Real* corner; ///< its first pixel's first channel
+    const Real* corner; ///< first channel of the first pixel
     std::ptrdiff_t row, plane;
 
     GS_HD Real at(int channel, int pixel) const { return corner[channel * plane + pixel / kControllerPool * row + pixel % kControllerPool]; }
 };
 
-/// Block (x, y), in blocks, of a planar (3,H,W) image.
+/// Returns block (x, y), counted in blocks, of a planar (3,H,W) image.
 template <class Real> GS_HD ControllerBlock<Real> controller_block(const Real* image, int width, int height, int x, int y) {
     return {image + std::ptrdiff_t(kControllerPool) * y * width + kControllerPool * x, width, std::ptrdiff_t(width) * height};
 }
 
-/// The first layer: largest value over the block, and which pixel has it (the first one of several).
+/// Evaluates an output of the first layer. Returns its largest value over the block; `pixel` becomes the (first) pixel
+/// that has it.
 template <class Real> GS_HD Real controller_strongest(const Real* weights, const ControllerBlock<Real>& block, int output, int& pixel) {
     constexpr ControllerLayer layer = controller_layer(0);
     const Real* w = weights + layer.offset + output * layer.inputs;
@@ -75,10 +77,11 @@ template <class Real> GS_HD Real controller_strongest(const Real* weights, const
     return largest + weights[layer.bias() + output];
 }
 
-/// Activations of one block.
+/// The activations of one block.
 template <class Real> struct ControllerFeatures {
     Real hidden[kControllerHiddenChannels], out[kControllerChannels]; ///< both after ReLU
-    int pixel[kControllerHiddenChannels];                             ///< which pixel each hidden one looks at
+    /// The pixel that has the maximum of each hidden channel.
+    int pixel[kControllerHiddenChannels];
 };
 
 template <class Real> GS_HD void controller_features(const Real* weights, const ControllerBlock<Real>& block, ControllerFeatures<Real>& f) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A view's pixels in one pass each way; its 37 sums and the few parameters by one block.
+// PPISP on the device. Forward and backward take one pass each over a view's pixels; one block does the 37 sums and the
+// few parameters.
 #include "kernels/model/adam_device.h"
 #include "kernels/ppisp/ppisp_cuda.h"
 
@@ -7,21 +8,21 @@ namespace gs {
 namespace {
 
 constexpr int kPixelThreads = 256;
-/// Blocks of the way back: each adds up its pixels in registers first, so that the sums over blocks are short. Four times a
-/// large device's multiprocessors; fixed, so that results do not depend on the device.
+/// The blocks of the backward pass. Each adds up its pixels in registers first, so that the sums over blocks are short.
+/// The number is four times a large device's multiprocessors. It is fixed, so that results do not depend on the device.
 constexpr int kSumThreads = 128, kSumBlocks = 528;
-/// One block takes the optimizer's step: a few values a frame are no work for more.
+/// The threads of the one block that takes the optimizer's step, which has only a few values a frame.
 constexpr int kStepThreads = 1024;
 
 __device__ Vec3<float> pixel_of(const float* image, std::size_t i, std::size_t pixels) { return {image[i], image[pixels + i], image[2 * pixels + i]}; }
 __device__ void put_pixel(float* image, std::size_t i, std::size_t pixels, const Vec3<float>& c) { image[i] = c.x, image[pixels + i] = c.y, image[2 * pixels + i] = c.z; }
 
-/// Images have fewer than 2^32 pixels (largest side 65504), and division is cheaper in 32 bits.
+/// Returns isp_uv of pixel i. Images have fewer than 2^32 pixels (largest side 65504), and 32-bit division is cheaper.
 __device__ Vec2<float> uv_of(std::size_t i, int width, int height) {
     return isp_uv<float>(int(unsigned(i) % unsigned(width)), int(unsigned(i) / unsigned(width)), width, height);
 }
 
-/// raw_frame may be null: neutral.
+/// Prepares a view. A null raw_frame means neutral values.
 __global__ void prepare_view(const float* raw_frame, const float* raw_camera, IspDeviceView* view) {
     const int k = threadIdx.x;
     if (k < kIspFrameValues) view->raw_frame[k] = raw_frame ? raw_frame[k] : 0.0f;
@@ -58,7 +59,7 @@ __global__ void __launch_bounds__(kSumThreads) correct_backward(const IspDeviceV
     partials[blockIdx.x * kIspSums + threadIdx.x] = sum;
 }
 
-/// One warp a sum, in double as on the CPU.
+/// Adds up the partial sums and finishes the view's gradients. Each sum has a warp, and is in double as on the CPU.
 __global__ void __launch_bounds__(kStepThreads) finish_view(const float* partials, IspDeviceView* view) {
     __shared__ IspSums<float> sums;
     const int lane = threadIdx.x % 32;
@@ -74,7 +75,7 @@ __global__ void __launch_bounds__(kStepThreads) finish_view(const float* partial
 
 struct StepArgs {
     float *param, *m, *v, *gradient;
-    int frames, cameras, frame, camera; ///< frame -1: the view has none
+    int frames, cameras, frame, camera; ///< numbers of both, and the view's indices; frame -1: none
     AdamStep<float> step;
 };
 
@@ -155,7 +156,7 @@ void CudaPpisp::apply(const IspView& view, const float* image, int width, int he
     view_ = view, width_ = width, height_ = height;
     const float* frame = nullptr;
     if (view.mode == IspMode::kFrame && view.frame >= 0) frame = param_.get() + std::size_t(view.frame) * kIspFrameValues;
-    if (view.mode == IspMode::kController && controller_.exists()) frame = controller_.forward(view.camera, image, width, height, view.prior_exposure, stream);
+    if (view.mode == IspMode::kController && controller_.exists()) frame = controller_.forward(view.camera, {image, width, height}, view.prior_exposure, stream);
     prepare_view<<<1, 32, 0, stream>>>(frame, param_.get() + host_.camera_offset(view.camera), device_view_.get());
     GS_CUDA_LAUNCHED("prepare_view");
     correct<<<num_blocks(std::int64_t(width) * height, kPixelThreads), kPixelThreads, 0, stream>>>(device_view_.get(), image, width, height, out);
@@ -177,7 +178,8 @@ void CudaPpisp::step_parameters(double rate, std::int64_t step, StepControl* con
 }
 
 void CudaPpisp::step_controller(const float* image, double rate, std::int64_t step, StepControl* control, cudaStream_t stream) {
-    if (controller_sees(width_, height_)) controller_.step(view_.camera, image, width_, height_, device_view_.get()->dL_dframe, rate, step, control, stream);
+    if (controller_sees(width_, height_))
+        controller_.step(view_.camera, {image, width_, height_}, device_view_.get()->dL_dframe, rate, step, control, stream);
 }
 
 std::int64_t CudaPpisp::bytes() const {

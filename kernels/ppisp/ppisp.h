@@ -10,38 +10,41 @@
 
 namespace gs {
 
-/// Whether a view is corrected at all: nothing of PPISP runs where it is not.
+/// Returns whether a view is corrected. If not, no part of PPISP runs for it.
 inline bool is_corrected(const PpispState& state, const IspView& view) { return state.active() && view.mode != IspMode::kNone; }
 
-/// Throws UsageError naming a frame or camera that the model does not have.
+/// Throws UsageError if the model lacks the view's frame or camera; the message names it.
 void check_isp_view(const PpispState& state, const IspView& view);
-/// Throws UsageError where `Backend::distill` has nothing to train: a model without controllers, a view that does not ask for one.
+/// Throws UsageError where `Backend::distill` has nothing to train: the model has no controllers, or the view does not
+/// use one.
 void check_distillation(const PpispState& state, const IspView& view);
 
-/// Zero moments where there are none.
+/// Adds moments of 0 where there are none.
 void allocate_moments(PpispState& state);
 void drop_moments(PpispState& state);
 
-/// One Adam step of n values. False, and nothing changes, if a gradient is not finite: one would stay in the moments for ever.
+/// Takes one Adam step of n values. If a gradient is not finite, which would stay in the moments for ever, it changes
+/// nothing and returns false.
 bool step_values(float* param, float* m, float* v, const float* gradient, std::int64_t n, double rate, std::int64_t t);
 
-/// One view's correction. Buffers are reused from call to call.
+/// The correction of one view. It reuses its buffers from call to call. All results are independent of threads, to the
+/// bit.
 class ViewCorrection {
   public:
-    /// Corrects the planar (3,H,W) `image` of a view for which is_corrected. `out` may be `image`.
-    /// Determinism of all: bitwise, independent of threads.
+    /// Corrects the planar (3,H,W) `image` of a view for which is_corrected() is true. `out` may be `image`.
     void apply(const PpispState& state, const IspView& view, const float* image, int width, int height, float* out);
 
-    /// Way back of the last apply: dL_dimage (3,H,W), with respect to its output, becomes that of its input `image`. With a
-    /// controller, what it says counts as constant.
+    /// Turns dL_dimage (3,H,W), the gradient of the last apply's output, into the gradient of its input `image`. The
+    /// output of a controller counts as constant.
     void backward(const float* image, float* dL_dimage);
 
-    /// Step `state.step` of all frames and cameras, with the view's gradient and the regularisers. False: a gradient was not
-    /// finite, and nothing changes.
+    /// Takes step `state.step` of all frames and cameras, with the view's gradient and the regularisers. If a gradient
+    /// is not finite, it changes nothing and returns false.
     bool step_parameters(PpispState& state, double rate);
 
-    /// Step `state.controller_step` of the controller of the view's camera; `image` as of apply. False as above. An image too
-    /// small for a controller leaves it as it is.
+    /// Takes step `state.controller_step` of the controller of the view's camera; `image` is that of apply. If a
+    /// gradient is not finite, it changes nothing and returns false. An image too small for a controller changes
+    /// nothing.
     bool step_controller(PpispState& state, const float* image, double rate);
 
   private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows in parallel, their sums added in order.
+// PPISP on the CPU. Rows run in parallel, and their sums are added in order.
 #include <algorithm>
 #include <string>
 
@@ -13,7 +13,7 @@ namespace gs {
 void check_isp_view(const PpispState& state, const IspView& view) {
     const auto check = [](const char* what, int index, int least, int count) {
         if (index >= least && index < count) return;
-        throw UsageError("view of " + std::string(what) + " " + std::to_string(index) + ", but the model's PPISP has " + std::to_string(count) + " of them");
+        throw UsageError("the view needs " + std::string(what) + " " + std::to_string(index) + ", but the model's PPISP has " + std::to_string(count) + " " + what + "s");
     };
     check("camera", view.camera, 0, state.num_cameras);
     if (view.mode == IspMode::kFrame) check("frame", view.frame, -1, state.num_frames);
@@ -21,7 +21,7 @@ void check_isp_view(const PpispState& state, const IspView& view) {
 
 void check_distillation(const PpispState& state, const IspView& view) {
     if (!state.active() || state.controller.empty()) throw UsageError("cannot train controllers: the model has none");
-    if (view.mode != IspMode::kController) throw UsageError("cannot train a controller on a view that is not corrected by it");
+    if (view.mode != IspMode::kController) throw UsageError("cannot train a controller on a view that it does not correct");
 }
 
 void allocate_moments(PpispState& state) {

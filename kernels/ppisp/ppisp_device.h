@@ -2,8 +2,9 @@
 // PPISP for one pixel, forward (docs/math/ppisp.md#pipeline) and backward (docs/math/ppisp.md#gradients): exposure,
 // vignetting, colour homography, response.
 //
-// What is the same for all pixels of a view is prepared once (isp_frame, isp_camera). The way back adds 37 numbers per pixel,
-// with respect to the prepared values; isp_finish turns their sums over the view into gradients of the parameters.
+// The values that all pixels of a view share are prepared once (isp_frame, isp_camera). The backward pass adds 37
+// numbers per pixel, the gradients of the prepared values. isp_finish turns their sums over the view into gradients of
+// the parameters.
 #pragma once
 
 #include "kernels/core/vec.h"
@@ -11,61 +12,64 @@
 
 namespace gs {
 
-/// Exposures beyond this many stops count as this: 2^16 of the brightest colour is still far inside float's range.
+/// The limit that exposures are clamped to, in stops. 2^16 times the brightest colour is still far inside float's
+/// range.
 inline constexpr double kLargestExposure = 16;
-/// The corrected intensity is divided by no less than this. (The reference adds it instead, which darkens every pixel a little:
-/// a correction that is none would then change pixels.)
+/// The least divisor of the corrected intensity. (The reference adds it instead, which darkens every pixel a little; a
+/// neutral correction would then change pixels.)
 inline constexpr double kIspIntensityEpsilon = 1e-5;
-/// The homography is divided by its last element, but by no less than this part of its largest one: such a correction has left
-/// the colours long ago, and only has to stay finite. (The factor all but cancels: colours keep their intensity.)
+/// The least divisor of the homography, as a part of its largest element; above it the divisor is the last element. A
+/// correction below it has left the colours long ago, and only has to stay finite. (The factor nearly cancels, because
+/// colours keep their intensity.)
 inline constexpr double kIspSmallestScale = 1e-6;
-/// Slopes of the response above this count as this. Between exponents of 0.3 and 0.1 a slope at black has no bound.
+/// The limit that slopes of the response are clamped to. With exponents of 0.3 and 0.1 the slope at black has no bound.
 inline constexpr double kIspLargestSlope = 1e12;
 
-/// Exposure and colour of one frame, ready for its pixels.
+/// The prepared exposure and colour of one frame.
 template <class Real> struct IspFrame {
     Real gain;             ///< 2^exposure
-    Mat3<Real> mix;        ///< the homography of (red, green, intensity), as it acts on (red, green, blue)
+    Mat3<Real> mix;        ///< homography of (red, green, intensity), as it acts on (red, green, blue)
 };
 
-/// Response of one channel: from 0 to 1, toe and shoulder meet at the centre with one value and slope.
+/// The response of one channel from 0 to 1. Toe and shoulder meet at the centre with one value and slope.
 template <class Real> struct IspResponse {
     Real toe, shoulder, gamma; ///< exponents
-    Real centre, rest;         ///< where they meet, and 1 - centre without its rounding
+    Real centre, rest;         ///< the centre, and 1 - centre without its rounding
     Real inverse_length;       ///< 1 / (shoulder centre + toe rest)
 };
 
-/// Vignetting and response of one camera, ready for its pixels.
+/// The prepared vignetting and response of one camera.
 template <class Real> struct IspCamera {
     Real vignetting[3][kIspVignetting]; ///< cx, cy, alpha0..2 of each channel
     IspResponse<Real> response[3];
 };
 
-/// Where the parts of the sums begin.
+/// The first index of each part of the sums.
 inline constexpr int kIspSumExposure = 0, kIspSumMix = 1, kIspSumVignetting = kIspSumMix + 9,
                      kIspSumResponse = kIspSumVignetting + 3 * kIspVignetting, kIspSums = kIspSumResponse + 3 * kIspResponse;
 static_assert(kIspSums == 37);
 
-/// dL/d of what the pixels of a view share: exposure (as stops); mix, row-major; per channel vignetting; per channel toe,
-/// shoulder, gamma (activated) and centre.
+/// The gradients of the values that a view's pixels share: exposure (in stops); mix, row-major; vignetting per channel;
+/// toe, shoulder, gamma (activated) and centre per channel.
 template <class Real> struct IspSums {
     Real v[kIspSums];
 };
 
-// --- the homography, once per view, in double -------------------------------------------------------------------------
+// --- the homography, once per view, in double ------------------------------------------------------------------------
 
-/// What the colour latents of a frame lead to, kept for the way back.
+/// The homography of a frame's colour latents, with the intermediate results of its gradient.
 struct IspColor {
-    Vec3<double> target[4]; ///< where blue, red, green and neutral go
-    Vec3<double> rows[3];   ///< of M = [neutral]x (blue red green); has rank 2
+    Vec3<double> target[4]; ///< targets of blue, red, green and neutral
+    Vec3<double> rows[3];   ///< rows of M = [neutral]x (blue red green), which has rank 2
     int first, second;      ///< rows whose cross product is lambda
     Vec3<double> lambda;    ///< M's null vector: weights that mix neutral from the three
-    Mat3<double> mixed;     ///< the homography before it is scaled
-    double scale;           ///< what it is divided by
-    bool scaled_by_element; ///< scale is its last element (and not a bound)
+    Mat3<double> mixed;     ///< homography before the division by `scale`
+    double scale;           ///< divisor of the homography
+    bool scaled_by_element; ///< whether scale is the last element (and not a bound)
 };
 
-/// Offsets of the targets are these symmetric matrices (xx, xy, yy) times the latents, so that a unit of each matters alike.
+/// Returns the symmetric matrix (xx, xy, yy) that maps the latents of a point to the offset of its target. The matrices
+/// make a unit of each latent matter alike.
 GS_HD Sym2<double> isp_latent_scale(int point) {
     switch (point) {
         case 0: return {0.0480542, -0.0043631, 0.0481283};
@@ -76,7 +80,7 @@ GS_HD Sym2<double> isp_latent_scale(int point) {
 }
 GS_HD Vec2<double> isp_times(const Sym2<double>& m, double x, double y) { return {m.xx * x + m.xy * y, m.xy * x + m.yy * y}; }
 
-/// Latents (blue, red, green, neutral) x 2.
+/// Computes the homography from the latents (blue, red, green, neutral) x 2.
 template <class Real> GS_HD IspColor isp_color(const Real* latents) {
     const double third = 1.0 / 3.0, source[4][2] = {{0, 0}, {1, 0}, {0, 1}, {third, third}};
     IspColor c;
@@ -86,7 +90,7 @@ template <class Real> GS_HD IspColor isp_color(const Real* latents) {
     }
     const Vec3<double> b = cross(c.target[3], c.target[0]), r = cross(c.target[3], c.target[1]), g = cross(c.target[3], c.target[2]);
     c.rows[0] = {b.x, r.x, g.x}, c.rows[1] = {b.y, r.y, g.y}, c.rows[2] = {b.z, r.z, g.z};
-    // All pairs give the same vector up to a factor, which the scale takes out. The longest has lost least to rounding.
+    // All pairs give the same vector up to a factor, which the scale cancels. The longest has lost least to rounding.
     double longest = -1;
     for (int i = 0; i < 2; ++i) {
         for (int j = i + 1; j < 3; ++j) {
@@ -96,7 +100,7 @@ template <class Real> GS_HD IspColor isp_color(const Real* latents) {
         }
     }
     const Vec3<double> mb = c.target[0] * c.lambda.x, mr = c.target[1] * c.lambda.y, mg = c.target[2] * c.lambda.z;
-    // Columns (red - blue, green - blue, blue): the inverse of the sources' matrix.
+    // The columns (red - blue, green - blue, blue) apply the inverse of the sources' matrix.
     c.mixed = {{mr.x - mb.x, mg.x - mb.x, mb.x}, {mr.y - mb.y, mg.y - mb.y, mb.y}, {mr.z - mb.z, mg.z - mb.z, mb.z}};
     const auto largest_of = [](const Vec3<double>& v) { return gs_max(gs_abs(v.x), gs_max(gs_abs(v.y), gs_abs(v.z))); };
     const double largest = gs_max(largest_of(c.mixed.r0), gs_max(largest_of(c.mixed.r1), largest_of(c.mixed.r2)));
@@ -106,7 +110,7 @@ template <class Real> GS_HD IspColor isp_color(const Real* latents) {
     return c;
 }
 
-/// dL/dlatents (8) from dL/dhomography (9, row-major).
+/// Computes dL/dlatents (8) from dL/dhomography (9, row-major).
 template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Real* dL_dhomography, Real* dL_dlatents) {
     double g[9], inner = 0;
     const Vec3<double>* const u[3] = {&c.mixed.r0, &c.mixed.r1, &c.mixed.r2};
@@ -136,22 +140,23 @@ template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Rea
     }
 }
 
-// --- what a view needs ------------------------------------------------------------------------------------------------
+// --- the prepared values of a view -----------------------------------------------------------------------------------
 
-/// From kIspFrameValues raw values.
+/// Prepares a frame from kIspFrameValues raw values.
 template <class Real> GS_HD IspFrame<Real> isp_frame(const Real* raw) {
     const IspColor color = isp_color(raw + 1);
-    // Intensity is the sum of the channels, and blue what is left of it. In double: without correction, this is 1 to the bit.
+    // Intensity is the sum of the channels, and blue the rest of it. In double, a neutral correction is 1 to the bit.
     const auto on_channels = [&](const Vec3<double>& row) { return Vec3<double>{(row.x + row.z) / color.scale, (row.y + row.z) / color.scale, row.z / color.scale}; };
     const Vec3<double> red = on_channels(color.mixed.r0), green = on_channels(color.mixed.r1), blue = on_channels(color.mixed.r2) - red - green;
     const auto rounded = [](const Vec3<double>& v) { return Vec3<Real>{Real(v.x), Real(v.y), Real(v.z)}; };
     return {gs_exp2(gs_clamp(raw[0], Real(-kLargestExposure), Real(kLargestExposure))), {rounded(red), rounded(green), rounded(blue)}};
 }
 
-/// Smallest toe and shoulder, smallest gamma.
+/// The smallest toe and shoulder, and the smallest gamma.
 inline constexpr double kIspLeastToe = 0.3, kIspLeastGamma = 0.1;
 
-/// From kIspCameraValues raw values. Exponents in double: without correction, they are 1 to the bit.
+/// Prepares a camera from kIspCameraValues raw values. Exponents are computed in double, so that those of a neutral
+/// correction are 1 to the bit.
 template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
     IspCamera<Real> camera;
     for (int c = 0; c < 3; ++c) {
@@ -168,15 +173,15 @@ template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
     return camera;
 }
 
-/// Centre of pixel (x, y) in a frame where the image's centre is 0 and its longer side 1.
+/// Returns the centre of pixel (x, y) in coordinates where the image's centre is 0 and its longer side 1.
 template <class Real> GS_HD Vec2<Real> isp_uv(int x, int y, int width, int height) {
     const Real longer = Real(width > height ? width : height);
     return {(Real(x) + Real(0.5) - Real(0.5) * Real(width)) / longer, (Real(y) + Real(0.5) - Real(0.5) * Real(height)) / longer};
 }
 
-// --- one pixel --------------------------------------------------------------------------------------------------------
+// --- one pixel -------------------------------------------------------------------------------------------------------
 
-/// Factor of one channel before it is kept within [0,1].
+/// Returns the vignetting factor of one channel before it is clamped to [0,1].
 template <class Real> GS_HD Real isp_vignette(const Real* v, const Vec2<Real>& uv) {
     const Real dx = uv.x - v[0], dy = uv.y - v[1], r2 = dx * dx + dy * dy;
     return Real(1) + r2 * (v[2] + r2 * (v[3] + r2 * v[4]));
@@ -193,13 +198,13 @@ template <class Real> GS_HD void isp_vignette_backward(const Real* v, const Vec2
     sums[4] += dL_dfactor * r2 * r2 * r2;
 }
 
-/// Within [0,1]. NaN stays NaN, to be found in the loss.
+/// Clamps to [0,1]. NaN stays NaN, so that the loss shows it.
 template <class Real> GS_HD Real isp_unit(Real x) { return x < Real(0) ? Real(0) : (x > Real(1) ? Real(1) : x); }
 
-/// x^exponent for x >= 0. An exponent of 1 changes nothing, not even a last bit.
+/// Returns x^exponent for x >= 0. An exponent of 1 returns x to the bit.
 template <class Real> GS_HD Real isp_power(Real x, Real exponent) { return exponent == Real(1) ? x : gs_pow(x, exponent); }
 
-/// The response before gamma, in [0,1].
+/// Returns the response before gamma, in [0,1].
 template <class Real> GS_HD Real isp_curve(const IspResponse<Real>& r, Real value) {
     const Real x = isp_unit(value);
     if (x <= r.centre) return x > Real(0) ? r.centre * r.shoulder * r.inverse_length * isp_power(x / r.centre, r.toe) : Real(0);
@@ -211,12 +216,13 @@ template <class Real> GS_HD Real isp_respond(const IspResponse<Real>& r, Real va
     return y <= Real(0) ? Real(0) : isp_power(y, r.gamma);
 }
 
-/// dL/dvalue; adds to dL/d(toe, shoulder, gamma, centre). All are 0 for values outside (0,1).
+/// Returns dL/dvalue, and adds to dL/d(toe, shoulder, gamma, centre). All are 0 for values outside (0,1).
 template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r, Real value, Real dL_dout, Real* sums) {
     const Real x = isp_unit(value), y = isp_curve(r, value);
     if (!(y > Real(0))) return Real(0);
-    // With l = 1/inverse_length: toe side y = centre shoulder/l u^toe, u = x/centre; shoulder side 1 - y = rest toe/l w^shoulder,
-    // w = (1-x)/rest. Written so, nothing is divided by a centre that may be 0 or 1.
+    // With l = 1/inverse_length, y = centre shoulder/l u^toe, u = x/centre, on the toe's side, and 1 - y = rest toe/l
+    // w^shoulder, w = (1-x)/rest, on the shoulder's. In this form the sums are not divided by a centre or rest that may
+    // be 0.
     const Real above = r.shoulder * r.inverse_length, below = r.toe * r.inverse_length;
     const Real skew = (r.shoulder - r.toe) * r.inverse_length;
     const Real out = isp_power(y, r.gamma), dL_dy = dL_dout * gs_min(r.gamma * out / y, Real(kIspLargestSlope));
@@ -237,15 +243,15 @@ template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r
     return dL_dy * gs_min(below * r.shoulder * p / w, Real(kIspLargestSlope));
 }
 
-/// What lies between the steps of one pixel.
+/// The values of one pixel between the steps.
 template <class Real> struct IspPixel {
-    Vec3<Real> exposed;   ///< after exposure
-    Vec3<Real> vignetted; ///< after vignetting
-    Vec3<Real> factor;    ///< of the vignetting, before it is kept within [0,1]
+    Vec3<Real> exposed;   ///< colour after exposure
+    Vec3<Real> vignetted; ///< colour after vignetting
+    Vec3<Real> factor;    ///< vignetting before it is clamped to [0,1]
     Vec3<Real> mapped;    ///< mix times vignetted
     Real divisor, k;      ///< mapped is multiplied by k = intensity / divisor
-    bool divides;         ///< by the intensity of mapped, and not by the least divisor
-    Vec3<Real> balanced;  ///< red, green, blue before the response
+    bool divides;         ///< whether the divisor is the intensity of mapped, and not the least divisor
+    Vec3<Real> balanced;  ///< colour before the response
 };
 
 template <class Real> GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv) {
@@ -264,13 +270,14 @@ template <class Real> GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame
     return p;
 }
 
-/// Corrected colour, in [0,1]. `rgb` is linear and unbounded above; below 0 counts as 0. `uv` as of isp_uv.
+/// Returns the corrected colour, in [0,1]. `rgb` is linear and unbounded above; values below 0 count as 0. `uv` comes
+/// from isp_uv.
 template <class Real> GS_HD Vec3<Real> isp_forward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv) {
     const Vec3<Real> x = isp_pixel(frame, camera, rgb, uv).balanced;
     return {isp_respond(camera.response[0], x.x), isp_respond(camera.response[1], x.y), isp_respond(camera.response[2], x.z)};
 }
 
-/// dL/drgb; adds the pixel's share to `sums`.
+/// Returns dL/drgb, and adds the pixel's share to `sums`.
 template <class Real>
 GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv, const Vec3<Real>& dL_dout,
                               IspSums<Real>& sums) {
@@ -290,7 +297,8 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
         mix[3 * i + 2] += rows[i] * p.vignetted.z;
     }
     const Vec3<Real> dL_dvignetted = frame.mix.transposed_times(dL_dmapped) + Vec3<Real>{dL_dintensity, dL_dintensity, dL_dintensity};
-    // Vignetting. The bounds belong to the inside: without vignetting the factor is 1 everywhere, and has to be able to move.
+    // The bounds of the vignetting's factor belong to its inside: without vignetting it is 1 everywhere, and must be
+    // able to move.
     Real* const vignetting = sums.v + kIspSumVignetting;
     const auto vignette = [&](int c, Real factor, Real exposed, Real dL_dv) {
         if (factor >= Real(0) && factor <= Real(1)) isp_vignette_backward(camera.vignetting[c], uv, dL_dv * exposed, vignetting + c * kIspVignetting);
@@ -303,11 +311,13 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
     return {through(rgb.x, dL_dexposed.x), through(rgb.y, dL_dexposed.y), through(rgb.z, dL_dexposed.z)};
 }
 
-/// Gradients of the raw values of a frame (kIspFrameValues) and of a camera (kIspCameraValues) from the sums over a view.
+/// Computes the gradients of the raw values of a frame (kIspFrameValues) and of a camera (kIspCameraValues) from the
+/// sums over a view.
 template <class Real>
 GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe, Real* dL_dcamera) {
     dL_dframe[0] = gs_abs(raw_frame[0]) <= Real(kLargestExposure) ? sums.v[kIspSumExposure] : Real(0);
-    // Mix is S H S^-1, S: (red, green, intensity) to (red, green, blue). With respect to H: S^T dL/dmix S^-T.
+    // Mix is S H S^-1, where S maps (red, green, intensity) to (red, green, blue). The gradient of H is S^T dL/dmix
+    // S^-T.
     const Real* g = sums.v + kIspSumMix;
     Real dL_dhomography[9];
     for (int j = 0; j < 3; ++j) dL_dhomography[j] = g[j] - g[6 + j], dL_dhomography[3 + j] = g[3 + j] - g[6 + j], dL_dhomography[6 + j] = g[6 + j];
@@ -315,7 +325,7 @@ GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSu
     isp_color_backward(isp_color(raw_frame + 1), dL_dhomography, dL_dframe + 1);
     for (int k = 0; k < 3 * kIspVignetting; ++k) dL_dcamera[k] = sums.v[kIspSumVignetting + k];
     for (int k = 0; k < 3 * kIspResponse; ++k) {
-        const Real slope = sigmoid(raw_camera[3 * kIspVignetting + k]); // of softplus
+        const Real slope = sigmoid(raw_camera[3 * kIspVignetting + k]); // slope of softplus
         const bool centre = k % kIspResponse == 3;
         dL_dcamera[3 * kIspVignetting + k] =
             sums.v[kIspSumResponse + k] * (centre ? slope * sigmoid(-raw_camera[3 * kIspVignetting + k]) : slope);

@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// What keeps PPISP from explaining what the scene should (docs/math/ppisp.md#regularizers).
+// The regularisers that keep PPISP from explaining what the scene should explain (docs/math/ppisp.md#regularizers).
 //
-// All terms are part of every step's loss and touch every frame and camera. First the mean of each value over all frames is
-// taken; the gradient of every value then follows on its own.
+// All terms are part of every step's loss and touch every frame and camera. First the mean of each value over all
+// frames is taken. The gradient of each value then needs no other values.
 #pragma once
 
 #include "kernels/ppisp/ppisp_device.h"
 
 namespace gs {
 
-// Exposures and colours are known up to a common factor, which the Gaussians take up: their means are held at 0. Below the
-// bend the pull is proportional, above it constant, so that it does not outweigh the images.
+// Exposures and colours are known up to a common factor, which the Gaussians take up, so their means are held at 0. The
+// pull is proportional below the bend and constant above it, so that it does not outweigh the images.
 inline constexpr double kIspExposureMean = 1.0, kIspExposureBend = 0.1;
 inline constexpr double kIspColorMean = 1.0, kIspColorBend = 0.005;
-// A lens darkens towards the edge (alpha <= 0), around the middle of the image, all colours alike; and a camera's response is
-// much the same for all colours.
+// A lens darkens towards the edge (alpha <= 0), around the middle of the image, for all colours alike. A camera's
+// response is nearly the same for all colours.
 inline constexpr double kIspVignetteCentre = 0.02, kIspVignettePositive = 0.01, kIspVignetteVariance = 0.1, kIspResponseVariance = 0.1;
 
-/// Slope of smooth L1: x^2 / 2 bend near 0, |x| - bend/2 beyond.
+/// Returns the slope of smooth L1, which is x^2 / (2 bend) near 0 and |x| - bend/2 beyond.
 template <class Real> GS_HD Real smooth_l1_slope(Real x, Real bend) { return gs_clamp(x / bend, Real(-1), Real(1)); }
 
-/// Gradient of the terms on frames, the same for each of them, from the means of the raw values over all frames.
-/// Both have kIspFrameValues values.
+/// Computes the gradient of the terms on frames, which is the same for each frame, from the means of the raw values
+/// over all frames. Both have kIspFrameValues values.
 template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int num_frames, Real* gradient) {
     gradient[0] = Real(kIspExposureMean) * smooth_l1_slope(means[0], Real(kIspExposureBend)) / Real(num_frames);
     const Real weight = Real(kIspColorMean) / (Real(8) * Real(num_frames));
@@ -33,11 +33,12 @@ template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int nu
     }
 }
 
-/// Gradient of the terms on cameras with respect to value `k` of one camera, whose raw values are `raw` (kIspCameraValues).
+/// Returns the gradient of the terms on cameras for value `k` of one camera, whose raw values are `raw`
+/// (kIspCameraValues).
 template <class Real> GS_HD Real isp_camera_regularizer(const Real* raw, int num_cameras, int k) {
     const bool vignetting = k < 3 * kIspVignetting;
     const int first = vignetting ? 0 : 3 * kIspVignetting, width = vignetting ? kIspVignetting : kIspResponse, column = (k - first) % width;
-    // Variance over the channels, the mean over cameras and columns.
+    // The term is the variance over the channels, averaged over cameras and columns.
     const Real* channel = raw + first + column;
     const Real mean = (channel[0] + channel[width] + channel[2 * width]) / Real(3), cameras = Real(num_cameras);
     Real g = Real(vignetting ? kIspVignetteVariance : kIspResponseVariance) * Real(2) * (raw[k] - mean) / (Real(3 * width) * cameras);

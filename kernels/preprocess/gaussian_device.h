@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One Gaussian from its stored row to a splat, and from the splat's gradients back to the row: geometry and colour.
+// The geometry and colour of one Gaussian: from its stored row to a splat, and from the splat's gradients to the row's.
 #pragma once
 
 #include "appearance/contract.h"
@@ -14,7 +14,7 @@ template <class Real> GS_HD Vec3<Real> activate(ColorActivation activation, cons
     return {color_activation(activation, y.x), color_activation(activation, y.y), color_activation(activation, y.z)};
 }
 
-/// Colour of a Gaussian from its base colour and its residual.
+/// Returns the colour of a Gaussian from its base colour and its residual.
 template <class Real> GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual, RenderMode mode) {
     if (mode == RenderMode::kBaseOnly) return activate(activation, base);
     const Vec3<Real> full = activate(activation, base + residual);
@@ -23,7 +23,7 @@ template <class Real> GS_HD Vec3<Real> gaussian_color(ColorActivation activation
     return {gs_abs(d.x), gs_abs(d.y), gs_abs(d.z)};
 }
 
-/// dL/dy from dL/dcolour, y = base + residual: the gradient of the base colour and of the residual.
+/// Returns dL/dy from dL/dcolour, where y = base + residual. It is the gradient of the base colour and of the residual.
 template <class Real>
 GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual, const Vec3<Real>& dL_dcolor) {
     const Vec3<Real> y = base + residual;
@@ -31,7 +31,7 @@ GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& ba
             color_activation_derivative(activation, y.z) * dL_dcolor.z};
 }
 
-/// Conic and opacity of a splat from its projection.
+/// Sets the conic and opacity of a splat from its projection.
 template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real>& p, Real raw_opacity) {
     const Real inv = Real(1) / p.det;
     s.a = p.cov2d.yy * inv;
@@ -40,8 +40,8 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
     s.opacity = sigmoid(raw_opacity);
 }
 
-/// Geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. False: culled. The colour is
-/// left out: it is only worth computing once a tile is known to be touched.
+/// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. Returns false
+/// if the Gaussian is culled. The colour is left out: it is only worth computing once a tile is known to be touched.
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded, int height_padded, Splat<Real>& s,
                       PixelBounds& bounds, Real& depth, const Cutoffs<Real>& cutoffs = {}) {
@@ -56,8 +56,8 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
 }
 
-/// Gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays so for a Gaussian that
-/// projects to nothing.
+/// Computes the gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays so for a
+/// Gaussian that is culled.
 template <class Real>
 GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, const SplatSums<Real>& sums, GaussianGradient<Real>& out) {
     Projection<Real> p;
@@ -70,8 +70,8 @@ GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams
     out.geometry = project_backward(g, camera, p, splat.opacity, d);
 }
 
-/// All gradients of Gaussian i, which is visible. `out` and `dL_dresidual` (of the model's width) must be zeroed;
-/// `dL_dshared` is added to.
+/// Computes all gradients of Gaussian i, which is visible. `out` and `dL_dresidual` (of the model's width) must be
+/// zeroed. The function adds to `dL_dshared`.
 template <class Model, class Real>
 GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera, int degree, const SplatSums<Real>& sums,
                              GaussianGradient<Real>& out, Real* dL_dresidual, Real* dL_dshared) {
@@ -79,7 +79,7 @@ GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, 
     const ViewDirection<Real> direction = params.direction(i, camera.position);
     const Vec3<Real> residual = model_residual<Model>(params.shared, params.residual(i), direction.unit, degree);
     out.base = color_backward(params.activation, params.base(i), residual, {sums.r, sums.g, sums.b});
-    if (!is_finite(out.base)) return; // dropped with all of the Gaussian; the shared weights must not see it
+    if (!is_finite(out.base)) return; // this Gaussian's gradient is dropped; the shared weights must not see it
     Vec3<Real> dL_ddirection;
     model_residual_backward<Model>(params.shared, params.residual(i), direction.unit, degree, out.base, dL_dresidual, dL_ddirection, dL_dshared);
     out.geometry.mean += direction_pullback(direction, dL_ddirection);

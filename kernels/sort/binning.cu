@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Radix sorts of Gaussians by depth and of their instances by tile.
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 #include <thrust/iterator/transform_iterator.h>
@@ -21,21 +22,28 @@ __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
     if (i < n) indices[i] = i;
 }
 
+/// What writing instances reads and writes.
+template <class Key> struct InstanceLists {
+    std::uint32_t capacity;
+    const std::uint32_t* order;   ///< visible Gaussians, front to back
+    const std::uint32_t* offsets; ///< in that order: the end of each one's instances
+    Key* tile_keys;               ///< (capacity)
+    std::uint32_t* instances;     ///< (capacity): the Gaussian of each
+};
+
 /// One thread per Gaussian in depth order. Those with more than 32 candidate tiles, which come together in depth order, are left
 /// for write_large_instances.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
-    write_instances(std::uint32_t n, std::uint32_t capacity, const std::uint32_t* __restrict__ order, const std::uint32_t* __restrict__ offsets,
-                    const TileSpan* __restrict__ spans, int tiles_x, StepControl* control, Key* __restrict__ tile_keys, std::uint32_t* __restrict__ instances,
-                    std::uint32_t* __restrict__ large) {
-    if (control->num_instances > capacity) {
+    write_instances(InstanceLists<Key> lists, const TileSpan* __restrict__ spans, int tiles_x, StepControl* control, std::uint32_t* __restrict__ large) {
+    if (control->num_instances > lists.capacity) {
         if (blockIdx.x == 0 && threadIdx.x == 0) control->stopped = 1;
         return;
     }
     const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
     if (k >= control->num_visible) return;
-    std::uint32_t at = k > 0 ? offsets[k - 1] : 0;
-    const std::uint32_t gaussian = order[k];
+    std::uint32_t at = k > 0 ? lists.offsets[k - 1] : 0;
+    const std::uint32_t gaussian = lists.order[k];
     const TileSpan span = spans[gaussian];
     const int x0 = span.x0(), y0 = span.y0(), width = span.width();
     if (width == 0) {
@@ -44,22 +52,21 @@ __global__ void __launch_bounds__(kBlock)
     }
     for (unsigned bits = span.mask; bits; bits &= bits - 1, ++at) {
         const int candidate = __ffs(bits) - 1, row = candidate / width;
-        tile_keys[at] = Key((y0 + row) * tiles_x + x0 + candidate - row * width);
-        instances[at] = gaussian;
+        lists.tile_keys[at] = Key((y0 + row) * tiles_x + x0 + candidate - row * width);
+        lists.instances[at] = gaussian;
     }
 }
 
-/// A warp per large Gaussian.
+/// Writes the instances of large Gaussians, with a warp for each.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
-    write_large_instances(std::uint32_t capacity, const std::uint32_t* __restrict__ order, const std::uint32_t* __restrict__ offsets,
-                          const PackedSplat* __restrict__ splats, int tiles_x, const StepControl* __restrict__ control, const std::uint32_t* __restrict__ large,
-                          Key* __restrict__ tile_keys, std::uint32_t* __restrict__ instances) {
-    if (control->num_instances > capacity) return;
+    write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x, const StepControl* __restrict__ control,
+                          const std::uint32_t* __restrict__ large) {
+    if (control->num_instances > lists.capacity) return;
     const std::uint32_t lane = threadIdx.x & 31;
     for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large; item += gridDim.x * kBlock / 32) {
-        const std::uint32_t k = large[item], gaussian = order[k], stop = offsets[k];
-        std::uint32_t at = k > 0 ? offsets[k - 1] : 0;
+        const std::uint32_t k = large[item], gaussian = lists.order[k], stop = lists.offsets[k];
+        std::uint32_t at = k > 0 ? lists.offsets[k - 1] : 0;
         const PackedSplat s = splats[gaussian];
         const TileRectangle r(s.bounds());
         for (int y = r.y0; y < r.y0 + r.height; y += 32) {
@@ -67,17 +74,17 @@ __global__ void __launch_bounds__(kBlock)
             for (int row = 0; row < min(32, r.y0 + r.height - y); ++row) {
                 const int x0 = __shfl_sync(~0u, mine.x0, row), size = __shfl_sync(~0u, mine.x1, row) - x0;
                 for (int x = int(lane); x < size && at + x < stop; x += 32) {
-                    tile_keys[at + x] = Key((y + row) * tiles_x + x0 + x);
-                    instances[at + x] = gaussian;
+                    lists.tile_keys[at + x] = Key((y + row) * tiles_x + x0 + x);
+                    lists.instances[at + x] = gaussian;
                 }
                 at += size;
             }
         }
     }
 }
-constexpr int kLargeBlocks = 512; ///< enough to fill a large device once
+constexpr int kLargeBlocks = 512; ///< enough blocks to fill a large device once
 
-/// offsets[t] = first instance of a tile >= t, by bisection. Keys beyond the last instance are larger than any tile.
+/// Sets offsets[t] to the first instance of a tile >= t, by bisection. Keys beyond the last instance exceed every tile.
 template <class Key>
 __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles, std::uint32_t* __restrict__ offsets) {
     const std::uint32_t t = blockIdx.x * kBlock + threadIdx.x;
@@ -93,7 +100,7 @@ __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict_
     offsets[t] = low;
 }
 
-/// One block: a counting sort of the tiles by length, in steps of 16 instances.
+/// Sorts the tiles by the length of their lists, in steps of 16 instances, with a counting sort in one block.
 constexpr int kOrderThreads = 1024, kLengths = 256;
 __global__ void __launch_bounds__(kOrderThreads) order_tiles(std::uint32_t num_tiles, const std::uint32_t* __restrict__ offsets, std::uint32_t* __restrict__ longest_first) {
     __shared__ std::uint32_t place[kLengths];
@@ -127,7 +134,7 @@ template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
 }  // namespace
 
 int CudaBinning::tile_bits() const {
-    int bits = 1; // one value more than there are tiles, for keys beyond the last instance
+    int bits = 1; // the values exceed the tiles by one, for keys beyond the last instance
     while ((std::int64_t(1) << bits) <= bins_.num_tiles()) ++bits;
     return bits;
 }
@@ -165,15 +172,14 @@ void CudaBinning::take_temporaries(Carver& c) {
 
 template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
-    // What is beyond the last instance is sorted along.
+    // All of the capacity is sorted, also the entries beyond the last instance.
     GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
     GS_CUDA(cudaMemsetAsync(unsorted_, 0, capacity_ * sizeof(std::uint32_t), stream));
     if (n_ > 0) {
-        write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(std::uint32_t(n_), std::uint32_t(capacity_), order_, offsets_, input_.spans,
-                                                                            bins_.tiles_x, control, keys, unsorted_, sorted_keys_);
+        const InstanceLists<Key> lists{std::uint32_t(capacity_), order_, offsets_, keys, unsorted_};
+        write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
         GS_CUDA_LAUNCHED("write_instances");
-        write_large_instances<Key><<<kLargeBlocks, kBlock, 0, stream>>>(std::uint32_t(capacity_), order_, offsets_, splats, bins_.tiles_x, control, sorted_keys_, keys,
-                                                                        unsorted_);
+        write_large_instances<Key><<<kLargeBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
         GS_CUDA_LAUNCHED("write_large_instances");
     }
     std::size_t bytes = workspace_bytes_;
@@ -185,7 +191,7 @@ template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats,
 }
 
 CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
-    // Nobody reads the sorted depth keys: their place then holds the list of large Gaussians.
+    // Nobody reads the sorted depth keys, so their place then holds the list of large Gaussians.
     const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
     if (identities > identity_.capacity()) {
         identity_.reserve(identities);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visible Gaussians sorted by depth, then their tile instances sorted stably by tile
-// (docs/math/rasterizer.md#sorting).
+// Sorts visible Gaussians by depth, then their tile instances stably by tile (docs/math/rasterizer.md#sorting).
 #pragma once
 
 #include <cstdint>
@@ -10,28 +9,28 @@
 
 namespace gs {
 
-/// What preprocessing hands over: one list of touched tiles per part of kPartSize Gaussians.
+/// The touched tiles that preprocessing hands over: one list per part of kPartSize Gaussians.
 struct BinningInput {
     struct Part {
         std::vector<std::uint64_t> depth_keys; ///< (depth bits << 32 | Gaussian index) of the part's visible Gaussians
-        std::vector<std::uint32_t> tiles;      ///< tile indices, Gaussian after Gaussian
+        std::vector<std::uint32_t> tiles;      ///< tile indices, one Gaussian after the other
     };
     std::vector<Part> parts;
     std::vector<std::uint32_t> first; ///< (N) position of a Gaussian's first tile within its part's list
-    std::vector<std::uint32_t> count; ///< (N) touched tiles; 0 = culled
+    std::vector<std::uint32_t> count; ///< (N) number of touched tiles; 0 = culled
 };
 
-/// Reused from call to call: grows, never shrinks.
+/// The sort. It is reused from call to call; its buffers grow and never shrink.
 class TileBinning {
   public:
-    /// Sorts. Ties in depth are ordered by index, so the result is unique and independent of threads.
-    /// Throws DeviceError when the instances exceed `max_instances`.
+    /// Sorts. Equal depths are ordered by index, so the result is unique and independent of threads. Throws DeviceError
+    /// when the instances exceed `max_instances`.
     void build(const BinningInput& in, std::uint32_t num_tiles, std::int64_t max_instances);
 
     const std::vector<Instance>& instances() const { return instances_; }
-    /// Instances of tile t: [offsets()[t], offsets()[t+1]).
+    /// Returns the ends of the tiles' lists: tile t has the instances [offsets()[t], offsets()[t+1]).
     const std::vector<std::uint32_t>& offsets() const { return offsets_; }
-    /// Slot of part p's first instance.
+    /// Returns the slot of each part's first instance.
     const std::vector<std::uint32_t>& part_slots() const { return part_slots_; }
     std::int64_t num_visible() const { return static_cast<std::int64_t>(keys_.size()); }
 
@@ -41,7 +40,8 @@ class TileBinning {
     std::vector<std::uint32_t> offsets_, part_slots_, histogram_;
 };
 
-/// Instances that fit: 2^31 - 1, or half of the machine's memory at 64 bytes each if that is less.
+/// Returns the number of instances that fit: 2^31 - 1, or half of the machine's memory at 64 bytes each if that is
+/// less.
 std::int64_t default_max_instances();
 
 }  // namespace gs

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// A depth sort of Gaussians, then a counting sort of their instances by tile.
 #include "kernels/sort/binning.h"
 
 #include <unistd.h>
@@ -11,7 +12,7 @@
 namespace gs {
 
 std::int64_t default_max_instances() {
-    // Instance 8 + block mask 2 + gradient sums 36 bytes, tile list 4 in preprocessing, rounded up for growth.
+    // Bytes: instance 8, block mask 2, gradient sums 36, tile list in preprocessing 4; rounded up for growth.
     constexpr std::int64_t kBytesPerInstance = 64;
     const std::int64_t memory = std::int64_t(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGE_SIZE);
     return std::min<std::int64_t>((std::int64_t(1) << 31) - 1, memory / 2 / kBytesPerInstance);
@@ -38,7 +39,7 @@ void TileBinning::build(const BinningInput& in, std::uint32_t num_tiles, std::in
     }
     parallel_sort(keys_.data(), keys_.data() + keys_.size());
 
-    // Counting sort by tile over fixed slices of the depth order: stable, whatever thread takes which slice.
+    // The counting sort by tile runs over fixed slices of the depth order. It is stable for any assignment of threads.
     constexpr std::int64_t kSlices = 16;
     const std::int64_t slice = (visible + kSlices - 1) / kSlices;
     histogram_.assign(std::size_t(kSlices) * num_tiles, 0);

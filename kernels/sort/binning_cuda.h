@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth sort of Gaussians, then stable tile sort of their instances, on the device (docs/math/rasterizer.md#sorting).
+// Sorts Gaussians by depth, then their instances stably by tile, on the device (docs/math/rasterizer.md#sorting).
 #pragma once
 
 #include "kernels/cuda/device_memory.h"
@@ -10,22 +10,23 @@
 
 namespace gs {
 
-/// Where preprocessing leaves what binning sorts. (n) each.
+/// The arrays that preprocessing fills and binning sorts, (n) each.
 struct CudaBinningInput {
     std::uint32_t* depth_keys; ///< kDepthKeyBits bits; culled Gaussians sort last
     TileSpan* spans;
-    std::uint32_t* counts;     ///< tiles touched; 0 = culled
+    std::uint32_t* counts;     ///< number of touched tiles; 0 = culled
 };
 
+/// The sort on the device.
 class CudaBinning {
   public:
-    /// Takes what outlives binning.
+    /// Takes the buffers that outlive binning.
     void take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots);
-    /// Takes what only binning uses, and `input`.
+    /// Takes the buffers that only binning uses, and the rest of `input`.
     void take_temporaries(Carver& c);
 
     const CudaBinningInput& input() const { return input_; }
-    /// Sorts at most `capacity` instances. Beyond it nothing is written, and control->stopped is set.
+    /// Sorts at most `capacity` instances. If there are more, it writes none and sets control->stopped.
     CudaBins build(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
     SlotMap slots() const { return {order_, offsets_}; }
     std::int64_t bytes() const { return identity_.bytes(); }
@@ -38,9 +39,10 @@ class CudaBinning {
     CudaBins bins_;
     bool keep_slots_ = false;
     CudaBinningInput input_{};
-    DeviceBuffer<std::uint32_t> identity_; ///< 0, 1, 2, ...: values to sort
+    DeviceBuffer<std::uint32_t> identity_; ///< 0, 1, 2, ...: the values to sort
+    // Tile keys hold 16-bit values where these suffice.
     std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr,
-                  *tile_offsets_ = nullptr, *longest_first_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr; ///< tile keys hold 16-bit values where these suffice
+                  *tile_offsets_ = nullptr, *longest_first_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr;
     unsigned char* workspace_ = nullptr;
     std::size_t workspace_bytes_ = 0;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of instances on the device: what sorting hands to blending.
+// The order of instances on the device, which sorting hands to blending.
 #pragma once
 
 #include <cstdint>
@@ -8,18 +8,20 @@
 
 namespace gs {
 
-/// What blending needs to know about the order of instances. All pointers are on the device.
+/// The instances of a view in the order of blending. All pointers are on the device.
 struct CudaBins {
     int tiles_x = 0, tiles_y = 0;
-    const std::uint32_t* instances = nullptr;    ///< by tile and depth: Gaussian, or slot where `gaussians` is set
-    const std::uint32_t* gaussians = nullptr;    ///< by slot; only where the order of sums is fixed
+    /// The Gaussians by tile and depth; slots instead where `gaussians` is set.
+    const std::uint32_t* instances = nullptr;
+    const std::uint32_t* gaussians = nullptr;    ///< Gaussian of each slot; only where the order of sums is fixed
     const std::uint32_t* tile_offsets = nullptr; ///< (tiles+1)
-    const std::uint32_t* longest_first = nullptr; ///< (tiles): about in the order of their lists' lengths, so that none is left for last
+    /// (tiles) The tiles with the longest lists first, about in order, so that no long list is left for last.
+    const std::uint32_t* longest_first = nullptr;
 
     __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }
 };
 
-/// Slots of one Gaussian are consecutive: those of the k-th in depth order end at slot_ends[k].
+/// The slots of each Gaussian, which are consecutive: those of the k-th Gaussian in depth order end at slot_ends[k].
 struct SlotMap {
     const std::uint32_t *order, *slot_ends;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth as a sort key, the same on both backends, so that both blend in the same order.
+// Depth as a sort key. It is the same on both backends, so that both blend in the same order.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,13 @@
 namespace gs {
 
 inline constexpr int kDepthKeyBits = 24;
-/// Larger than every key: culled Gaussians sort last.
+/// The key of culled Gaussians. It is larger than every other key, so they sort last.
 inline constexpr std::uint32_t kCulledKey = (1u << kDepthKeyBits) - 1;
 
-/// The bits of a positive float order like the float, and between near and far not all 32 of them are needed. The lowest are
-/// dropped until 24 are left: three passes of a radix sort instead of four, for a relative resolution of 1e-6 where near is
-/// 0.2 and far 10000. Gaussians closer together than that are blended in the order of their indices.
+/// Turns a depth into a key of 24 bits. The bits of positive floats order like the floats, and depths between near and
+/// far do not need all 32. The lowest are dropped until 24 are left, which saves one of four passes of a radix sort.
+/// The relative resolution is 1e-6 where near is 0.2 and far 10000. Gaussians closer together than that are blended in
+/// the order of their indices.
 struct DepthKey {
     std::uint32_t near_bits, shift;
 
@@ -24,7 +25,7 @@ struct DepthKey {
         while (((bits(far_plane) - k.near_bits) >> k.shift) >= kCulledKey) ++k.shift;
         return k;
     }
-    /// depth in [near, far].
+    /// Returns the key of a depth in [near, far].
     GS_HD std::uint32_t operator()(float depth) const { return (bits(depth) - near_bits) >> shift; }
 
   private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One Gaussian as it is stored in rows, and the gradient of its row.
+// The rows that store Gaussians, and the gradient of one row.
 #pragma once
 
 #include "appearance/contract.h"
@@ -8,13 +8,13 @@
 
 namespace gs {
 
-/// Parameters of all Gaussians, row-major, as in GaussianState.
+/// The parameters of all Gaussians, row-major, as in GaussianState.
 template <class Real> struct ParameterView {
     std::int64_t count;
     const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
     int residual_width;
     ColorActivation activation;
-    const Real* shared; ///< weights of all Gaussians, or null
+    const Real* shared; ///< weights that all Gaussians share, or null
 
     static ParameterView of(const GaussianState<Real>& s) {
         const auto p = [&](Group g) { return s[g].param.data(); };
@@ -34,13 +34,13 @@ template <class Real> struct ParameterView {
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
 };
 
-/// What the backward pass knows about one Gaussian, but for its residual. For an invisible one `visible` is false and all
-/// is zero.
+/// The gradients of one Gaussian, except those of its residual. For an invisible Gaussian `visible` is false and all
+/// else is zero.
 template <class Real> struct GaussianGradient {
     bool visible;
     GeometryGradient<Real> geometry;
     Vec3<Real> base;
-    Vec2<Real> mean2d; ///< pixels; for the densification statistic
+    Vec2<Real> mean2d; ///< gradient of the mean in pixels, for the densification statistic
 };
 
 }  // namespace gs

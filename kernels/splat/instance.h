@@ -6,7 +6,7 @@
 
 namespace gs {
 
-/// One entry per (Gaussian, tile) pair.
+/// One (Gaussian, tile) pair.
 struct Instance {
     std::uint32_t gaussian;
     std::uint32_t slot; ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Projecting one Gaussian to the image and back: forward (docs/math/rasterizer.md#projection, #footprint), exact tile
-// test (docs/math/rasterizer.md#tile-test), backward (docs/math/rasterizer.md#projection-gradient).
+// The projection of one Gaussian to the image (docs/math/rasterizer.md#projection, #footprint), the exact tile test
+// (docs/math/rasterizer.md#tile-test), and the projection's gradient (docs/math/rasterizer.md#projection-gradient).
 #pragma once
 
 #include "kernels/core/lanes.h"
@@ -10,23 +10,24 @@
 
 namespace gs {
 
-/// Geometry of one Gaussian as stored (raw).
+/// The geometry of one Gaussian as stored (raw).
 template <class T> struct GaussianGeometry {
-    Vec3<T> mean;      ///< world
+    Vec3<T> mean;      ///< world units
     Vec3<T> log_scale;
-    Vec4<T> rotation;  ///< (w,x,y,z) in fields (x,y,z,w): x holds w. Unnormalised.
+    Vec4<T> rotation;  ///< (w,x,y,z) in the fields (x,y,z,w), so that x holds w; unnormalised
     T raw_opacity;     ///< logit
 };
 
-/// Half-open pixel rectangle.
+/// A half-open rectangle of pixels.
 struct PixelBounds {
     int x_min, x_max, y_min, y_max;
 };
 
-/// Intermediate results that forward and backward share; recomputed in the backward pass instead of stored.
+/// Intermediate results that the forward and backward pass share. The backward pass recomputes them instead of storing
+/// them.
 template <class T> struct Projection {
     Vec3<T> cam;                ///< mean in camera space
-    T u, v, uc, vc;             ///< normalised image coordinates, and the same clipped for the Jacobian
+    T u, v, uc, vc;             ///< normalised image coordinates, and their values clipped for the Jacobian
     bool u_inside, v_inside;
     Mat3<T> rotation;           ///< R(q)
     Vec3<T> variance;           ///< exp(2 s)
@@ -37,7 +38,7 @@ template <class T> struct Projection {
     T det;
 };
 
-/// R(q) for unnormalised q = (w,x,y,z).
+/// Returns R(q) for an unnormalised q = (w,x,y,z).
 template <class T> GS_HD Mat3<T> rotation_matrix(const Vec4<T>& q) {
     const T r = q.x, x = q.y, y = q.z, z = q.w;
     const T s = T(2) / (r * r + x * x + y * y + z * z);
@@ -48,7 +49,7 @@ template <class T> GS_HD Mat3<T> rotation_matrix(const Vec4<T>& q) {
 
 template <class T> GS_HD T norm2(const Vec4<T>& q) { return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w; }
 
-/// False where a rotation has no direction: too short, too long for float, or NaN.
+/// Returns whether a quaternion has a direction: it has none if it is too short, too long for float, or NaN.
 template <class T> GS_HD bool usable_rotation(const Vec4<T>& q) { return norm2(q) >= T(kMinQuaternionNorm2) && norm2(q) <= T(kMaxQuaternionNorm2); }
 
 template <class T> GS_HD Sym3<T> world_covariance(const Mat3<T>& r, const Vec3<T>& var) {
@@ -61,7 +62,8 @@ template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
     return {gs_exp(T(2) * gs_min(s.x, m)), gs_exp(T(2) * gs_min(s.y, m)), gs_exp(T(2) * gs_min(s.z, m))};
 }
 
-/// Steps 2 and 4 to 8 of the forward pass. False: culled. Every test is written positively, so that NaN fails it.
+/// Takes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
+/// positively, so that NaN fails it.
 template <class T> GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     p.cam = cam.rotation * g.mean + cam.translation;
     const T z = p.cam.z;
@@ -90,8 +92,8 @@ template <class T> GS_HD bool project_geometry(const GaussianGeometry<T>& g, con
     return p.det >= T(kMinDeterminant) && p.cov2d.xx <= T(kMaxVariance2d) && p.cov2d.yy <= T(kMaxVariance2d);
 }
 
-/// Pixel rectangle of the alpha >= 1/255 ellipse, clamped to [0, width_padded] x [0, height_padded]. Clamped as
-/// floating point first: means far off axis exceed the range of int.
+/// Returns the pixel rectangle of the ellipse alpha >= 1/255, clamped to [0, width_padded] x [0, height_padded]. It is
+/// clamped as floating point first, because means far off axis exceed the range of int.
 template <class T>
 GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width_padded, int height_padded) {
     const T hx = gs_max(gs_sqrt(T(2) * threshold * cov2d.xx) - T(0.5), T(0));
@@ -101,15 +103,16 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
             int(gs_clamp(gs_floor(m.y - hy), T(0), h)), int(gs_clamp(gs_ceil(m.y + hy), T(0), h))};
 }
 
-/// Smallest power 1/2 d^T Q d over the pixel centres' rectangle [x0+.5, x0+.5+extent_x] x [y0+.5, y0+.5+extent_y]; 0 if
-/// the mean lies inside. P is a scalar, or lanes that test one rectangle each. extent_x, extent_y > 0.
+/// Returns the smallest power 1/2 d^T Q d over the pixel centres' rectangle [x0+.5, x0+.5+extent_x] x
+/// [y0+.5, y0+.5+extent_y], which is 0 if the mean lies inside. P is a scalar, or lanes that test one rectangle each.
+/// extent_x and extent_y are positive.
 template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P x0, P y0, T extent_x, T extent_y) {
     const P zero(T(0)), one(T(1)), mx(s.mean.x - T(0.5)), my(s.mean.y - T(0.5)), ax(s.a), bx(s.b), cx(s.c), wx(extent_x), wy(extent_y);
     const P x1 = x0 + wx, y1 = y0 + wy;
     const P left = select(at_least(x0, mx), one, zero), right = select(at_least(x1, mx), zero, one);
     const P above = select(at_least(y0, my), one, zero), below = select(at_least(y1, my), zero, one);
     const P out_x = left + right, out_y = above + below;
-    // Corner nearest to the mean; the minimum lies on one of the two edges that meet there (StopThePop).
+    // The minimum lies on one of the two edges that meet in the corner nearest to the mean (StopThePop).
     const P ex = mx - x1 + left * wx, ey = my - y1 + above * wy;
     const P dx = (left + left - one) * wx, dy = (above + above - one) * wy;
     const P tx = out_y * lane_min(lane_max((ax * ex + bx * ey) * reciprocal(ax * dx), zero), one);
@@ -119,14 +122,14 @@ template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P 
     return lane_max(out_x, out_y) * (half * (ax * fx * fx + cx * fy * fy) + bx * fx * fy);
 }
 
-/// Gradients of the raw geometry.
+/// The gradients of the raw geometry.
 template <class T> struct GeometryGradient {
     Vec3<T> mean, log_scale;
     Vec4<T> rotation;
     T raw_opacity;
 };
 
-/// Steps 1 and 3 to 9 of the backward pass: everything but the colour.
+/// Takes steps 1 and 3 to 9 of the backward pass, which are all but the colour.
 template <class T>
 GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam, const Projection<T>& p, T opacity,
                                            const SplatGradient<T>& d) {
@@ -165,7 +168,7 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     out.log_scale = {T(2) * var.x * dot(c0, h0), T(2) * var.y * dot(c1, h1), T(2) * var.z * dot(c2, h2)};
     const Vec3<T> m0 = h0 * (T(2) * var.x), m1 = h1 * (T(2) * var.y), m2 = h2 * (T(2) * var.z);
 
-    // Quaternion of the unnormalised q.
+    // Gradient of the unnormalised q.
     const T w = g.rotation.x, x = g.rotation.y, y = g.rotation.z, z = g.rotation.w;
     const T gxx = m1.y + m2.z, gyy = m0.x + m2.z, gzz = m0.x + m1.y;
     const T gxy = m0.y + m1.x, gxz = m2.x + m0.z, gyz = m1.z + m2.y;

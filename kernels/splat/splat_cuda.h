@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What preprocessing hands to sorting and blending on the device.
+// The splats that preprocessing hands to sorting and blending on the device, and the tiles that they touch.
 #pragma once
 
 #include "kernels/cuda/cuda.h"
@@ -7,10 +7,10 @@
 
 namespace gs {
 
-/// Tiles of the CUDA blend: 16x12 pixels, six warps of 8x4 pixels each.
+/// A tile of the CUDA blend has 16x12 pixels, which six warps of 8x4 pixels share.
 inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
 
-/// A splat in three 16-byte pieces, so that it is read with three instructions and shares no sector needlessly.
+/// A splat in three 16-byte pieces, so that three instructions read it and it shares no sector needlessly.
 struct alignas(16) PackedSplat {
     float4 a; ///< mean x, mean y, conic a, conic b
     float4 b; ///< conic c, opacity, threshold, red
@@ -28,7 +28,7 @@ struct alignas(16) PackedSplat {
     }
 };
 
-/// Tiles that a pixel rectangle meets.
+/// The tiles that a pixel rectangle meets.
 struct TileRectangle {
     int x0, y0, width, height;
     __device__ explicit TileRectangle(const PixelBounds& b)
@@ -37,8 +37,8 @@ struct TileRectangle {
     __device__ int size() const { return width * height; }
 };
 
-/// The tiles a Gaussian touches, found once: up to 32 candidate tiles as bits, row by row. Larger ones (width 0) are tested
-/// again when their instances are written.
+/// The tiles that a Gaussian touches, found once: up to 32 candidate tiles as bits, row by row. Larger Gaussians have
+/// width 0 and are tested again when their instances are written.
 struct TileSpan {
     std::uint32_t where; ///< x0 | y0 << 13 | width << 26
     std::uint32_t mask;
@@ -51,14 +51,14 @@ struct TileSpan {
     __device__ int width() const { return where >> 26; }
 };
 
-/// The tiles of one row that a splat's ellipse {power <= touch threshold} meets: tiles [x0, x1). Over the row's height the
-/// right-hand boundary is concave, so its largest value lies at the ellipse's rightmost point or at the nearer end of the
-/// row; likewise on the left.
+/// Finds the tiles [x0, x1) of a row that a splat's ellipse {power <= touch threshold} meets. Over the row's height the
+/// right-hand boundary is concave, so its largest value lies at the ellipse's rightmost point or at the nearer end of
+/// the row. The same holds on the left.
 class TileRows {
   public:
     __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
         : mx_(s.mean.x), my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_), x0_(r.x0), x1_(r.x0 + r.width) {
-        // In double: for needles ac - b^2 cancels, and what counts is the conic as blending will use it.
+        // Double, because ac - b^2 cancels for needles. The inputs stay float: blending uses the conic as it is here.
         curvature_ = float(double(s.a) * s.c - double(s.b) * s.b) * inverse_a_;
         reach_ = 2 * touch_threshold(s);
         const bool bounded = curvature_ > 0;
@@ -87,8 +87,8 @@ class TileRows {
     int x0_, x1_;
 };
 
-/// The spans of up to 32 rows from row y on, one a lane. One copy of the code: counting and writing the instances of large
-/// Gaussians must agree bit for bit, or slots stay unwritten.
+/// Returns the span of row y + lane; rows from y_end on have empty spans. There is one copy of this code: counting and
+/// writing the instances of large Gaussians must agree bit for bit, or slots stay unwritten.
 __device__ __noinline__ inline TileRows::Span span_of_lane(const PackedSplat& p, int y, int y_end) {
     const TileRectangle r(p.bounds());
     const int ty = y + int(threadIdx.x & 31);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A splat: what blending needs of a Gaussian on screen, and what it gives back.
+// A splat, which is a Gaussian on screen as blending needs it, and the gradients that blending returns.
 #pragma once
 
 #include "kernels/core/lanes.h"
@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// What blending needs of a Gaussian on screen.
+/// A Gaussian on screen as blending needs it.
 template <class T> struct Splat {
     Vec2<T> mean;   ///< pixels
     T a, b, c;      ///< conic: inverse of the dilated 2-D covariance [[a,b],[b,c]]
@@ -16,10 +16,11 @@ template <class T> struct Splat {
     T threshold;    ///< ln(opacity / cutoff) >= 0: the power at which alpha falls to the cutoff, 1/255
 };
 
-/// Widening of the touch tests: above the rounding of the power in float, below what costs time.
+/// Returns the threshold of the touch tests. It is widened by more than the rounding of the power in float, and by too
+/// little to cost time.
 template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
 
-/// Gradients of the loss with respect to what blending used of one Gaussian.
+/// The gradients of the loss with respect to one splat.
 template <class T> struct SplatGradient {
     Vec2<T> mean;   ///< pixels
     Sym2<T> conic;  ///< matrix gradient (half convention)
@@ -27,12 +28,12 @@ template <class T> struct SplatGradient {
     Vec3<T> color;  ///< after the colour activation
 };
 
-/// Sums over pixels of one splat. h = -alpha dL/dalpha.
+/// The sums of one splat over its pixels; h = -alpha dL/dalpha.
 template <class P> struct SplatSums {
     P h, hx, hy, hxx, hxy, hyy, r, g, b;
 };
 
-/// From the sums over pixels to gradients of the splat.
+/// Returns the gradients of a splat from its sums over pixels.
 template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, const SplatSums<T>& k) {
     SplatGradient<T> d;
     d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};

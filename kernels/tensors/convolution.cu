@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Convolution as a matrix product whose second factor, the columns of input under the window, is only ever written to shared memory:
-// weights (out, depth) times columns (depth, pixels), depth = in * kernel * kernel.
+// Convolution as a matrix product: weights (out, depth) times columns (depth, pixels), depth = in * kernel * kernel.
+// The columns hold the input under the window and are only ever written to shared memory.
 //
-// A block makes 64 channels of 128 pixels. Its 128 threads each keep 8x8 sums in registers, so that 16 values read from shared memory
-// serve 64 FMAs; while one slice of the depth is multiplied, the next is on its way from memory to registers. All is single
-// precision: the floor is the FMA rate. VGG16 up to relu5_3 is 130 G FMAs for 800x532 pixels, 4 ms at 32 T FMA/s. Last layers of small images
-// have fewer blocks than a large GPU has multiprocessors, and are above it.
+// A block makes 64 channels of 128 pixels. Its 128 threads each keep 8x8 sums in registers, so that 16 values read from
+// shared memory serve 64 FMAs. While one slice of the depth is multiplied, the next is loaded from memory to registers.
+// All is single precision, so the FMA rate sets the least time. VGG16 up to relu5_3 is 130 G FMAs for 800x532 pixels, 4
+// ms at 32 T FMA/s. Last layers of small images have fewer blocks than a large GPU has multiprocessors, and take
+// longer.
 #include "kernels/core/portable.h"
 #include "kernels/cuda/cuda.h"
 #include "kernels/tensors/convolution_cuda.h"
@@ -14,11 +15,11 @@ namespace gs {
 namespace {
 
 constexpr int kOutTile = 64, kPixelTile = 128, kSlice = 8, kThreads = 128;
-/// Threads lie on the tile as 8 x 16, each with two runs of four channels and two runs of four pixels, half a tile apart: float4 reads
-/// without bank conflicts.
+/// Threads lie on the tile as 8 x 16. Each has two runs of four channels and two runs of four pixels, half a tile
+/// apart, so that float4 reads have no bank conflicts.
 constexpr int kRun = 4, kSums = 2 * kRun, kThreadColumns = kPixelTile / kSums;
 constexpr int kWeightsPerThread = kOutTile * kSlice / kThreads;
-/// Keeps stores of the transposed weights in different banks, and rows on 16 bytes.
+/// The padding that keeps stores of the transposed weights in different banks, and rows on 16 bytes.
 constexpr int kPadding = 4;
 
 struct ConvolutionArgs {
@@ -35,14 +36,14 @@ struct Slice {
     float columns[kSlice][kPixelTile];
 };
 
-/// What one thread fetches of a slice: the inputs under its pixel, and a piece of one channel's weights.
+/// Fetches one thread's part of a slice: the inputs under its pixel, and a piece of one channel's weights.
 class Fetch {
   public:
     __device__ Fetch(const ConvolutionArgs& a, int first_channel, int first_pixel)
         : pixel_(first_pixel + int(threadIdx.x)), y_(pixel_ / a.out_width * a.stride - a.padding), x_(pixel_ % a.out_width * a.stride - a.padding),
           channel_(first_channel + int(threadIdx.x) * kWeightsPerThread / kSlice), plane_(a.in) {}
 
-    /// The next slice, which begins at `depth`; zeros outside the image, the layer and the tile.
+    /// Reads the next slice, which begins at `depth`, with zeros outside the image, the layer and the tile.
     __device__ void read(const ConvolutionArgs& a, int depth) {
 #pragma unroll
         for (int k = 0; k < kSlice; ++k) {
@@ -70,7 +71,7 @@ class Fetch {
   private:
     static __device__ int first_weight() { return int(threadIdx.x) * kWeightsPerThread % kSlice; }
 
-    int pixel_, y_, x_;  ///< y_, x_: of the window's corner in the input
+    int pixel_, y_, x_;  ///< y_, x_: position of the window's corner in the input
     int channel_;
     const float* plane_;
     int ky_ = 0, kx_ = 0;
@@ -78,7 +79,7 @@ class Fetch {
 };
 static_assert(kPixelTile == kThreads && kSlice % kWeightsPerThread == 0);
 
-/// Channel or pixel of a thread's k-th sum within the tile.
+/// Returns the channel or pixel, within the tile, of a thread's k-th sum.
 __device__ int place(int thread, int k, int tile) { return k / kRun * (tile / 2) + thread * kRun + k % kRun; }
 
 __device__ void read_runs(const float* row, int thread, int tile, float* out) {
@@ -114,7 +115,7 @@ __global__ void __launch_bounds__(kThreads) convolution(ConvolutionArgs a) {
         }
         if (!more) break;
         current ^= 1;
-        fetch.store(slices[current]); // its readers are done: they passed the barrier of the slice before
+        fetch.store(slices[current]); // its readers are done, since they passed the barrier of the slice before
         __syncthreads();
     }
 #pragma unroll

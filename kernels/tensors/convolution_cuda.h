@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// A convolution on the device. Included by .cu files only.
+// A convolution on the device. Only .cu files include this header.
 #pragma once
 
 #include "kernels/tensors/tensor_engine.h"
 
 namespace gs {
 
-/// `out` = the layer applied to `in`, then max(0, .) where `relu`; all on the device, sizes checked by the caller. On the default stream.
+/// Applies the layer to `in`, then max(0, .) if `relu`, and writes `out`. It works on the default stream. All tensors
+/// are on the device, and the caller has checked their sizes.
 void launch_convolution(const Tensor& in, const ConvLayer& layer, bool relu, const Tensor& out);
 
 }  // namespace gs

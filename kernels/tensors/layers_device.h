@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Single values of pooling and upsampling; host and device.
+// Single values of pooling and upsampling, for host and device.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// `window`: its first value in rows of `width`.
+/// Returns the largest value of a window. `window` points to its first value, in rows of `width`.
 GS_HD float max_of_window(const float* window, int width, int size) {
     float largest = *window;
     for (int ky = 0; ky < size; ++ky)
@@ -18,7 +18,7 @@ GS_HD float max_of_window(const float* window, int width, int size) {
 
 GS_HD float mean_of_window(const float* window, int width) { return (window[0] + window[1] + window[width] + window[width + 1]) * 0.25f; }
 
-/// Value (y, x) of l2_pool of a plane.
+/// Returns value (y, x) of l2_pool of a plane.
 GS_HD float l2_of_window(const float* plane, int height, int width, int y, int x) {
     float sum = 0;
     for (int ky = gs_max(2 * y - 1, 0); ky <= gs_min(2 * y + 1, height - 1); ++ky)
@@ -29,10 +29,10 @@ GS_HD float l2_of_window(const float* plane, int height, int width, int y, int x
     return gs_sqrt(sum / 16 + 1e-12f);
 }
 
-/// Where value i of a doubled axis lies on the axis of n values.
+/// Returns the position of value i of a doubled axis on the axis of n values.
 GS_HD float aligned_position(int i, int n) { return n < 2 ? 0.0f : float(gs_min(i, 2 * n - 1)) * float(n - 1) / float(2 * n - 1); }
 
-/// Value (y, x) of upsample_aligned of a plane.
+/// Returns value (y, x) of upsample_aligned of a plane.
 GS_HD float aligned_sample(const float* plane, int height, int width, int y, int x) {
     const float fy = aligned_position(y, height), fx = aligned_position(x, width);
     const int y0 = int(fy), y1 = gs_min(y0 + 1, height - 1), x0 = int(fx), x1 = gs_min(x0 + 1, width - 1);
@@ -41,7 +41,7 @@ GS_HD float aligned_sample(const float* plane, int height, int width, int y, int
     return (1 - ty) * ((1 - tx) * above[x0] + tx * above[x1]) + ty * ((1 - tx) * below[x0] + tx * below[x1]);
 }
 
-/// Keeps directions of pixels that are zero in all channels at zero.
+/// The value added to a pixel's length before it is a divisor. It keeps pixels that are zero in all channels at zero.
 constexpr double kDirectionEpsilon = 1e-10;
 
 }  // namespace gs

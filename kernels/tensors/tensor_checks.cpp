@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Checks of shapes, each with an error that names the operation.
 #include "kernels/tensors/tensor_checks.h"
 
 #include <string>
@@ -39,7 +40,7 @@ Tensor shape_of_stack(std::initializer_list<Tensor> parts) {
 
 void require_shape(const Tensor& tensor, int channels, int height, int width) {
     if (tensor.channels != channels || tensor.height != height || tensor.width != width)
-        throw UsageError("a tensor of " + shape_text(tensor.channels, tensor.height, tensor.width) + " where " + shape_text(channels, height, width) + " belongs");
+        throw UsageError("a tensor has the shape " + shape_text(tensor.channels, tensor.height, tensor.width) + " instead of " + shape_text(channels, height, width));
 }
 
 }  // namespace gs

@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all engines refuse, and the shapes of what they return.
+// The checks of arguments that all engines share, and the shapes of their results.
 #pragma once
 
 #include "kernels/tensors/tensor_engine.h"
 
 namespace gs {
 
-/// A tensor of the size that a window leaves of `in`, without values. Throws UsageError where no window fits.
+/// Returns a tensor without values, with one pixel for each window in `in`. Throws UsageError if no window fits.
 Tensor shape_of_windows(const Tensor& in, int channels, int kernel, int stride, int padding);
 
-/// The same for a layer. Throws UsageError also where its channels, weights or biases do not fit.
+/// Returns the shape of a layer's result. Throws UsageError if no window fits, or its channels, weights or biases do
+/// not fit.
 Tensor shape_of_convolution(const Tensor& in, const ConvLayer& layer);
 
-/// Throws UsageError for parts of different sizes.
+/// Returns the shape of the stacked parts. Throws UsageError for parts of different sizes.
 Tensor shape_of_stack(std::initializer_list<Tensor> parts);
 
 /// Throws UsageError unless the tensor has this shape.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The engine on the device: one thread a value, and sums in double whose parts the host adds up in order. Everything is on the default
-// stream, which orders it; memory comes from the driver's pool, so that layers need not wait for each other's buffers.
+// The engine on the device. Each value has a thread; sums are in double, and the host adds up their parts in order. The
+// default stream orders all work. Memory comes from the driver's pool, so that layers need not wait for each other's
+// buffers.
 #include <algorithm>
 
 #include "kernels/cuda/cuda.h"
@@ -30,7 +31,7 @@ Tensor allocated(Tensor shape) {
     return shape;
 }
 
-/// Where value i of a tensor is.
+/// The position of value i of a tensor.
 struct Place {
     std::size_t plane;
     int y, x;
@@ -40,7 +41,7 @@ __device__ Place place_of(std::size_t i, int height, int width) {
     return {i / pixels, int(pixel / width), int(pixel % width)};
 }
 
-/// out[i] = value(plane of `in`, y, x)
+/// Sets out[i] = value(plane of `in`, y, x).
 template <class Value>
 __global__ void __launch_bounds__(kBlock) each_value(const float* in, std::size_t in_pixels, float* out, std::size_t n, int height, int width, Value value) {
     const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
@@ -61,11 +62,11 @@ __global__ void __launch_bounds__(kBlock) add_logistic_values(const float* x, co
     if (i < n) out[i] = sigmoid(x[i]) + y[i];
 }
 
-/// Sum over the block, in every thread; all have to come.
+/// Returns the sum over the block in every thread. All threads must call it.
 __device__ double block_sum(double x) {
     __shared__ double warps[kBlock / 32];
     x = warp_sum(x);
-    __syncthreads(); // the sums of the last call were read
+    __syncthreads(); // the sums of the last call have then been read
     if (threadIdx.x % 32 == 0) warps[threadIdx.x / 32] = x;
     __syncthreads();
     double sum = 0;
@@ -73,7 +74,7 @@ __device__ double block_sum(double x) {
     return sum;
 }
 
-/// One thread a pixel; the blocks' sums go to `parts`.
+/// Sums the distances of the pixels, with a thread for each. The blocks' sums go to `parts`.
 __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, const float* b, const float* weights, int channels, std::size_t pixels, double* parts) {
     const std::size_t p = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     double sum = 0;
@@ -85,7 +86,8 @@ __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, co
         }
         norm_a = 1 / (sqrt(norm_a) + kDirectionEpsilon), norm_b = 1 / (sqrt(norm_b) + kDirectionEpsilon);
         for (int c = 0; c < channels; ++c) {
-            // Rounded products: fused into the subtraction, only one would be, and identical images would differ.
+            // Both products are rounded. Fused into the subtraction, only one would be, and identical images would
+            // differ.
             const double difference = __dmul_rn(a[c * pixels + p], norm_a) - __dmul_rn(b[c * pixels + p], norm_b);
             sum += double(weights[c]) * difference * difference;
         }
@@ -94,7 +96,7 @@ __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, co
     if (threadIdx.x == 0) parts[blockIdx.x] = sum;
 }
 
-/// One block a channel.
+/// Compares the channels, with a block for each.
 __global__ void __launch_bounds__(kBlock) compare_planes(const float* a, const float* b, std::size_t pixels, ChannelComparison* out) {
     a += blockIdx.x * pixels, b += blockIdx.x * pixels;
     double mean_a = 0, mean_b = 0;
@@ -124,7 +126,7 @@ template <class T> std::vector<T> downloaded(const std::shared_ptr<T[]>& values,
     return host;
 }
 
-/// The sum of what launch(blocks, parts) leaves in `parts`, a block a kBlock of n.
+/// Returns the sum of the `parts` that launch(blocks, parts) writes; there is a block for each kBlock of n.
 template <class Launch> double sum_of_parts(std::size_t n, Launch launch) {
     const unsigned blocks = num_blocks(std::int64_t(n), kBlock);
     const auto parts = allocate<double>(blocks);
@@ -137,7 +139,7 @@ template <class Launch> double sum_of_parts(std::size_t n, Launch launch) {
 class CudaTensorEngine : public TensorEngine {
   public:
     CudaTensorEngine() {
-        // What was freed stays with the process: the next image needs the same again.
+        // Freed memory stays with the process, because the next image needs the same again.
         int device = 0;
         cudaMemPool_t pool;
         std::uint64_t keep = ~std::uint64_t(0);

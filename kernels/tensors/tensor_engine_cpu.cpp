@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The engine on the CPU: convolutions gather columns of input for blocks of pixels and multiply them with Eigen. Sums have a fixed order.
+// The engine on the CPU. Convolutions gather columns of input for blocks of pixels and multiply them with Eigen. Sums
+// have a fixed order.
+//
 // GCC 12 takes the deliberately undefined operands in its AVX-512 header for mistakes (GCC bug 105593).
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
@@ -24,7 +26,8 @@ Tensor allocated(Tensor shape) {
 
 float* plane(const Tensor& t, int c) { return t.values.get() + t.pixels() * std::size_t(c); }
 
-/// Values of one input row under output pixels [begin, end) for one horizontal offset of the window; zeros outside.
+/// Gathers the values of one input row under output pixels [begin, end), for one horizontal offset of the window, with
+/// zeros outside.
 void gather_row(const float* row, int width, int stride, int first, int begin, int end, float* out) {
     if (stride != 1) {
         for (int x = begin; x < end; ++x) {
@@ -39,7 +42,7 @@ void gather_row(const float* row, int width, int stride, int first, int begin, i
     std::fill_n(out, end - inside_end, 0.0f);
 }
 
-/// Columns of inputs for output pixels [begin, begin + count): (in * kernel * kernel, count).
+/// Gathers the columns of inputs for output pixels [begin, begin + count): (in * kernel * kernel, count).
 void gather(const Tensor& in, const ConvLayer& layer, int out_width, std::int64_t begin, std::int64_t count, float* columns) {
     for (int c = 0; c < layer.in; ++c) {
         for (int ky = 0; ky < layer.kernel; ++ky) {
@@ -60,7 +63,7 @@ void gather(const Tensor& in, const ConvLayer& layer, int out_width, std::int64_
     }
 }
 
-/// out(c, y, x) = value(plane c of `in`, y, x) for a tensor of the given shape.
+/// Returns a tensor of the given shape with out(c, y, x) = value(plane c of `in`, y, x).
 template <class Value> Tensor each_value(const Tensor& in, const Tensor& shape, Value value) {
     const Tensor out = allocated(shape);
     parallel_for(std::int64_t(out.channels) * out.height, [&](std::int64_t row) {
@@ -92,12 +95,12 @@ class CpuTensorEngine : public TensorEngine {
     }
     std::vector<float> download(const Tensor& tensor) const override { return {tensor.values.get(), tensor.values.get() + tensor.size()}; }
 
-    /// Besides input and output this takes 2 MiB to 8 MiB a thread.
+    /// Takes 2 MiB to 8 MiB a thread besides input and output.
     Tensor convolve(const Tensor& in, const ConvLayer& layer, bool relu) const override {
         const Tensor out = allocated(shape_of_convolution(in, layer));
         const auto pixels = std::int64_t(out.pixels());
         const std::int64_t depth = std::int64_t(layer.in) * layer.kernel * layer.kernel;
-        // Columns stay near the cache, but there are enough of them that repacking the weights for each block costs little.
+        // The columns fit near the cache. They are enough that repacking the weights for each block costs little.
         const std::int64_t block = std::clamp<std::int64_t>((std::int64_t(1) << 19) / depth, 256, 4096);
         const Eigen::Map<const Matrix> weights(layer.weights.values.get(), layer.out, depth);
         const Eigen::Map<const Eigen::VectorXf> bias(layer.bias.values.get(), layer.out);
@@ -147,7 +150,7 @@ class CpuTensorEngine : public TensorEngine {
         require_shape(b, a.channels, a.height, a.width);
         require_shape(weights, a.channels, 1, 1);
         const auto pixels = std::int64_t(a.pixels());
-        std::vector<double> sums(std::size_t(num_parts(pixels)));  // summed in order afterwards
+        std::vector<double> sums(std::size_t(num_parts(pixels)));  // added up in order afterwards
         parallel_for(num_parts(pixels), [&](std::int64_t part) {
             const std::int64_t begin = part * kPartSize, count = std::min(kPartSize, pixels - begin);
             std::vector<double> norm_a(std::size_t(count), 0.0), norm_b(std::size_t(count), 0.0);
@@ -157,8 +160,8 @@ class CpuTensorEngine : public TensorEngine {
             }
             for (std::int64_t i = 0; i < count; ++i)
                 norm_a[i] = 1 / (std::sqrt(norm_a[i]) + kDirectionEpsilon), norm_b[i] = 1 / (std::sqrt(norm_b[i]) + kDirectionEpsilon);
-            // Scaled in a pass of its own: fused into the subtraction, one product would be rounded and the other not, and
-            // identical images would differ.
+            // Scaling has a pass of its own. Fused into the subtraction, one product would be rounded and the other
+            // not, and identical images would differ.
             std::vector<double> unit_a(norm_a.size()), unit_b(norm_b.size());
             for (int c = 0; c < a.channels; ++c) {
                 const float *va = plane(a, c) + begin, *vb = plane(b, c) + begin;

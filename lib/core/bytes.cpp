@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Byte sizes as users write them: "4GiB", "500 MB", "123456".
+// Parses byte sizes as users write them: "4GiB", "500 MB", "123456".
 #include "lib/core/bytes.h"
 
 #include <fmt/format.h>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Parses and formats durations.
 #include "lib/core/duration.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
@@ -13,9 +14,9 @@
 namespace gs {
 namespace {
 
-constexpr double kYear = 365.0 * 86400; // more would not fit into a clock's count
+constexpr double kYear = 365.0 * 86400; // limit, because longer times do not fit into a clock's count
 
-/// 0 for what is no unit.
+/// Returns the seconds of a unit, 0 for an unknown one.
 double unit_seconds(const std::string& unit) {
     if (unit == "s") return 1;
     if (unit == "m" || unit == "min") return 60;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times as users write and read them: "90s", "20m"; "12 min 05 s".
+// Parses and formats durations as users write and read them: "90s", "20m"; "12 min 05 s".
 #pragma once
 
 #include <string>
 
 namespace gs {
 
-/// Seconds of a positive number with unit s, m, min or h, of several such in a row ("1h30m"), or of one number alone (seconds). Throws
-/// UsageError naming `where` and the text for anything else, and for more than a year.
+/// Returns the seconds of a positive number with unit s, m, min or h, of several such in a row ("1h30m"), or of one
+/// number alone (seconds). Throws UsageError naming `where` and the text for anything else, and for more than a year.
 double parse_duration(const std::string& text, const std::string& where);
 
-/// "3.2 s", "12 min 05 s", "2 h 40 min".
+/// Formats seconds: "3.2 s", "12 min 05 s", "2 h 40 min".
 std::string duration_text(double seconds);
 
 }  // namespace gs

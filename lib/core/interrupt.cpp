@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Signal handlers that touch nothing but one flag.
+// Installs signal handlers that only set a flag.
 #include "lib/core/interrupt.h"
 
 #include <csignal>
@@ -11,7 +11,7 @@ volatile std::sig_atomic_t signal_arrived = 0;
 
 extern "C" void on_signal(int) {
     signal_arrived = 1;
-    // Back to the default action: whoever asks twice does not want to wait for a checkpoint.
+    // Restores the default action, because a second signal means that the user does not want to wait for a checkpoint.
     std::signal(SIGINT, SIG_DFL);
     std::signal(SIGTERM, SIG_DFL);
 }

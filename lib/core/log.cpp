@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// spdlog with two sinks.
+// Sets up spdlog with two sinks.
 #include "lib/core/log.h"
 
 #include <spdlog/sinks/basic_file_sink.h>
@@ -11,14 +11,20 @@
 
 namespace gs {
 
-void setup_log(const std::string& level) {
+void setup_log(LogLevel level) {
     auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
-    // On a terminal a message first wipes the progress line that may stand there; the bar is drawn again below it.
+    // On a terminal a message first erases the progress line; the bar is drawn again below it.
     sink->set_pattern(::isatty(STDERR_FILENO) != 0 ? "\r\033[K%^%l%$: %v" : "%l: %v");
     auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
-    logger->set_level(spdlog::level::from_str(level));
+    logger->set_level(spdlog::level::from_str(word(level)));
     logger->flush_on(spdlog::level::info);
     spdlog::set_default_logger(logger);
+}
+
+void log_message(LogLevel level, fmt::string_view format, fmt::format_args arguments) {
+    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::trace, spdlog::level::debug, spdlog::level::info, spdlog::level::warn, spdlog::level::err};
+    const auto spdlog_level = kLevels[int(level)];
+    if (spdlog::should_log(spdlog_level)) spdlog::log(spdlog_level, "{}", fmt::vformat(format, arguments));
 }
 
 void add_log_file(const std::filesystem::path& file) {

@@ -1,15 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where messages go: stderr, and the log file of the run folder. stdout belongs to results and progress lines.
+// Sets up where messages go: stderr and the log file of the run folder. stdout belongs to results and progress lines.
 #pragma once
 
+#include <fmt/core.h>
+
 #include <filesystem>
-#include <string>
+
+#include "lib/core/choices.h"
 
 namespace gs {
 
-/// Sends messages of `level` ("trace", "debug", "info", "warn", "error") and above to stderr through spdlog's default
+/// Sends messages of `level` and above to stderr through spdlog's default
 /// logger. Replaces an earlier set-up.
-void setup_log(const std::string& level);
+void setup_log(LogLevel level);
+
+/// Writes one message. The arguments come without their types, so that a call costs its unit no templates.
+void log_message(LogLevel level, fmt::string_view format, fmt::format_args arguments);
+
+/// Write a message, formatted as by fmt::format.
+template <class... Args> void log_debug(fmt::format_string<Args...> format, Args&&... args) {
+    log_message(LogLevel::kDebug, format, fmt::make_format_args(args...));
+}
+template <class... Args> void log_info(fmt::format_string<Args...> format, Args&&... args) {
+    log_message(LogLevel::kInfo, format, fmt::make_format_args(args...));
+}
+template <class... Args> void log_warning(fmt::format_string<Args...> format, Args&&... args) {
+    log_message(LogLevel::kWarn, format, fmt::make_format_args(args...));
+}
+template <class... Args> void log_error(fmt::format_string<Args...> format, Args&&... args) {
+    log_message(LogLevel::kError, format, fmt::make_format_args(args...));
+}
 
 /// Also writes the messages to `file`, appending. Throws DataError when the file cannot be written.
 void add_log_file(const std::filesystem::path& file);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The median of a list of numbers.
 #pragma once
 
 #include <algorithm>
@@ -6,7 +7,7 @@
 
 namespace gs {
 
-/// The upper one of two in the middle. `values` is not empty.
+/// Returns the median, the larger of the two middle values for an even number. `values` must not be empty.
 inline double median(std::vector<double> values) {
     const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());

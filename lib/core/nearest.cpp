@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edit distance for messages about unknown names.
+// Finds the nearest name by edit distance.
 #include "lib/core/nearest.h"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ std::string folded(const std::string& text) {
     return out;
 }
 
-/// Restricted Damerau-Levenshtein distance, three rows of the table at a time.
+/// Returns the restricted Damerau-Levenshtein distance; only three rows of the table are kept.
 std::size_t edit_distance(const std::string& a, const std::string& b) {
     std::vector<std::size_t> before(b.size() + 1), previous(b.size() + 1), current(b.size() + 1);
     for (std::size_t j = 0; j <= b.size(); ++j) previous[j] = j;

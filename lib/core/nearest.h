@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// "Did you mean ...": the known name that is closest to a misspelt one.
+// Finds the known name that is closest to a misspelt one, for messages like "did you mean ...".
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// The candidate with the smallest edit distance (insertions, deletions, replacements and swaps of neighbours each
-/// cost 1; case, '-' and '_' do not count). The first of several equally near ones; empty when there is no candidate.
+/// Returns the candidate with the smallest edit distance, the first of several; an empty string without candidates.
+/// Insertions, deletions, replacements and swaps of neighbours each cost 1; case, '-' and '_' do not count.
 std::string nearest_key(const std::string& key, const std::vector<std::string>& candidates);
 
 }  // namespace gs

@@ -7,8 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include "kernels/core/error.h"
 #include "lib/core/bytes.h"
@@ -21,7 +20,7 @@ constexpr bool is_list = false;
 template <class T>
 constexpr bool is_list<std::vector<T>> = true;
 
-[[noreturn]] void wrong_type(const std::string& where, const std::string& value, const char* expected) {
+[[noreturn]] void wrong_type(const std::string& where, const std::string& value, const std::string& expected) {
     throw UsageError(fmt::format("{}: '{}' is not {}", where, value, expected));
 }
 
@@ -47,12 +46,27 @@ bool parse_bool(const std::string& text, const std::string& where) {
     wrong_type(where, text, "true or false");
 }
 
+template <Choice T>
+T parse_choice(const std::string& text, const std::string& where) {
+    if (const std::optional<T> value = choice_of<T>(text)) return *value;
+    wrong_type(where, text, fmt::format("one of {}", fmt::join(kWordsOf<T>, ", ")));
+}
+
+Background parse_background(const std::string& text, const std::string& where) {
+    if (const std::optional<Background> value = gs::parse_background(text)) return *value;
+    wrong_type(where, text, kBackgroundValues);
+}
+
 template <class T>
 void parse_into(T& field, const std::string& text, const std::string& where) {
     if constexpr (std::is_same_v<T, std::string>)
         field = text;
     else if constexpr (std::is_same_v<T, bool>)
         field = parse_bool(text, where);
+    else if constexpr (Choice<T>)
+        field = parse_choice<T>(text, where);
+    else if constexpr (std::is_same_v<T, Background>)
+        field = parse_background(text, where);
     else
         field = parse_number<T>(text, where);
 }
@@ -86,7 +100,7 @@ void check_value(const Option& option, const TrainOptions& options) {
                 check_choice(option, value);
             else if constexpr (is_list<T>) {
                 for (auto element : value) check_number(option, element);
-            } else if constexpr (!std::is_same_v<T, bool>)
+            } else if constexpr (std::is_arithmetic_v<T> && !std::is_same_v<T, bool>)
                 check_number(option, value);
         },
         option.field);
@@ -136,6 +150,10 @@ std::string option_text(const Option& option, const TrainOptions& options) {
                 return value;
             else if constexpr (std::is_same_v<T, bool>)
                 return value ? "true" : "false";
+            else if constexpr (Choice<T>)
+                return word(value);
+            else if constexpr (std::is_same_v<T, Background>)
+                return background_text(value);
             else if constexpr (is_list<T>)
                 return fmt::format("[{}]", fmt::join(value, ", "));
             else if constexpr (std::is_same_v<T, double>)
@@ -175,42 +193,31 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
         option.field);
 }
 
-Background parse_background(const std::string& text) {
-    if (text == "black") return {};
-    if (text == "white") return {.rgb = {1, 1, 1}};
-    if (text == "random") return {.random = true};
-    Background background;
-    std::size_t begin = 0;
-    for (int channel = 0; channel < 3; ++channel) {
-        const std::size_t end = channel < 2 ? text.find(',', begin) : text.size();
-        float& value = background.rgb[channel];
-        const char* last = text.data() + (end == std::string::npos ? text.size() : end);
-        const auto [stop, error] = std::from_chars(text.data() + begin, last, value);
-        if (end == std::string::npos || error != std::errc{} || stop != last || !(value >= 0 && value <= 1)) {
-            throw UsageError(fmt::format("option background: '{}' is not black, white, random or R,G,B with numbers in 0..1", text));
-        }
-        begin = end + 1;
-    }
-    return background;
+LogLevel shown_messages(const TrainOptions& options) {
+    if (options.quiet) return LogLevel::kWarn;
+    return options.verbose ? LogLevel::kDebug : options.log_level;
 }
 
 void validate(TrainOptions& options) {
     if (options.source.empty()) throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
     for (const Option& option : train_option_table()) check_value(option, options);
     check_resolution(options.resolution);
-    parse_background(options.background);
     check_image_cache(options.image_cache);
     if (options.resume == "latest" && options.model.empty()) {
         throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
     }
     if (!options.ppisp_from.empty()) {
-        if (options.ppisp == "auto") throw UsageError("option ppisp-from: the correction of another run is taken as it is; ppisp auto would decide whether one is needed");
-        options.ppisp = "on";
+        if (options.ppisp == PpispMode::kAuto)
+            throw UsageError(
+                "option ppisp-from: the correction of another run is taken as it is; ppisp auto would decide whether one "
+                "is needed");
+        options.ppisp = PpispMode::kOn;
     }
-    if (options.ppisp_exif && options.ppisp == "off") throw UsageError("option ppisp-exif: there is no correction to start; give --ppisp on or auto as well");
-    if (options.speedy_splat && options.strategy != "adc")
-        throw UsageError(fmt::format("option speedy-splat: goes with strategy adc, not with {}", options.strategy));
-    const bool mcmc = options.strategy == "mcmc";
+    if (options.ppisp_exif && options.ppisp == PpispMode::kOff)
+        throw UsageError("option ppisp-exif: there is no correction to start; give --ppisp on or auto as well");
+    if (options.speedy_splat && options.strategy != Strategy::kAdc)
+        throw UsageError(fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
+    const bool mcmc = options.strategy == Strategy::kMcmc;
     if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;
 }

@@ -3,7 +3,6 @@
 // documents options walks over that table.
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -21,25 +20,38 @@ struct ModelOptionField {
 };
 
 /// Where an option is stored; the alternative is its type.
-using OptionField = std::variant<std::string TrainOptions::*, bool TrainOptions::*, int TrainOptions::*, std::int64_t TrainOptions::*,
-                                 std::uint64_t TrainOptions::*, double TrainOptions::*, std::vector<std::int64_t> TrainOptions::*, ModelOptionField>;
+template <class... T>
+using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
+using OptionField =
+    FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>, Background, Strategy,
+            Device, PpispMode, MaskMode, AlphaMode, AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
 
-/// The value that `field` names in `options`.
-template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }
-template <class T> T& option_value(TrainOptions& options, T TrainOptions::*field) { return options.*field; }
-inline double option_value(const TrainOptions& options, const ModelOptionField& field) { return options.model_options.at(field.key); }
-inline double& option_value(TrainOptions& options, const ModelOptionField& field) { return options.model_options.at(field.key); }
+/// Returns the value that `field` names in `options`.
+template <class T>
+const T& option_value(const TrainOptions& options, T TrainOptions::*field) {
+    return options.*field;
+}
+template <class T>
+T& option_value(TrainOptions& options, T TrainOptions::*field) {
+    return options.*field;
+}
+inline double option_value(const TrainOptions& options, const ModelOptionField& field) {
+    return options.model_options.at(field.key);
+}
+inline double& option_value(TrainOptions& options, const ModelOptionField& field) {
+    return options.model_options.at(field.key);
+}
 
 /// One option. Its default is the value in a default-constructed TrainOptions.
 struct Option {
     std::string key;  ///< kebab-case; the YAML key, and `--key` on the command line
     OptionField field;
-    std::string group;                           ///< heading in help, files and docs
+    std::string group = {};                      ///< heading in help, files and docs
     std::string help;                            ///< what it does, one sentence
     std::string unit = {};                       ///< empty for pure numbers and words
     std::optional<double> min = {}, max = {};    ///< of numbers, inclusive; of each element of a list
     std::string nan_word = {};                   ///< of doubles: a word that may stand in place of a number, stored as NaN
-    std::vector<std::string> choices = {};       ///< of words; empty = see `values`
+    std::vector<std::string> choices = {};       ///< allowed words; empty = see `values`
     std::string values = {};                     ///< allowed values in words, where neither range nor choices say it
     std::vector<std::string> names = {};         ///< further spellings shown in the help ("-s", "--output")
     std::vector<std::string> hidden_names = {};  ///< spellings of other programs, accepted but not shown
@@ -62,18 +74,12 @@ std::string option_text(const Option& option, const TrainOptions& options);
 /// ("--cap-max", "bonsai.yaml:3: cap-max"). Throws UsageError for a text of the wrong type; ranges are left to validate.
 void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values, const std::string& where);
 
+/// What quiet, verbose and log-level say together.
+LogLevel shown_messages(const TrainOptions& options);
+
 /// Checks every value against the table and the few rules between options, and replaces the "0 / -1 = by strategy"
 /// values by the numbers they stand for. Throws UsageError naming option, value and range.
 void validate(TrainOptions& options);
-
-/// The colour behind the scene.
-struct Background {
-    bool random = false;         ///< a new colour in every iteration
-    std::array<float, 3> rgb{};  ///< in [0,1]; black when random (evaluation needs one fixed colour)
-};
-
-/// Reads "black", "white", "random" or "R,G,B" with numbers in [0,1]. Throws UsageError.
-Background parse_background(const std::string& text);
 
 /// Defaults overlaid with the file, its `parent:` (relative to the file) first. Not validated: the command line may
 /// still add the missing parts. Throws UsageError naming file, line, key, and for an unknown key the nearest known one.

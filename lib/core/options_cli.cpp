@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Table to CLI11: registration, and reading back what was given.
+// Registers the table of options with CLI11 and reads the given values back.
 #include "lib/core/options_cli.h"
 
 #include <algorithm>
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include "kernels/core/error.h"
 
@@ -14,14 +13,14 @@ namespace {
 
 const char* type_word(const Option& option) {
     if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return of_model->is_whole ? "INTEGER" : "NUMBER";
-    switch (option.field.index()) {
-        case 0:
+    return std::visit(
+        [](const auto& field) {
+            using T = std::decay_t<decltype(option_value(TrainOptions{}, field))>;
+            if constexpr (std::is_same_v<T, double>) return "NUMBER";
+            if constexpr (std::is_integral_v<T> || std::is_same_v<T, std::vector<std::int64_t>>) return "INTEGER";
             return "TEXT";
-        case 5:
-            return "NUMBER";
-        default:
-            return "INTEGER";
-    }
+        },
+        option.field);
 }
 
 bool is_switch(const Option& option) { return std::holds_alternative<bool TrainOptions::*>(option.field); }
@@ -61,7 +60,7 @@ CLI::Option* TrainArguments::declare_spelling(CLI::App& app, const Option& optio
         else
             cli->expected(1);
     }
-    // As in the programs whose scripts should run unchanged, the last of repeated flags counts.
+    // The last of repeated flags counts, as in 3DGS, whose scripts should run unchanged.
     if (!is_list_option(option)) cli->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     flags_.push_back({&option, cli});
     return cli;
@@ -80,9 +79,9 @@ void TrainArguments::declare(CLI::App& app, const Option& option) {
 }
 
 TrainArguments::TrainArguments(CLI::App& app) {
-    app.add_option("-c,--config", config_, "YAML file with options; flags beat it")->type_name("FILE");
+    app.add_option("-c,--config", config_, "YAML file with options; flags override it")->type_name("FILE");
     for (const Option& option : train_option_table()) declare(app, option);
-    const std::string white_help = "short for --background white, which it beats";
+    const std::string white_help = "short for --background white; overrides --background";
     white_.push_back(app.add_flag("-w,--white-background", white_help)->group("Run"));
     white_.push_back(app.add_flag("--white_background", white_help)->group(""));
 }
@@ -100,7 +99,7 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
         }
     }
     const bool white = std::any_of(white_.begin(), white_.end(), [](const CLI::Option* o) { return o->count() > 0; });
-    if (white) options.background = "white";
+    if (white) options.background = Background::white();
 }
 
 TrainOptions TrainArguments::base(bool stored_run) const {

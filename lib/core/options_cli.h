@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The options of a training run as command-line flags.
+// Declares and reads the options of a training run as command-line flags.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -11,10 +11,10 @@
 
 namespace gs {
 
-/// What a command that works on finished runs changes in the way options are put together.
+/// Rules by which a command that works on finished runs combines options.
 struct ResolveRules {
-    bool stored_run = false;     ///< config.yaml of the output folder is read not only when a run is resumed
-    std::string default_source;  ///< taken where no scene is named
+    bool stored_run = false;     ///< also read config.yaml of the output folder when no run is resumed
+    std::string default_source;  ///< scene used if none is named
 };
 
 /// Declares every option of the table on `app`, with its aliases and hidden spellings, plus `--config` and
@@ -25,12 +25,12 @@ class TrainArguments {
     TrainArguments(const TrainArguments&) = delete;
     TrainArguments& operator=(const TrainArguments&) = delete;
 
-    /// Defaults, overlaid with the file of --config, overlaid with the flags; validated. A run that is resumed without
-    /// --config takes the config.yaml of its output folder as the file, so that only changes need flags.
-    /// Call after parsing. Throws UsageError.
+    /// Returns the validated options: defaults, overridden by the file of --config, overridden by the flags. A run that
+    /// is resumed without --config uses the config.yaml of its output folder, so that only changes need flags. Call it
+    /// after parsing. Throws UsageError.
     TrainOptions resolve(const ResolveRules& rules = {}) const;
 
-    /// The same, not validated: for callers that change options before they do.
+    /// Returns the same options without validating them, for callers that still change them.
     TrainOptions combine(const ResolveRules& rules = {}) const;
 
   private:

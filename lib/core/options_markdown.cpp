@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// docs/options.md, made from the table.
-#include <spdlog/fmt/fmt.h>
+// Makes docs/options.md from the table of options.
+#include <fmt/format.h>
 
 #include "lib/core/options.h"
 

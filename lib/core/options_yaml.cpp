@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Options in YAML files: reading with parents, and writing the resolved ones.
+// Reads options from YAML files with parents, and writes resolved options.
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include "kernels/core/error.h"
 #include "lib/core/nearest.h"

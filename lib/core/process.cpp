@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// posix_spawn with one pipe for stdout and stderr.
+// Runs programs with posix_spawn and one pipe for stdout and stderr.
 #include "lib/core/process.h"
 
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -23,7 +23,7 @@ namespace {
 constexpr std::size_t kKeptLines = 12;
 constexpr int kAskEvery = 100; // ms
 
-/// environ with `added` replacing variables of the same name.
+/// Returns environ with `added` replacing variables of the same name.
 std::vector<std::string> merged_environment(const std::vector<std::pair<std::string, std::string>>& added) {
     std::vector<std::string> all;
     for (const auto& [name, value] : added) all.push_back(name + "=" + value);
@@ -44,7 +44,7 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
 
 pid_t start(const std::vector<std::string>& arguments, const std::vector<std::string>& environment, int output, bool own_group) {
     posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes); // its process group is 0: a new one
+    posix_spawnattr_init(&attributes); // the default process group, 0, means a new one
     if (own_group) posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
@@ -60,7 +60,7 @@ pid_t start(const std::vector<std::string>& arguments, const std::vector<std::st
     return pid;
 }
 
-/// Waits until there is something to read, or `stop` says so. Returns what it said.
+/// Waits for input. Returns true if `stop` returned true first.
 bool wait_for_input(int input, const std::function<bool()>& stop) {
     pollfd ready{input, POLLIN, 0};
     while (!stop())
@@ -68,7 +68,7 @@ bool wait_for_input(int input, const std::function<bool()>& stop) {
     return true;
 }
 
-/// Splits the stream at newlines and carriage returns (progress that programs overwrite in place).
+/// Splits the stream at newlines and at carriage returns, by which programs overwrite progress in place.
 void read_lines(int input, pid_t pid, const std::function<void(const std::string&)>& on_line, std::function<bool()> stop) {
     std::string line;
     char buffer[4096];

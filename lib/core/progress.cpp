@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Implementation of progress.h.
+// Shows the progress of a run as a bar or as JSON lines.
 #include "lib/core/progress.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "kernels/core/clock.h"
+
 namespace gs {
 namespace {
 
-constexpr double kBarInterval = 0.1;   // fast enough to look alive
-constexpr double kLineInterval = 1.0;  // a day of training stays below 90 000 lines
+constexpr double kBarInterval = 0.1;   // seconds; fast enough to look alive
+constexpr double kLineInterval = 1.0;  // seconds; a day of training stays below 90 000 lines
 
 std::string clock_text(double seconds) {
     const auto s = static_cast<std::int64_t>(std::lround(seconds));
@@ -37,28 +39,27 @@ Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, 
     : style_(style),
       bar_(bar),
       lines_(lines),
-      interval_(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds_between_lines))) {}
+      interval_(seconds_between_lines) {}
 
 void Progress::start(std::int64_t total, std::int64_t done, const std::string& stage) {
     stage_ = stage;
     total_ = total;
     shown_iteration_ = done;
-    shown_time_ = Clock::now();
+    shown_time_ = seconds_now();
     rate_ = 0;
 }
 
 bool Progress::due(std::int64_t iteration) const {
     if (style_ == ProgressStyle::kSilent || iteration <= shown_iteration_) return false;
-    return iteration == total_ || Clock::now() - shown_time_ >= interval_;
+    return iteration == total_ || seconds_now() - shown_time_ >= interval_;
 }
 
 void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
     if (!due(iteration)) return;
-    const Clock::time_point now = Clock::now();
-    const double seconds = std::chrono::duration<double>(now - shown_time_).count();
+    const double now = seconds_now(), seconds = now - shown_time_;
     if (seconds > 0) {
         const double latest = double(iteration - shown_iteration_) / seconds;
-        // Smoothed over a few lines: iterations get slower as the model grows, and single ones differ by view.
+        // Smoothed over a few lines, because iterations get slower as the model grows and single ones differ by view.
         rate_ = rate_ == 0 ? latest : 0.7 * rate_ + 0.3 * latest;
     }
     shown_iteration_ = iteration;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a run is: one changing line on a terminal, JSON lines for programs, nothing when quiet.
+// Shows the progress of a run: one changing line on a terminal, JSON lines for programs, nothing when quiet.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
@@ -12,7 +11,7 @@ namespace gs {
 
 enum class ProgressStyle { kBar, kJsonLines, kSilent };
 
-/// Bar when stderr is a terminal, JSON lines otherwise.
+/// Returns the bar when stderr is a terminal, JSON lines otherwise.
 ProgressStyle default_progress_style();
 
 /// Shows iteration, loss, number of Gaussians, speed and remaining time.
@@ -24,29 +23,28 @@ ProgressStyle default_progress_style();
 class Progress {
   public:
     explicit Progress(ProgressStyle style);
-    /// For tests: other streams, and another least time between two lines.
+    /// For tests: other streams, and another minimum time between two lines.
     Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines);
 
     ProgressStyle style() const { return style_; }
 
-    /// Before the first iteration. `done` iterations of `total` were made by an earlier run. `stage` names what is counted where it
-    /// is not the training itself; JSON lines then have it as "stage".
+    /// Begins a count, before its first iteration. `done` iterations of `total` were made by an earlier run. `stage`
+    /// names the count if it is not the training itself; JSON lines then have it as "stage".
     void start(std::int64_t total, std::int64_t done, const std::string& stage = "");
 
-    /// Whether `update` would show something now. Ask before fetching the loss from the device.
+    /// Returns true if `update` would show something now. Ask before fetching the loss from the device.
     bool due(std::int64_t iteration) const;
 
-    /// After `iteration` iterations (1-based); does nothing when not due.
+    /// Shows the progress after `iteration` iterations (1-based); does nothing when not due.
     void update(std::int64_t iteration, double loss, std::int64_t num_gaussians);
 
-    /// One more JSON line for programs, `event` naming what happened; other styles drop it.
+    /// Writes an additional JSON line for programs, in which "event" names the event; other styles drop it.
     void event(const nlohmann::ordered_json& line);
 
-    /// Ends the line of the bar. Call before printing results.
+    /// Ends the line of the bar. Call it before printing results.
     void finish();
 
   private:
-    using Clock = std::chrono::steady_clock;
     void show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     void show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     double eta_seconds(std::int64_t iteration) const { return double(total_ - iteration) / rate_; }
@@ -54,13 +52,13 @@ class Progress {
     ProgressStyle style_;
     std::ostream& bar_;
     std::ostream& lines_;
-    Clock::duration interval_;
+    double interval_;  ///< seconds between two lines
     std::string stage_;
     std::int64_t total_ = 0;
     std::int64_t shown_iteration_ = 0;
-    Clock::time_point shown_time_;
+    double shown_time_ = 0;
     double rate_ = 0;        ///< iterations per second, smoothed; 0 = not known yet
-    bool bar_open_ = false;  ///< the cursor stands behind a bar
+    bool bar_open_ = false;  ///< the cursor is at the end of a bar
 };
 
 }  // namespace gs

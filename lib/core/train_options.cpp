@@ -2,6 +2,8 @@
 // The one definition of every option: name, spellings, range and help.
 #include "lib/core/train_options.h"
 
+#include <iterator>
+
 #include "appearance/model_info.h"
 #include "lib/core/options.h"
 
@@ -9,405 +11,276 @@ namespace gs {
 namespace {
 
 using O = TrainOptions;
-using Table = std::vector<Option>;
 
 // Iteration counts: a 32-bit range keeps every product with an interval inside 64 bits.
 constexpr double kMaxIterations = 2147483647.0;
 
-void add_input_options(Table& table) {
-    const std::string group = "Input and output";
-    table.push_back({.key = "source",
-                     .field = &O::source,
-                     .group = group,
-                     .help = "scene to train on: a COLMAP folder, a NeRF-synthetic folder, a transforms.json, or builtin:NAME",
-                     .values = "folder, file or builtin:NAME",
-                     .names = {"-s"},
-                     .hidden_names = {"--source_path", "--source-path", "--data-path"}});
-    table.push_back({.key = "model",
-                     .field = &O::model,
-                     .group = group,
-                     .help = "output folder; empty: output/SCENE-APPEARANCE-N with the first free N",
-                     .values = "folder",
-                     .names = {"-m", "-o", "--output"},
-                     .hidden_names = {"--model_path", "--model-path", "--output-path"}});
-    table.push_back({.key = "images",
-                     .field = &O::images,
-                     .group = group,
-                     .help = "image folder inside a COLMAP scene",
-                     .values = "folder name",
-                     .names = {"-i"}});
-    table.push_back({.key = "resolution",
-                     .field = &O::resolution,
-                     .group = group,
-                     .help = "1, 2, 4, 8: divisor of the image size; larger: width in pixels; -1: full size, at most 1600 wide",
-                     .unit = "divisor or px",
-                     .min = -1,
-                     .max = 65536,
-                     .values = "-1, 1, 2, 4, 8, or 16..65536",
-                     .names = {"-r"}});
-    table.push_back({.key = "eval", .field = &O::eval, .group = group, .help = "hold out test views and measure on them"});
-    table.push_back({.key = "test-every",
-                     .field = &O::test_every,
-                     .group = group,
-                     .help = "with eval: every n-th image of the name-sorted list is a test view; 0: none",
-                     .unit = "images",
-                     .min = 0,
-                     .max = 1000000});
-    table.push_back({.key = "test-list",
-                     .field = &O::test_list,
-                     .group = group,
-                     .help = "with eval: file with one test image name per line, instead of test-every",
-                     .values = "file"});
-    table.push_back({.key = "mask-mode",
-                     .field = &O::mask_mode,
-                     .group = group,
-                     .help = "what masks mean: ignore = weight of the loss, transparent = the background shows there",
-                     .choices = {"ignore", "transparent"}});
-    table.push_back(
-        {.key = "invert-masks", .field = &O::invert_masks, .group = group, .help = "masks are white where pixels are to be ignored"});
-    table.push_back({.key = "alpha-mode",
-                     .field = &O::alpha_mode,
-                     .group = group,
-                     .help = "what the alpha channel of photographs means: transparent = the background shows, mask = weight of the loss",
-                     .choices = {"transparent", "mask"}});
-    table.push_back({.key = "image-cache",
-                     .field = &O::image_cache,
-                     .group = group,
-                     .help = "memory for decoded images, on the host and again on the GPU; images beyond it are read or sent again when needed",
-                     .unit = "bytes",
-                     .values = "number with KiB, MiB, GiB, KB, MB or GB"});
-    table.push_back(
-        {.key = "overwrite", .field = &O::overwrite, .group = group, .help = "replace a run that is already in the output folder"});
-    table.push_back({.key = "resume",
-                     .field = &O::resume,
-                     .group = group,
-                     .help = "continue from a checkpoint file, or from the latest one in the output folder",
-                     .values = "file or latest",
-                     .hidden_names = {"--start_checkpoint", "--start-checkpoint"},
-                     .implicit = "latest"});
+/// An option under construction.
+struct Entry : Option {
+    /// Further spellings shown in the help.
+    template <class... Names>
+    Entry also(Names... more) {
+        return names = {more...}, *this;
+    }
+    /// Spellings of other programs.
+    template <class... Names>
+    Entry also_hidden(Names... more) {
+        return hidden_names = {more...}, *this;
+    }
+    /// A word that may stand in place of the number, stored as NaN.
+    Entry or_word(std::string text) { return nan_word = std::move(text), *this; }
+    /// The value when the flag stands alone.
+    Entry alone(std::string value) { return implicit = std::move(value), *this; }
+    Entry in_words(std::string allowed) { return values = std::move(allowed), *this; }
+    Entry in_units(std::string name) { return unit = std::move(name), *this; }
+};
+
+/// The allowed numbers, inclusive.
+struct Range {
+    std::optional<double> min = {}, max = {};
+    std::string unit = {};
+};
+
+template <class T>
+Entry number(std::string key, T field, Range range, std::string help) {
+    return {{.key = std::move(key),
+             .field = field,
+             .help = std::move(help),
+             .unit = std::move(range.unit),
+             .min = range.min,
+             .max = range.max}};
 }
 
-void add_run_options(Table& table) {
-    const std::string group = "Run";
-    table.push_back({.key = "iterations",
-                     .field = &O::iterations,
-                     .group = group,
-                     .help = "length of the training",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back(
-        {.key = "seed", .field = &O::seed, .group = group, .help = "seed of every random number of the run", .values = "0..2^64-1"});
-    table.push_back({.key = "device",
-                     .field = &O::device,
-                     .group = group,
-                     .help = "where the model is trained; auto: the GPU where there is one",
-                     .choices = {"auto", "cpu", "cuda"}});
-    table.push_back({.key = "threads",
-                     .field = &O::threads,
-                     .group = group,
-                     .help = "CPU threads; 0: all cores. Results do not depend on it",
-                     .unit = "threads",
-                     .min = 0,
-                     .max = 1024});
-    table.push_back({.key = "deterministic",
-                     .field = &O::deterministic,
-                     .group = group,
-                     .help = "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; the CPU always does"});
-    table.push_back({.key = "separate-appearance",
-                     .field = &O::separate_appearance,
-                     .group = group,
-                     .help = "on the GPU: evaluate appearance in kernels of its own instead of within projection and update; slower, to compare and to check"});
-    table.push_back({.key = "test-iterations",
-                     .field = &O::test_iterations,
-                     .group = group,
-                     .help = "with eval: iterations after which the test views are measured, besides the last",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "save-iterations",
-                     .field = &O::save_iterations,
-                     .group = group,
-                     .help = "iterations after which the PLY is saved, besides the last",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "checkpoint-iterations",
-                     .field = &O::checkpoint_iterations,
-                     .group = group,
-                     .help = "iterations after which a checkpoint is saved, besides the last",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "preview-every",
-                     .field = &O::preview_every,
-                     .group = group,
-                     .help = "save a preview image every n iterations; 0: never",
-                     .unit = "iterations",
-                     .min = 0,
-                     .max = kMaxIterations});
-    table.push_back({.key = "background",
-                     .field = &O::background,
-                     .group = group,
-                     .help = "colour behind the scene, in training and evaluation; random: new in every iteration",
-                     .values = "black, white, random, or R,G,B with numbers in 0..1"});
+Entry text(std::string key, std::string O::*field, std::string values, std::string help) {
+    return {{.key = std::move(key), .field = field, .help = std::move(help), .values = std::move(values)}};
 }
 
-void add_precision_options(Table& table) {
-    const std::string group = "Precision";
-    table.push_back({.key = "alpha-cutoff",
-                     .field = &O::alpha_cutoff,
-                     .group = group,
-                     .help = "fragments fainter than this are skipped; 1 is what 3DGS does, more is faster and less accurate",
-                     .unit = "steps of 1/255",
-                     .min = 1,
-                     .max = 64});
-    table.push_back({.key = "transmittance-cutoff",
-                     .field = &O::transmittance_cutoff,
-                     .group = group,
-                     .help = "a pixel that lets less light through is finished; 1e-4 is what 3DGS does, more is faster and less accurate",
-                     .min = 1e-4,
-                     .max = 0.5});
-    table.push_back({.key = "appearance-storage",
-                     .field = &O::appearance_storage,
-                     .group = group,
-                     .help = "on the GPU: precision in which frames read what makes colours depend on the view; it is trained in single precision",
-                     .choices = {"fp32", "fp16"}});
-    table.push_back({.key = "appearance-moments",
-                     .field = &O::appearance_moments,
-                     .group = group,
-                     .help = "on the GPU: precision of the optimizer's moments of the same parameters; bf16 takes a third of their training memory away",
-                     .choices = {"fp32", "bf16"}});
+/// A word out of a list that is known at run time only.
+Entry one_of(std::string key, std::string O::*field, std::vector<std::string> list, std::string help) {
+    return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = std::move(list)}};
+}
+
+template <Choice T>
+Entry choice(std::string key, T O::*field, std::string help) {
+    return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = words<T>()}};
+}
+
+Entry flag(std::string key, bool O::*field, std::string help) {
+    return {{.key = std::move(key), .field = field, .help = std::move(help)}};
+}
+
+Entry background(std::string key, Background O::*field, std::string help) {
+    return {{.key = std::move(key), .field = field, .help = std::move(help), .values = kBackgroundValues}};
+}
+
+std::vector<Option> input_options() {
+    return {
+        text("source", &O::source, "folder, file or builtin:NAME",
+             "scene to train on: a COLMAP folder, a NeRF-synthetic folder, a transforms.json, or builtin:NAME")
+            .also("-s").also_hidden("--source_path", "--source-path", "--data-path"),
+        text("model", &O::model, "folder",
+             "output folder; empty: output/SCENE-APPEARANCE-N with the first free N")
+            .also("-m", "-o", "--output").also_hidden("--model_path", "--model-path", "--output-path"),
+        text("images", &O::images, "folder name", "image folder inside a COLMAP scene").also("-i"),
+        number("resolution", &O::resolution, {-1, 65536, "divisor or px"},
+               "1, 2, 4, 8: divisor of the image size; larger: width in pixels; -1: full size, at most 1600 wide")
+            .in_words("-1, 1, 2, 4, 8, or 16..65536").also("-r"),
+        flag("eval", &O::eval, "hold out test views and measure on them"),
+        number("test-every", &O::test_every, {0, 1000000, "images"},
+               "with eval: every n-th image of the name-sorted list is a test view; 0: none"),
+        text("test-list", &O::test_list, "file",
+             "with eval: file with one test image name per line, instead of test-every"),
+        choice("mask-mode", &O::mask_mode,
+               "what masks mean: ignore = weight of the loss, transparent = the background shows there"),
+        flag("invert-masks", &O::invert_masks, "masks are white where pixels are to be ignored"),
+        choice("alpha-mode", &O::alpha_mode,
+               "what the alpha channel of photographs means: transparent = the background shows, mask = weight of "
+               "the loss"),
+        text("image-cache", &O::image_cache, "number with KiB, MiB, GiB, KB, MB or GB",
+             "memory for decoded images, on the host and again on the GPU; images beyond it are read or sent again "
+             "when needed").in_units("bytes"),
+        flag("overwrite", &O::overwrite, "replace a run that is already in the output folder"),
+        text("resume", &O::resume, "file or latest",
+             "continue from a checkpoint file, or from the latest one in the output folder")
+            .also_hidden("--start_checkpoint", "--start-checkpoint").alone("latest"),
+    };
+}
+
+std::vector<Option> run_options() {
+    return {
+        number("iterations", &O::iterations, {1, kMaxIterations, "iterations"}, "length of the training"),
+        number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
+        choice("device", &O::device, "where the model is trained; auto: the GPU where there is one"),
+        number("threads", &O::threads, {0, 1024, "threads"},
+               "CPU threads; 0: all cores. Results do not depend on it"),
+        flag("deterministic", &O::deterministic,
+             "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; "
+             "the CPU always does"),
+        flag("separate-appearance", &O::separate_appearance,
+             "on the GPU: evaluate appearance in kernels of its own instead of within projection and update; slower, "
+             "to compare and to check"),
+        number("test-iterations", &O::test_iterations, {1, kMaxIterations, "iterations"},
+               "with eval: iterations after which the test views are measured, besides the last"),
+        number("save-iterations", &O::save_iterations, {1, kMaxIterations, "iterations"},
+               "iterations after which the PLY is saved, besides the last"),
+        number("checkpoint-iterations", &O::checkpoint_iterations, {1, kMaxIterations, "iterations"},
+               "iterations after which a checkpoint is saved, besides the last"),
+        number("preview-every", &O::preview_every, {0, kMaxIterations, "iterations"},
+               "save a preview image every n iterations; 0: never"),
+        background("background", &O::background,
+                   "colour behind the scene, in training and evaluation; random: new in every iteration"),
+    };
+}
+
+std::vector<Option> precision_options() {
+    return {
+        number("alpha-cutoff", &O::alpha_cutoff, {1, 64, "steps of 1/255"},
+               "fragments fainter than this are skipped; 1 is what 3DGS does, more is faster and less accurate"),
+        number("transmittance-cutoff", &O::transmittance_cutoff, {1e-4, 0.5},
+               "a pixel that lets less light through is finished; 1e-4 is what 3DGS does, more is faster and less "
+               "accurate"),
+        choice("appearance-storage", &O::appearance_storage,
+               "on the GPU: precision in which frames read what makes colours depend on the view; it is trained in "
+               "single precision"),
+        choice("appearance-moments", &O::appearance_moments,
+               "on the GPU: precision of the optimizer's moments of the same parameters; bf16 takes a third of their "
+               "training memory away"),
+    };
 }
 
 /// The options that models declare: their learning rates, or all others.
-void add_options_of_models(Table& table, const std::string& group, bool rates) {
+std::vector<Option> options_of_models(bool rates) {
+    std::vector<Option> table;
     for (const ModelOption& option : all_model_options()) {
         if (option.is_rate != rates) continue;
-        table.push_back({.key = option.key,
-                         .field = ModelOptionField{option.key, option.is_whole},
-                         .group = group,
-                         .help = option.help,
-                         .unit = option.unit,
-                         .min = option.min,
-                         .max = option.max,
-                         .nan_word = option.nan_word});
+        const Range range{option.min, option.max, option.unit};
+        table.push_back(
+            number(option.key, ModelOptionField{option.key, option.is_whole}, range, option.help).or_word(option.nan_word));
     }
+    return table;
 }
 
-void add_model_options(Table& table) {
-    const std::string group = "Model";
+std::vector<Option> appearance_options() {
     std::vector<std::string> models = appearance_names();
     models.push_back(kAutoAppearance);
-    table.push_back({.key = "appearance",
-                     .field = &O::appearance,
-                     .group = group,
-                     .help = "view-dependent colour of one Gaussian; auto: the smallest model that held-out training views show to be enough, "
-                             "found in a part of the time of the training",
-                     .choices = models});
-    table.push_back({.key = "auto-tolerance",
-                     .field = &O::auto_tolerance,
-                     .group = group,
-                     .help = "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the best one's",
-                     .unit = "dB",
-                     .min = 0,
-                     .max = 100});
-    add_options_of_models(table, group, false);
-    table.push_back({.key = "color-activation",
-                     .field = &O::color_activation,
-                     .group = group,
-                     .help = "function from raw to visible colour",
-                     .choices = {"relu", "softplus", "sigmoid", "hardsigmoid"}});
-    table.push_back({.key = "init-points",
-                     .field = &O::init_points,
-                     .group = group,
-                     .help = "random initialisation only: number of points that are drawn",
-                     .unit = "Gaussians",
-                     .min = 1,
-                     .max = 1e8});
-    table.push_back({.key = "hostile-start",
-                     .field = &O::hostile_start,
-                     .group = group,
-                     .help = "stress test: share of the first Gaussians whose opacity, scale, rotation and colour are set to extremes, from which "
-                             "training has to recover",
-                     .min = 0,
-                     .max = 1});
+    return {
+        one_of("appearance", &O::appearance, models,
+               "view-dependent colour of one Gaussian; auto: the smallest model that held-out training views show to "
+               "be enough, found in a part of the time of the training"),
+        number("auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
+               "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
+               "best one's"),
+    };
 }
 
-void add_photometric_options(Table& table) {
-    const std::string group = "Photometric correction";
-    table.push_back({.key = "ppisp",
-                     .field = &O::ppisp,
-                     .group = group,
-                     .help = "learn exposure and colour of every image, vignetting and response of every camera beside the scene; auto: only if the images "
-                             "of the first 1000 iterations turn out to differ",
-                     .choices = {"off", "on", "auto"}});
-    table.push_back({.key = "ppisp-exif",
-                     .field = &O::ppisp_exif,
-                     .group = group,
-                     .help = "with ppisp: exposures start from the images' EXIF data, which the controller is told as well"});
-    table.push_back({.key = "ppisp-from",
-                     .field = &O::ppisp_from,
-                     .group = group,
-                     .help = "take the correction, controller included, from another run and keep it as it is; images are matched by name. Turns ppisp on",
-                     .values = "file ppisp.json"});
-    table.push_back({.key = "controller-iterations",
-                     .field = &O::controller_iterations,
-                     .group = group,
-                     .help = "with ppisp: iterations after the training in which a controller learns to predict exposure and colour of new views from "
-                             "their render; 0: none",
-                     .unit = "iterations",
-                     .min = 0,
-                     .max = kMaxIterations});
+std::vector<Option> start_options() {
+    return {
+        choice("color-activation", &O::color_activation, "function from raw to visible colour"),
+        number("init-points", &O::init_points, {1, 1e8, "Gaussians"},
+               "random initialisation only: number of points that are drawn"),
+        number("hostile-start", &O::hostile_start, {0, 1},
+               "stress test: share of the first Gaussians whose opacity, scale, rotation and colour are set to "
+               "extremes, from which training has to recover"),
+    };
 }
 
-void add_loss_options(Table& table) {
-    const std::string group = "Loss";
-    table.push_back({.key = "lambda-dssim",
-                     .field = &O::lambda_dssim,
-                     .group = group,
-                     .help = "weight of 1 - SSIM; the L1 difference has one minus it",
-                     .min = 0,
-                     .max = 1});
-    table.push_back({.key = "opacity-reg",
-                     .field = &O::opacity_reg,
-                     .group = group,
-                     .help = "with mcmc: weight of the mean opacity",
-                     .min = 0,
-                     .max = 10});
-    table.push_back(
-        {.key = "scale-reg", .field = &O::scale_reg, .group = group, .help = "with mcmc: weight of the mean scale", .min = 0, .max = 10});
+std::vector<Option> photometric_options() {
+    return {
+        choice("ppisp", &O::ppisp,
+               "learn exposure and colour of every image, vignetting and response of every camera beside the scene; "
+               "auto: only if the images of the first 1000 iterations turn out to differ"),
+        flag("ppisp-exif", &O::ppisp_exif,
+             "with ppisp: exposures start from the images' EXIF data, which the controller is told as well"),
+        text("ppisp-from", &O::ppisp_from, "file ppisp.json",
+             "take the correction, controller included, from another run and keep it as it is; images are matched by "
+             "name. Turns ppisp on"),
+        number("controller-iterations", &O::controller_iterations, {0, kMaxIterations, "iterations"},
+               "with ppisp: iterations after the training in which a controller learns to predict exposure and "
+               "colour of new views from their render; 0: none"),
+    };
 }
 
-void add_rate_options(Table& table) {
-    const std::string group = "Learning rates";
-    table.push_back({.key = "position-lr-init",
-                     .field = &O::position_lr_init,
-                     .group = group,
-                     .help = "rate of the means at the start, times the scene extent",
-                     .min = 0,
-                     .max = 10});
-    table.push_back({.key = "position-lr-final",
-                     .field = &O::position_lr_final,
-                     .group = group,
-                     .help = "rate of the means at the end, times the scene extent; log-linear in between",
-                     .min = 0,
-                     .max = 10});
-    table.push_back({.key = "position-lr-max-steps",
-                     .field = &O::position_lr_max_steps,
-                     .group = group,
-                     .help = "iteration at which the final rate of the means is reached",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "scaling-lr", .field = &O::scaling_lr, .group = group, .help = "rate of the log scales", .min = 0, .max = 10});
-    table.push_back({.key = "rotation-lr", .field = &O::rotation_lr, .group = group, .help = "rate of the rotations", .min = 0, .max = 10});
-    table.push_back({.key = "opacity-lr",
-                     .field = &O::opacity_lr,
-                     .group = group,
-                     .help = "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
-                             "0.05, the higher the farther apart the cameras are",
-                     .min = 0,
-                     .max = 10,
-                     .nan_word = "auto"});
-    table.push_back({.key = "ppisp-lr",
-                     .field = &O::ppisp_lr,
-                     .group = group,
-                     .help = "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; images that differ by "
-                             "stops are told apart better with 0.006",
-                     .min = 0,
-                     .max = 1});
-    add_options_of_models(table, group, true);
+std::vector<Option> loss_options() {
+    return {
+        number("lambda-dssim", &O::lambda_dssim, {0, 1}, "weight of 1 - SSIM; the L1 difference has one minus it"),
+        number("opacity-reg", &O::opacity_reg, {0, 10}, "with mcmc: weight of the mean opacity"),
+        number("scale-reg", &O::scale_reg, {0, 10}, "with mcmc: weight of the mean scale"),
+    };
 }
 
-void add_densification_options(Table& table) {
-    const std::string group = "Densification";
-    table.push_back({.key = "strategy",
-                     .field = &O::strategy,
-                     .group = group,
-                     .help = "how the number of Gaussians changes: mcmc = relocate and grow to the cap, adc = the original 3DGS rule",
-                     .choices = {"mcmc", "adc", "none"}});
-    table.push_back({.key = "speedy-splat",
-                     .field = &O::speedy_splat,
-                     .group = group,
-                     .help = "with adc: every 3000 iterations from 6000 on, remove the Gaussians that the training images depend on least; 80 % of them "
-                             "while densification lasts, then 30 %",
-                     .names = {"--speedy"}});
-    table.push_back({.key = "cap-max",
-                     .field = &O::cap_max,
-                     .group = group,
-                     .help = "largest number of Gaussians; growth stops there, an initial model above it is kept",
-                     .unit = "Gaussians",
-                     .min = 1,
-                     .max = 1e9});
-    table.push_back({.key = "densify-from-iter",
-                     .field = &O::densify_from_iter,
-                     .group = group,
-                     .help = "first iteration that changes the number",
-                     .unit = "iterations",
-                     .min = 0,
-                     .max = kMaxIterations});
-    table.push_back({.key = "densify-until-iter",
-                     .field = &O::densify_until_iter,
-                     .group = group,
-                     .help = "last iteration that changes the number; -1: 24900 with mcmc, 14900 otherwise",
-                     .unit = "iterations",
-                     .min = -1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "densification-interval",
-                     .field = &O::densification_interval,
-                     .group = group,
-                     .help = "iterations between two changes",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "densify-grad-threshold",
-                     .field = &O::densify_grad_threshold,
-                     .group = group,
-                     .help = "with adc: mean image-space gradient above which a Gaussian is cloned or split",
-                     .min = 0,
-                     .max = 1});
-    table.push_back({.key = "opacity-reset-interval",
-                     .field = &O::opacity_reset_interval,
-                     .group = group,
-                     .help = "with adc: iterations between two opacity resets",
-                     .unit = "iterations",
-                     .min = 1,
-                     .max = kMaxIterations});
-    table.push_back({.key = "noise-lr",
-                     .field = &O::noise_lr,
-                     .group = group,
-                     .help = "with mcmc: strength of the noise on the means, times their rate",
-                     .min = 0,
-                     .max = 1e9});
+std::vector<Option> rate_options() {
+    return {
+        number("position-lr-init", &O::position_lr_init, {0, 10},
+               "rate of the means at the start, times the scene extent"),
+        number("position-lr-final", &O::position_lr_final, {0, 10},
+               "rate of the means at the end, times the scene extent; log-linear in between"),
+        number("position-lr-max-steps", &O::position_lr_max_steps, {1, kMaxIterations, "iterations"},
+               "iteration at which the final rate of the means is reached"),
+        number("scaling-lr", &O::scaling_lr, {0, 10}, "rate of the log scales"),
+        number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations"),
+        number("opacity-lr", &O::opacity_lr, {0, 10},
+               "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
+               "0.05, the higher the farther apart the cameras are").or_word("auto"),
+        number("ppisp-lr", &O::ppisp_lr, {0, 1},
+               "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; "
+               "images that differ by stops are told apart better with 0.006"),
+    };
 }
 
-void add_logging_options(Table& table) {
-    const std::string group = "Logging";
-    table.push_back(
-        {.key = "quiet", .field = &O::quiet, .group = group, .help = "no progress and no messages below warnings", .names = {"-q"}});
-    table.push_back({.key = "verbose", .field = &O::verbose, .group = group, .help = "messages of level debug", .names = {"-v"}});
-    table.push_back({.key = "log-level",
-                     .field = &O::log_level,
-                     .group = group,
-                     .help = "least important messages that are shown",
-                     .choices = {"trace", "debug", "info", "warn", "error"}});
+std::vector<Option> densification_options() {
+    return {
+        choice("strategy", &O::strategy,
+               "how the number of Gaussians changes: mcmc = relocate and grow to the cap, adc = the original 3DGS "
+               "rule"),
+        flag("speedy-splat", &O::speedy_splat,
+             "with adc: every 3000 iterations from 6000 on, remove the Gaussians that the training images depend on "
+             "least; 80 % of them while densification lasts, then 30 %").also("--speedy"),
+        number("cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
+               "largest number of Gaussians; growth stops there, an initial model above it is kept"),
+        number("densify-from-iter", &O::densify_from_iter, {0, kMaxIterations, "iterations"},
+               "first iteration that changes the number"),
+        number("densify-until-iter", &O::densify_until_iter, {-1, kMaxIterations, "iterations"},
+               "last iteration that changes the number; -1: 24900 with mcmc, 14900 otherwise"),
+        number("densification-interval", &O::densification_interval, {1, kMaxIterations, "iterations"},
+               "iterations between two changes"),
+        number("densify-grad-threshold", &O::densify_grad_threshold, {0, 1},
+               "with adc: mean image-space gradient above which a Gaussian is cloned or split"),
+        number("opacity-reset-interval", &O::opacity_reset_interval, {1, kMaxIterations, "iterations"},
+               "with adc: iterations between two opacity resets"),
+        number("noise-lr", &O::noise_lr, {0, 1e9}, "with mcmc: strength of the noise on the means, times their rate"),
+    };
+}
+
+std::vector<Option> logging_options() {
+    return {
+        flag("quiet", &O::quiet, "no progress and no messages below warnings").also("-q"),
+        flag("verbose", &O::verbose, "messages of level debug").also("-v"),
+        choice("log-level", &O::log_level, "least important messages that are shown"),
+    };
+}
+
+void append(std::vector<Option>& table, const std::string& group, std::vector<Option> options) {
+    for (Option& option : options) option.group = group;
+    std::move(options.begin(), options.end(), std::back_inserter(table));
 }
 
 }  // namespace
 
 const std::vector<Option>& train_option_table() {
-    static const Table table = [] {
-        Table t;
-        add_input_options(t);
-        add_run_options(t);
-        add_precision_options(t);
-        add_model_options(t);
-        add_photometric_options(t);
-        add_loss_options(t);
-        add_rate_options(t);
-        add_densification_options(t);
-        add_logging_options(t);
+    static const std::vector<Option> table = [] {
+        std::vector<Option> t;
+        append(t, "Input and output", input_options());
+        append(t, "Run", run_options());
+        append(t, "Precision", precision_options());
+        append(t, "Model", appearance_options());
+        append(t, "Model", options_of_models(false));
+        append(t, "Model", start_options());
+        append(t, "Photometric correction", photometric_options());
+        append(t, "Loss", loss_options());
+        append(t, "Learning rates", rate_options());
+        append(t, "Learning rates", options_of_models(true));
+        append(t, "Densification", densification_options());
+        append(t, "Logging", logging_options());
         return t;
     }();
     return table;

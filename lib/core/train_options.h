@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "appearance/model_option.h"
+#include "lib/core/background.h"
+#include "lib/core/choices.h"
 
 namespace gs {
 
@@ -23,34 +25,34 @@ struct TrainOptions {
     bool eval = false;
     int test_every = 8;
     std::string test_list;
-    std::string mask_mode = "ignore";     ///< ignore | transparent
+    MaskMode mask_mode = MaskMode::kIgnore;
     bool invert_masks = false;
-    std::string alpha_mode = "transparent"; ///< transparent | mask
+    AlphaMode alpha_mode = AlphaMode::kTransparent;
     std::string image_cache = "4GiB";     ///< byte budget for decoded images
     bool overwrite = false;
     std::string resume;                   ///< checkpoint file or "latest"
     // Run
     std::int64_t iterations = 30000;
     std::uint64_t seed = 0;
-    std::string device = "auto";          ///< auto | cpu | cuda
+    Device device = Device::kAuto;
     int threads = 0;                      ///< 0 = all cores
     bool separate_appearance = false;     ///< GPU only: appearance in kernels of its own
     bool deterministic = false;           ///< GPU only: fixed order of all sums
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
     std::int64_t preview_every = 0;       ///< 0 = off
-    std::string background = "black";     ///< black | white | random | R,G,B
+    Background background;                ///< black by default
     // Precision
     double alpha_cutoff = 1;              ///< steps of 1/255
     double transmittance_cutoff = 1e-4;
-    std::string appearance_storage = "fp32"; ///< of frames: fp32 | fp16, GPU only
-    std::string appearance_moments = "fp32"; ///< of Adam: fp32 | bf16, GPU only
+    AppearanceStorage appearance_storage = AppearanceStorage::kFp32; ///< GPU only
+    AppearanceMoments appearance_moments = AppearanceMoments::kFp32; ///< GPU only
     // Appearance
     std::string appearance = "sh";        ///< a model's name, or "auto" until it is chosen
     double auto_tolerance = 0.1;          ///< dB
     ModelOptionValues model_options = default_model_options(); ///< what models declare: sh-degree, lobe-lr, ...
-    std::string color_activation = "relu"; ///< relu | softplus | sigmoid | hardsigmoid
+    ColorActivation color_activation = ColorActivation::kRelu;
     // Photometric correction (PPISP)
-    std::string ppisp = "off";            ///< off | on | auto
+    PpispMode ppisp = PpispMode::kOff;
     bool ppisp_exif = false;
     std::string ppisp_from;               ///< ppisp.json of another run; implies on
     std::int64_t controller_iterations = 5000; ///< 0 = no controller
@@ -68,7 +70,7 @@ struct TrainOptions {
     double opacity_lr = 0;                ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
     double ppisp_lr = 0.002;              ///< of PPISP's parameters, after their warm-up
     // Densification
-    std::string strategy = "mcmc";        ///< mcmc | adc | none
+    Strategy strategy = Strategy::kMcmc;
     bool speedy_splat = false;            ///< with adc: Speedy-Splat's pruning by score
     std::int64_t cap_max = 1000000;
     std::int64_t densify_from_iter = 600, densify_until_iter = -1; ///< -1 = 24900 with mcmc, 14900 with adc
@@ -78,7 +80,7 @@ struct TrainOptions {
     double noise_lr = 5e5;
     // Logging
     bool quiet = false, verbose = false;
-    std::string log_level = "info";
+    LogLevel log_level = LogLevel::kInfo;
 };
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Version and git hash, as CMake found them.
+// Returns the version and git hash that CMake found.
 #include "lib/core/version.h"
 
 namespace gs {

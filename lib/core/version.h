@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which gsapp this is, for --version and for the files it writes.
+// The version of gsapp, for --version and for the files it writes.
 #pragma once
 
 #include <string>
 
 namespace gs {
 
-/// "0.1.0".
+/// Returns the version, e.g. "0.2.0".
 const char* version();
 
-/// Short hash of the commit it was built from, "-dirty" appended for changed files; empty when not known.
+/// Returns the short hash of the commit it was built from, with "-dirty" appended for changed files; empty when not
+/// known.
 const char* git_hash();
 
-/// "gsapp 0.1.0 (4f2a91c)", or without the parentheses.
+/// Returns e.g. "gsapp 0.2.0 (4f2a91c)", without the parentheses if the hash is not known.
 std::string version_text();
 
 }  // namespace gs

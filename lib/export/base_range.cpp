@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the range of base colours that a scene's 8-bit codes cover.
 #include "lib/export/base_range.h"
 
 #include <algorithm>
@@ -12,12 +13,13 @@
 namespace gs {
 namespace {
 
-/// Where residuals are looked at: corners of a tetrahedron.
+/// The directions in which residuals are evaluated: corners of a tetrahedron.
 constexpr std::size_t kNumDirections = 4;
 const double kSide = std::sqrt(1.0 / 3);
 const Vec3<double> kDirections[kNumDirections] = {{kSide, kSide, kSide}, {kSide, -kSide, -kSide}, {-kSide, kSide, -kSide}, {-kSide, -kSide, kSide}};
 
-/// What a pixel shows of a Gaussian on black that nothing hides. Colours above 1 count where the opacity leaves them below.
+/// Returns a pixel's value for an unoccluded Gaussian on black. A colour above 1 counts as long as its product with the
+/// opacity is below 1.
 double shown(ColorActivation activation, double color, double opacity) { return std::min(opacity * color_activation(activation, color), 1.0); }
 
 /// One channel of a Gaussian.

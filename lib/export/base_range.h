@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which base colours the 8-bit codes of a scene cover.
+// Finds the range of base colours that a scene's 8-bit codes cover.
 #pragma once
 
 #include "appearance/packing.h"
@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// The range whose codes show the smallest error: that of the colour behind the activation, with the packed residual in some directions.
-/// `shift` is added to the base colours. Of no Gaussians any range.
+/// Returns the range whose codes give the smallest error of the activated colour with its packed residual, over a few
+/// directions. `shift` is added to the base colours. Returns the default range without Gaussians.
 BaseRange find_base_range(const Gaussians& gaussians, double shift, const Packing& packing, const PackedAppearance& packed);
 
 }  // namespace gs

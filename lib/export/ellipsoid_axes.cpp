@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the order and direction in which an ellipsoid's axes are stored.
 #include "lib/export/ellipsoid_axes.h"
 
 #include <Eigen/Geometry>
@@ -10,15 +11,16 @@
 namespace gs {
 namespace {
 
-/// Axes thinner than this, relative to the longest, count as that thick: a pixel blurs them. 0.3 measured the same, 0.01 worse.
+/// Axes thinner than this, relative to the longest, count as this thick, because a pixel blurs them. 0.3 measured the
+/// same, 0.01 worse.
 constexpr double kThinnest = 0.1;
 
 struct Relabelling {
     Eigen::Quaterniond rotation;
-    std::array<std::size_t, 3> axis;  ///< new axis k is the old one axis[k], perhaps reversed
+    std::array<std::size_t, 3> axis;  ///< new axis k is the old axis[k], perhaps reversed
 };
 
-/// The rotations of a cube; the first changes nothing.
+/// Returns the rotations of a cube; the first is the identity.
 std::vector<Relabelling> cube_rotations() {
     std::vector<Relabelling> all;
     for (int x = 0; x < 3; ++x) {
@@ -35,7 +37,8 @@ std::vector<Relabelling> cube_rotations() {
     return all;
 }
 
-/// Squared change of the outline, relative to its axes, when an ellipsoid is turned by a few degrees `turn` (radians about its own axes).
+/// Returns the squared change of the outline, relative to its axes, when an ellipsoid turns by a few degrees `turn`
+/// (radians about its own axes).
 double visible_change(const Eigen::Vector3d& turn, const std::array<double, 3>& scale) {
     const double longest = *std::max_element(scale.begin(), scale.end());
     const auto thickness = [&](std::size_t k) { return longest > 0 ? std::max(scale[k % 3] / longest, kThinnest) : 1; };

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order and direction in which an ellipsoid's axes are stored.
+// Chooses the order and direction in which an ellipsoid's axes are stored.
 #pragma once
 
 #include "lib/export/geometry_codes.h"
 
 namespace gs {
 
-/// An ellipsoid has 24 descriptions: its axes in any order and direction, as long as they are right-handed. Replaces rotation and scale by
-/// the one whose rotation codes turn it least, as far as that is seen: equal axes may be turned into each other. The rotation has length 1 then.
+/// An ellipsoid has 24 descriptions: its axes in any order and direction, as long as they are right-handed. Replaces
+/// rotation and scale by the description whose rounded rotation changes the outline least; turning equal axes into each
+/// other changes nothing. The new rotation has length 1.
 void choose_axes(PackedGeometry& geometry);
 
 }  // namespace gs

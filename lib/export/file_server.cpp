@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Serves a folder over HTTP with cpp-httplib.
 #include "lib/export/file_server.h"
 
 #include <fmt/format.h>
@@ -15,7 +16,7 @@ namespace gs {
 namespace fs = std::filesystem;
 namespace {
 
-/// Largest piece of a file that is held in memory.
+/// Largest piece of a file held in memory, bytes.
 constexpr std::size_t kChunk = 1 << 20;
 /// The one other site whose pages may read scenes: the viewer of the paper (docs/formats.md).
 constexpr const char* kPaperViewer = "https://fhahlbohm.github.io";
@@ -29,7 +30,8 @@ const char* content_type(const fs::path& file) {
     return known == types.end() ? "application/octet-stream" : known->second; // .ngsplat, .ply, .splat
 }
 
-/// The file that a decoded request path means, links resolved; none outside of `root`, which is canonical.
+/// Returns the file of a decoded request path, with links resolved; nothing for a path outside of `root`, which must be
+/// canonical.
 std::optional<fs::path> served_file(const fs::path& root, const std::string& request_path) {
     const fs::path relative = fs::path(request_path).relative_path();
     if (request_path.find('\0') != std::string::npos) return std::nullopt;
@@ -49,7 +51,7 @@ void answer(const fs::path& root, const httplib::Request& request, httplib::Resp
         response.set_content("not found\n", "text/plain");
         return;
     }
-    response.set_header("Cache-Control", "no-store"); // the next export may be another scene at the same address
+    response.set_header("Cache-Control", "no-store"); // the next export may put another scene at the same address
     if (file->extension() == ".ngsplat") response.set_header("Access-Control-Allow-Origin", kPaperViewer);
     const std::size_t size = std::size_t(fs::file_size(*file));
     if (size == 0) return response.set_content("", content_type(*file));
@@ -69,9 +71,9 @@ struct FileServer::Implementation {
 FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::make_unique<Implementation>()) {
     std::error_code error;
     const fs::path root = fs::canonical(folder, error);
-    if (error || !fs::is_directory(root, error)) throw UsageError(fmt::format("'{}' is no folder; gsapp export RUN -o DIR writes one", folder.string()));
+    if (error || !fs::is_directory(root, error)) throw UsageError(fmt::format("'{}' is not a folder; gsapp export RUN -o DIR makes one", folder.string()));
     httplib::Server& server = implementation_->server;
-    // Without the library's own choice, with which two servers would share a port.
+    // Replaces the library's own option, with which two servers would share a port.
     server.set_socket_options([](socket_t socket) {
         const int yes = 1;
         ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
@@ -79,7 +81,7 @@ FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::
     server.Get(".*", [root](const httplib::Request& request, httplib::Response& response) { answer(root, request, response); });
     constexpr const char* kHost = "127.0.0.1";
     port_ = port == 0 ? server.bind_to_any_port(kHost) : (server.bind_to_port(kHost, port) ? port : -1);
-    if (port_ < 0) throw DataError(fmt::format("port {} cannot be used, another program has it perhaps; --port takes another", port));
+    if (port_ < 0) throw DataError(fmt::format("port {} cannot be used; another program may have it. Choose another port with --port", port));
 }
 
 FileServer::~FileServer() = default;

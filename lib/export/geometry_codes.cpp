@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes and decodes a Gaussian's geometry and base colour.
 #include "lib/export/geometry_codes.h"
 
 #include <algorithm>
@@ -10,9 +11,9 @@
 namespace gs {
 namespace {
 
-constexpr double kLnSmallest = -12, kLnRange = 21;  // of standard deviations
+constexpr double kLnSmallest = -12, kLnRange = 21;  // range of standard deviations, natural logarithms
 
-/// Nearest whole number within 0..255.
+/// Returns the nearest whole number within 0..255.
 int byte_code(double x) { return int(std::clamp(std::nearbyint(x), 0.0, 255.0)); }
 
 std::uint32_t word(int a, int b, int c, int d) { return std::uint32_t(a) | std::uint32_t(b) << 8 | std::uint32_t(c) << 16 | std::uint32_t(d) << 24; }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 16 bytes of a Gaussian's geometry and base colour in .ngsplat files (docs/formats.md#scenengsplat). Rounding is
-// to the nearest code, ties to even.
+// Codes of a Gaussian's geometry and base colour: 16 bytes in .ngsplat files (docs/formats.md#scenengsplat). Rounding
+// is to the nearest code, ties to even.
 #pragma once
 
 #include <array>
@@ -8,33 +8,39 @@
 
 namespace gs {
 
-/// d = code * scale + offset, of all channels of all Gaussians.
+/// The range of base colours, d = code * scale + offset, for all channels of all Gaussians.
 struct BaseRange {
     float scale = 1, offset = 0;
 };
 
 using GeometryWords = std::array<std::uint32_t, 4>;
 
-/// What the words stand for.
+/// The values that the words stand for.
 struct PackedGeometry {
-    std::array<double, 3> base;      ///< with the shift of the colour activation, where it has one
+    std::array<double, 3> base;      ///< base colour, with the shift of the colour activation if it has one
     double opacity;                  ///< 0..1
     std::array<double, 3> mean;      ///< world units; within +-65504
     std::array<double, 3> scale;     ///< standard deviations, world units
     std::array<double, 4> rotation;  ///< x, y, z, w; any length but 0
 };
 
-/// Code of a standard deviation: 0 is 0, others are e^-12 to e^9 in steps of 8.6 %; beyond counts as the nearest.
+/// Returns the code of a standard deviation. 0 is 0; the others are e^-12 to e^9 in steps of 8.6 %, with values outside
+/// clamped.
 int scale_code(double scale);
+/// Returns the standard deviation of a code, world units.
 double decode_scale(int code);
 
-/// Octahedral axis (u, v) and angle.
+/// Returns the codes of the octahedral axis (u, v) and the angle.
 std::array<int, 3> rotation_codes(const std::array<double, 4>& xyzw);
+/// Returns the unit quaternion x, y, z, w of the codes.
 std::array<double, 4> decode_rotation(const std::array<int, 3>& codes);
 
+/// Returns the code of one channel of the base colour, 0..255.
 int base_code(double value, const BaseRange& range);
 
+/// Packs the values into 16 bytes.
 GeometryWords encode_geometry(const PackedGeometry& geometry, const BaseRange& range);
+/// Returns the values that the words stand for.
 PackedGeometry decode_geometry(const GeometryWords& words, const BaseRange& range);
 
 }  // namespace gs

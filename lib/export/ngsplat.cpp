@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes and reads .ngsplat files.
 #include "lib/export/ngsplat.h"
 
 #include <fmt/format.h>
@@ -23,13 +24,13 @@ constexpr char kMagic[8] = {'N', 'G', 'S', 'P', 'L', 'A', 'T', '\n'};
 constexpr char kTrailerMagic[8] = {'G', 'S', 'A', 'P', 'P', 'E', 'X', 'T'};
 constexpr std::uint32_t kTrailerVersion = 1;
 constexpr std::uint32_t kTextureWidth = 2048;
-/// Largest number of cameras and of bytes of JSON that are believed.
+/// Largest plausible number of cameras and of bytes of JSON.
 constexpr std::uint32_t kMaxCameras = 1 << 20, kMaxTrailer = 1 << 26;
 
 namespace flag {
 constexpr std::uint32_t kAntialiased = 1 << 0, kWithoutConstant = 1 << 1, kFolded = 1 << 2, kExponentialBase = 1 << 5, kPpisp = 1 << 7;
 constexpr std::uint32_t kKnown = 0xff;
-// The model's number: two bits, and one that came later.
+// The model's number: two bits, and a third that was added later.
 constexpr std::uint32_t model_bits(std::uint32_t model) { return (model & 3) << 3 | (model & 4) << 4; }
 constexpr std::uint32_t model_of(std::uint32_t flags) { return (flags >> 3 & 3) | (flags >> 4 & 4); }
 }  // namespace flag
@@ -47,11 +48,11 @@ class Writer {
     template <class T> void value(const T& x) { bytes(&x, sizeof x); }
     template <class T> void values(const std::vector<T>& x) { bytes(x.data(), x.size() * sizeof(T)); }
     void bytes(const void* data, std::size_t size) {
-        if (size == 0) return; // an empty vector's pointer may be null, for which zlib would begin anew
+        if (size == 0) return; // an empty vector's pointer may be null, and null resets zlib's checksum
         crc_ = crc32_z(crc_, static_cast<const Bytef*>(data), size);
         out_.write(static_cast<const char*>(data), std::streamsize(size));
     }
-    /// One value per Gaussian, then zeros to whole rows of a texture.
+    /// Writes `values_per_gaussian` values per Gaussian, then zeros up to whole rows of a texture.
     template <class T> void texture(const std::vector<T>& x, std::int64_t values_per_gaussian) {
         values(x);
         const std::int64_t count = std::int64_t(x.size()) / values_per_gaussian;
@@ -81,7 +82,7 @@ class Reader {
     }
     void bytes(void* data, std::int64_t size, const char* what) {
         need(size, what);
-        if (size == 0) return; // as above
+        if (size == 0) return; // as in Writer::bytes
         if (!in_.read(static_cast<char*>(data), std::streamsize(size))) fail(fmt::format("read error in {}", what));
         crc_ = crc32_z(crc_, static_cast<const Bytef*>(data), std::size_t(size));
         left_ -= size;
@@ -131,7 +132,7 @@ Header read_header(Reader& in) {
     char magic[sizeof kMagic] = {};
     if (in.left() < std::int64_t(sizeof kMagic)) in.fail(fmt::format("{} bytes are too few for an .ngsplat file", in.left()));
     in.bytes(magic, sizeof magic, "the magic");
-    if (std::memcmp(magic, kMagic, sizeof kMagic) != 0) in.fail("it does not begin with 'NGSPLAT': no .ngsplat file");
+    if (std::memcmp(magic, kMagic, sizeof kMagic) != 0) in.fail("it does not begin with 'NGSPLAT'; it is not an .ngsplat file");
     const Header h = in.value<Header>("the header");
     const std::uint32_t rows = std::uint32_t(padded_count(h.count) / kTextureWidth);
     if (h.texture_width != kTextureWidth) in.fail(fmt::format("texWidth is {}, expected {}", h.texture_width, kTextureWidth));
@@ -140,7 +141,7 @@ Header read_header(Reader& in) {
         in.fail(fmt::format("colorActivation is {}, expected 0 to 5", h.color_activation));
     if (h.residual_activation > std::uint32_t(PackedResidualActivation::kSoftplus))
         in.fail(fmt::format("residualActivation is {}, expected 0 to 2", h.residual_activation));
-    if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}: of a newer version, this program knows {:#x}", h.flags, flag::kKnown));
+    if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}, but this program knows only {:#x}; the file is of a newer version", h.flags, flag::kKnown));
     return h;
 }
 
@@ -170,7 +171,7 @@ std::string read_trailer(Reader& in) {
     if (behind >= std::int64_t(sizeof magic)) in.bytes(magic, sizeof magic, "the trailer");
     if (std::memcmp(magic, kTrailerMagic, sizeof magic) != 0) in.fail(fmt::format("{} unknown bytes follow the last texture", behind));
     const auto version = in.value<std::uint32_t>("the trailer");
-    if (version != kTrailerVersion) in.fail(fmt::format("its trailer is of version {}, this program reads {}", version, kTrailerVersion));
+    if (version != kTrailerVersion) in.fail(fmt::format("its trailer has version {}, but this program reads {}", version, kTrailerVersion));
     const auto length = in.value<std::uint32_t>("the trailer");
     if (length > kMaxTrailer) in.fail(fmt::format("its trailer claims {} bytes", length));
     std::string text(length, '\0');

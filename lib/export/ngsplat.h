@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The .ngsplat container: a packed scene as the viewer loads it (docs/formats.md).
+// Writes and reads .ngsplat, the packed scene that the viewer loads (docs/formats.md).
 #pragma once
 
 #include <array>
@@ -14,10 +14,10 @@
 
 namespace gs {
 
-/// Colour activations by their number in the file; kSaturatedExp and kNone are not gsapp's.
+/// Colour activations by their number in the file. gsapp never trains with kSaturatedExp and kNone.
 enum class PackedColorActivation : std::uint32_t { kRelu, kSoftplus, kSigmoid, kSaturatedExp, kHardSigmoid, kNone };
 
-/// As in the file.
+/// A camera as stored in the file; lengths in pixels.
 struct PackedCamera {
     float world_from_camera[12];  ///< 3x4, row-major; columns right, down, forward, position
     float fx, fy, cx, cy, width, height;
@@ -26,38 +26,38 @@ struct PackedCamera {
 /// Exposure in stops, then colour latents (blue, red, green, neutral) x 2.
 using PackedFrame = std::array<float, 9>;
 
-/// Photometric correction without vignetting.
+/// The photometric correction without vignetting.
 struct PackedPpisp {
     std::array<float, 18> response{};  ///< per channel toe, shoulder, gamma, centre, a, b, activated
-    PackedFrame standard{};            ///< of free views
-    std::vector<PackedFrame> views;    ///< of each test camera
+    PackedFrame standard{};            ///< correction of free views
+    std::vector<PackedFrame> views;    ///< correction of each test camera
 };
 
 struct PackedScene {
     PackedColorActivation activation = PackedColorActivation::kRelu;
     bool antialiased = false;     ///< dilated by 0.1 with the opacity kept, instead of 0.3
-    bool exponential_base = false;  ///< colour before activation is exp(3 d)
+    bool exponential_base = false;  ///< the base colour is exp(3 d)
     BaseRange base_range;
-    std::array<float, 3> center{}, up{0, -1, 0};  ///< what a first view orbits
+    std::array<float, 3> center{}, up{0, -1, 0};  ///< the point that the first view orbits, and its up vector
     float distance = 1;
     std::vector<PackedCamera> cameras;  ///< test cameras
     std::optional<PackedPpisp> ppisp;
     PackedAppearance appearance;
     std::vector<GeometryWords> geometry;  ///< one per Gaussian
-    /// JSON behind what other readers know; empty: none, and no checksum.
+    /// JSON after the part that other readers know; empty: no trailer and no checksum.
     std::string trailer;
 
     std::int64_t count() const { return std::int64_t(geometry.size()); }
     int bytes_per_gaussian() const;
 };
 
-/// Writes the file atomically. Sizes of textures and weights are those of the appearance's layout, `ppisp->views` has one entry per
-/// camera.
+/// Writes the file atomically. The sizes of textures and weights must be those of the appearance's layout;
+/// `ppisp->views` must have one entry per camera. Throws DataError.
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene);
 
-/// Reads what write_ngsplat and the paper's exporter write. Throws DataError naming the file and the field: wrong magic, values out
-/// of range, a file that is shorter or longer than its header says (found before memory is taken), a trailer of a newer version, a
-/// wrong checksum.
+/// Reads files of write_ngsplat and of the paper's exporter. Throws DataError naming the file and the field: wrong
+/// magic, values out of range, a file that is shorter or longer than its header says (found before memory is
+/// allocated), a trailer of a newer version, a wrong checksum.
 PackedScene read_ngsplat(const std::filesystem::path& path);
 
 }  // namespace gs

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs the photometric correction that a viewer applies.
 #include "lib/export/pack_ppisp.h"
 
 #include <algorithm>

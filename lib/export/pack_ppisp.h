@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photometric correction as a viewer applies it: response of the first camera, exposure and colour, no vignetting.
+// Packs the photometric correction that a viewer applies: response of the first camera, exposure and colour, no
+// vignetting.
 #pragma once
 
 #include "kernels/requests.h"
@@ -7,11 +8,12 @@
 
 namespace gs {
 
-/// Response of the first camera, and exposure and colour of the training image of median exposure for free views. `state` is active.
-/// Without views.
+/// Packs the response of the first camera and, for free views, exposure and colour of the training image of median
+/// exposure. `views` stays empty. `state` must be active.
 PackedPpisp pack_ppisp(const PpispState& state);
 
-/// Exposure and colour of a view: what its camera's controller says of its uncorrected render, or zeros where the mode is kFrame.
+/// Returns exposure and colour of a view. With the mode kController its camera's controller predicts them from the
+/// uncorrected render; otherwise they are zero.
 PackedFrame packed_frame(const PpispState& state, const IspView& view, const RenderedImage& uncorrected);
 
 }  // namespace gs

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Packs a trained model into the scene that a viewer loads.
 #include "lib/export/pack_scene.h"
 
 #include <fmt/format.h>
@@ -28,18 +29,18 @@ PackedColorActivation packed_activation_of(ColorActivation activation) {
     return PackedColorActivation::kNone;
 }
 
-/// All but the sigmoid count from a half, which is stored with the base colour.
+/// All activations but the sigmoid add a half; it is stored with the base colour.
 double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
 
-/// Mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
+/// Returns the mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
 double mean_area(const std::array<double, 3>& s) {
     const auto pair = [&](int i, int j) { return std::pow(s[std::size_t(i)] * s[std::size_t(j)], 1.6); };
     return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
 }
 
-/// Scales are rounded in steps of 8.6 %. The opacity takes back half of what that does to the area: of that the picture of a Gaussian
-/// alone has the smallest squared error. Scales that the codes do not reach are no rounding: those are smaller than any pixel, or larger
-/// than any view.
+/// Compensates the rounding of scales, whose steps are 8.6 %. The opacity takes back half of the change in area; this
+/// gives the smallest squared error of a single Gaussian's picture. Scales outside the range of the codes are left
+/// alone: they are smaller than any pixel or larger than any view.
 double compensated_opacity(double opacity, const std::array<double, 3>& scales) {
     std::array<double, 3> rounded;
     std::transform(scales.begin(), scales.end(), rounded.begin(), [](double s) { return decode_scale(scale_code(s)); });
@@ -108,7 +109,7 @@ Gaussians visible_gaussians(const Gaussians& g) {
 
 PackedScene pack_gaussians(const Gaussians& g) {
     const Packing* packing = appearance_model(g.appearance.model).packing;
-    if (!packing) throw UsageError(fmt::format("the appearance '{}' has no form for viewers; --format ply writes it", g.appearance.model));
+    if (!packing) throw UsageError(fmt::format("the appearance '{}' cannot be packed for the viewer; use --format ply", g.appearance.model));
     const double shift = base_shift(g.appearance.activation);
     PackedScene scene;
     scene.activation = packed_activation_of(g.appearance.activation);
@@ -128,7 +129,7 @@ void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>
     std::vector<double> distances;
     for (const View& view : test) {
         scene.cameras.push_back(packed_camera(view.camera));
-        up -= view.camera.rotation.row(1).transpose(); // the camera's y points down
+        up -= view.camera.rotation.row(1).transpose(); // the camera's y axis points down
         distances.push_back((view.camera.center() - center).norm());
     }
     if (test.empty()) {

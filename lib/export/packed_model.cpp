@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Decodes a packed scene into a model and its colours.
 #include "lib/export/packed_model.h"
 
 #include <algorithm>
@@ -12,10 +13,10 @@
 namespace gs {
 namespace {
 
-/// Largest finite logit: 1 in single precision.
+/// Largest logit written: its opacity is 1 in single precision.
 constexpr double kOpaque = 17;
 
-/// phi of a value that already has its shift.
+/// Returns phi of a value that already has its shift.
 double show(PackedColorActivation kind, double x) {
     switch (kind) {
         case PackedColorActivation::kRelu: return std::max(x, 0.0);
@@ -71,7 +72,8 @@ void set_packed_colors(const PackedScene& scene, const Vec3<double>& position, G
         const Vec3<double> direction = view_direction<double>({mean[0], mean[1], mean[2]}, position).unit;
         const Vec3<double> color = packed_color(scene, i, direction);
         float* base = model[Group::kBase].param.data() + 3 * i;
-        base[0] = float(color.x - 0.5), base[1] = float(color.y - 0.5), base[2] = float(color.z - 0.5); // phi adds the half again
+        // phi adds the half again
+        base[0] = float(color.x - 0.5), base[1] = float(color.y - 0.5), base[2] = float(color.z - 0.5);
     });
 }
 

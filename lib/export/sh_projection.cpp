@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits spherical harmonics to the colours of any appearance.
 #include "lib/export/sh_projection.h"
 
 #include <fmt/format.h>
@@ -12,14 +13,14 @@
 #include "appearance/sh_basis.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/core/spherical_harmonics.h"
 
 namespace gs {
 namespace {
 
 constexpr int kDirections = 256;
-constexpr double kY0 = 0.28209479177387814;
 
-/// A Fibonacci lattice; `phase` turns it about its axis.
+/// Returns a Fibonacci lattice of unit vectors; `phase` turns it about its axis, radians.
 std::vector<Vec3<double>> directions(double phase) {
     std::vector<Vec3<double>> out;
     for (int i = 0; i < kDirections; ++i) {
@@ -29,7 +30,7 @@ std::vector<Vec3<double>> directions(double phase) {
     return out;
 }
 
-/// A row per direction: Y_0 and the bands up to `degree`.
+/// Returns the basis with one row per direction: Y_0 and the bands up to `degree`.
 Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
     Eigen::MatrixXd basis(std::ptrdiff_t(at.size()), (degree + 1) * (degree + 1));
     for (std::size_t i = 0; i < at.size(); ++i) {
@@ -40,11 +41,11 @@ Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
     return basis;
 }
 
-/// Colours of one Gaussian, a row per direction.
+/// Computes the colours of one Gaussian, one row per direction.
 class Colors {
   public:
     explicit Colors(const Gaussians& g) : g_(g), info_(appearance_model(g.appearance.model)), shared_(g.shared.param.begin(), g.shared.param.end()) {
-        if (!info_.residual) throw UsageError(fmt::format("the appearance '{}' cannot be projected: it has no residual on the host", info_.name));
+        if (!info_.residual) throw UsageError(fmt::format("the appearance '{}' cannot be projected: the host cannot evaluate its residual", info_.name));
     }
     Eigen::MatrixX3d of(std::int64_t row, const std::vector<Vec3<double>>& at) const {
         const auto& residual = g_[Group::kResidual];

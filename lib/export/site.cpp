@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes and cleans the folder of an exported site.
 #include "lib/export/site.h"
 
 #include <fmt/format.h>
@@ -21,7 +22,8 @@ std::vector<fs::path> files_of(const fs::path& folder) {
     return files;
 }
 
-/// A file name without its hash, eight characters behind a hyphen; empty where it has none. A hash is no word: not all of it is lower case.
+/// Returns a file name without its hash (eight characters after a hyphen), or an empty string if it has none. A hash is
+/// not all lower case; a word is.
 std::string unversioned(const fs::path& name) {
     constexpr std::size_t kHash = 8;
     const std::string stem = name.stem().string();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The folder that `gsapp export` writes and `gsapp view` serves.
+// Handles the folder that `gsapp export` writes and `gsapp view` serves.
 #pragma once
 
 #include <filesystem>
@@ -8,8 +8,8 @@
 
 namespace gs {
 
-/// Files under construction, in a hidden folder beside the target. `publish` renames each to its place; an object destroyed without it
-/// leaves nothing behind. Throws DataError naming path and reason.
+/// Files under construction, in a hidden folder beside the target. `publish` renames each to its place; without it the
+/// destructor removes them. Throws DataError naming path and reason.
 class Staging {
   public:
     explicit Staging(const std::filesystem::path& target);
@@ -24,17 +24,17 @@ class Staging {
     std::filesystem::path target_, path_;
 };
 
-/// Throws UsageError when one of the names exists in `folder`, or `folder` is a file, unless `overwrite`.
+/// Throws UsageError when one of the names exists in `folder` (allowed with `overwrite`), or `folder` is a file.
 void require_free(const std::filesystem::path& folder, const std::vector<std::string>& names, bool overwrite);
 
-/// The built web viewer; empty where it was not built. How to build it is in README.md.
+/// Returns the folder of the built web viewer, empty if it was not built. README.md says how to build it.
 std::filesystem::path viewer_folder();
 
-/// Copies the files of a folder, links excepted.
+/// Copies the files of a folder, except links. Throws DataError.
 void copy_folder(const std::filesystem::path& from, const std::filesystem::path& to);
 
-/// Removes what exports with other versions of `viewer` left in `folder`: files beside its own whose name differs in nothing but the hash that
-/// the bundler gave it (`assets/index-CUjyNmCg.css`). To be called when the viewer is in `folder`.
+/// Removes the files that exports with other versions of `viewer` left in `folder`: those whose name differs from one
+/// of the viewer's only by the bundler's hash (`assets/index-CUjyNmCg.css`). The viewer must already be in `folder`.
 void remove_other_versions(const std::filesystem::path& viewer, const std::filesystem::path& folder);
 
 }  // namespace gs

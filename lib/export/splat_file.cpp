@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes .splat files.
 #include "lib/export/splat_file.h"
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The .splat file of antimatter15's viewer: 32 bytes per Gaussian, one colour from everywhere (docs/formats.md).
+// Writes the .splat file of antimatter15's viewer: 32 bytes per Gaussian, one colour for all directions
+// (docs/formats.md).
 #pragma once
 
 #include <filesystem>
@@ -8,8 +9,9 @@
 
 namespace gs {
 
-/// Writes position and standard deviations (float), colour and opacity, rotation w x y z (bytes), largest and most opaque first,
-/// atomically. `gaussians` are of the model none with relu (project_to_sh with degree 0). Throws DataError when the disk refuses.
+/// Writes position and standard deviations (float), colour and opacity, rotation w x y z (bytes), largest and most
+/// opaque first, atomically. `gaussians` must be of the model none with relu (project_to_sh with degree 0). Throws
+/// DataError when the write fails.
 void write_splat(const std::filesystem::path& path, const Gaussians& gaussians);
 
 }  // namespace gs

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A stream buffer over a file descriptor, because iostreams neither report errno nor offer fsync.
+// Implements AtomicFile with a stream buffer over a file descriptor, because iostreams neither report errno nor offer
+// fsync.
 #include "lib/io/atomic_file.h"
 
 #include <fcntl.h>
@@ -25,13 +26,14 @@ namespace {
     throw DataError(fmt::format("cannot {} '{}': {}{}", action, path.string(), std::strerror(error), hint));
 }
 
-/// Beside the target, so that the rename stays within one file system; hidden, so that folder scans ignore it.
+/// Returns a temporary name in the target's folder, so that the rename stays within one file system. The name is
+/// hidden, so that folder scans ignore it.
 std::filesystem::path temporary_name(const std::filesystem::path& path) {
     static std::atomic<unsigned> counter{0};
     return path.parent_path() / fmt::format(".{}.{}-{}.tmp", path.filename().string(), ::getpid(), counter++);
 }
 
-/// Makes the rename survive a power cut. Not every file system can sync a folder: the content is safe either way.
+/// Makes the rename survive a power cut. Not every file system can sync a folder; the content is safe either way.
 void sync_folder(const std::filesystem::path& folder) {
     const int fd = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0) return;
@@ -59,7 +61,7 @@ class AtomicFile::Buffer : public std::streambuf {
 
     void commit() {
         drain();
-        // Pipes and some network file systems cannot sync (EINVAL); that is no reason to lose the file.
+        // Pipes and some network file systems cannot sync (EINVAL). The file is kept nevertheless.
         if (::fsync(fd_) != 0 && errno != EINVAL && errno != ENOTSUP) fail("write", target_, errno);
         const int closed = ::close(fd_);
         fd_ = -1;
@@ -77,7 +79,7 @@ class AtomicFile::Buffer : public std::streambuf {
     }
 
     std::streamsize xsputn(const char* data, std::streamsize size) override {
-        if (size == 0) return 0; // an empty vector's pointer is null, which memcpy must not be given
+        if (size == 0) return 0; // an empty vector's pointer is null, and memcpy does not accept null
         if (size <= epptr() - pptr()) {
             std::memcpy(pptr(), data, std::size_t(size));
             pbump(int(size));
@@ -122,7 +124,7 @@ AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)), str
     if (error) fail("create the folder of", path_, error.value());
     buffer_ = std::make_unique<Buffer>(path_);
     stream_.rdbuf(buffer_.get());
-    // With badbit enabled the stream passes on the DataError thrown inside the buffer.
+    // With badbit enabled, the stream passes on the DataError that the buffer throws.
     stream_.exceptions(std::ios::badbit);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that exist completely or not at all: written under a temporary name in the same folder, then renamed.
+// Writes files that appear complete or not at all: under a temporary name in the same folder, then renamed.
 #pragma once
 
 #include <filesystem>
@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// A file under construction. Missing parent folders are created. Until `commit` the target is untouched; an object
-/// destroyed without `commit` removes its temporary file.
+/// A file under construction. Missing parent folders are created. The target is untouched until `commit`; without
+/// `commit` the destructor removes the temporary file.
 /// Errors: every failure (folder not writable, disk full, file too large) throws DataError naming the path and the
 /// system's reason, either from the write that failed or from `commit`.
 class AtomicFile {
@@ -20,7 +20,7 @@ class AtomicFile {
     AtomicFile(const AtomicFile&) = delete;
     AtomicFile& operator=(const AtomicFile&) = delete;
 
-    /// Binary stream; buffered, so small writes are cheap.
+    /// Returns the binary stream. It is buffered, so small writes are cheap.
     std::ostream& stream();
     /// Flushes to the disk (fsync) and renames over the target. Nothing may be written afterwards.
     void commit();
@@ -32,7 +32,7 @@ class AtomicFile {
     std::ostream stream_;
 };
 
-/// Writes `text` to `path` through an AtomicFile.
+/// Writes `text` to `path` through an AtomicFile. Throws DataError.
 void write_text_atomic(const std::filesystem::path& path, std::string_view text);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// JPEG files that never touch the disk.
+// Encodes JPEG files in memory.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
@@ -10,7 +10,7 @@
 namespace gs {
 
 std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality) {
-    if (image.is_float() || image.channels != 3) throw UsageError("only 8-bit rgb becomes a JPEG in memory");
+    if (image.is_float() || image.channels != 3) throw UsageError("only 8-bit rgb images can be encoded as JPEG in memory");
     std::vector<std::uint8_t> bytes;
     OIIO::Filesystem::IOVecOutput memory(bytes);
     const auto output = OIIO::ImageOutput::create("picture.jpg");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes and encodes images with OpenImageIO.
+// Decodes and encodes image files with OpenImageIO.
 #include "lib/io/image.h"
 
 #include <OpenImageIO/imageio.h>
@@ -20,12 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Largest image accepted, so that a damaged header cannot ask for the whole memory: 2^29 pixels is five times the
-// largest photographs in use, and 65535 is what JPEG can hold per side.
+// Limits of an image, so that a damaged header cannot ask for the whole memory. 2^29 pixels is five times the largest
+// photographs in use, and 65535 is the largest side that JPEG can hold.
 constexpr int kMaxSide = 65535;
 constexpr std::int64_t kMaxPixels = std::int64_t(1) << 29;
 
-/// Which decoded channels become rgb and alpha (-1 = none).
+/// The decoded channels that become rgb and alpha (-1 = none).
 struct ChannelPlan {
     int rgb[3] = {0, 1, 2};
     int alpha = -1;
@@ -57,7 +57,7 @@ std::unique_ptr<OIIO::ImageInput> open_image(const fs::path& path) {
     if (!fs::is_regular_file(path, error)) fail(path, "no such file");
     if (fs::file_size(path, error) == 0) fail(path, "the file is empty (0 bytes)");
     OIIO::ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it so
+    config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it that way
     auto input = OIIO::ImageInput::open(path.string(), &config);
     if (!input) fail(path, fmt::format("cannot be decoded: {}", trimmed(OIIO::geterror())));
     const OIIO::ImageSpec& spec = input->spec();
@@ -106,7 +106,7 @@ std::vector<T> arrange(std::vector<T>&& in, const OIIO::ImageSpec& spec, const C
 }
 
 std::uint8_t quantise(float v) {
-    // The negated comparison sends NaN to 0.
+    // The negated comparison maps NaN to 0.
     if (!(v > 0)) return 0;
     return static_cast<std::uint8_t>(std::min(v, 1.0f) * 255.0f + 0.5f);
 }
@@ -117,7 +117,7 @@ bool stores_float(const fs::path& path) {
     return extension == ".exr" || extension == ".hdr" || extension == ".tif" || extension == ".tiff";
 }
 
-/// Values as the format wants them: EXR holds premultiplied colour by definition.
+/// Returns the values that a float format stores: EXR holds premultiplied colour by definition.
 std::vector<float> float_samples(const Image& image, bool premultiply) {
     std::vector<float> out(std::size_t(image.width) * image.height * image.channels);
     for (std::size_t i = 0; i < out.size(); ++i) out[i] = image.is_float() ? image.f32[i] : image.u8[i] * (1.0f / 255.0f);
@@ -130,14 +130,15 @@ std::vector<float> float_samples(const Image& image, bool premultiply) {
 void encode(const fs::path& temporary, const fs::path& path, const Image& image) {
     auto output = OIIO::ImageOutput::create(temporary.string());
     if (!output) fail(path, fmt::format("cannot be written: {}", trimmed(OIIO::geterror())));
-    // OpenImageIO's WebP writer un-premultiplies in linear light whatever it is told, which changes straight colours.
+    // OpenImageIO's WebP writer always un-premultiplies in linear light, which changes straight colours.
     if (std::string(output->format_name()) == "webp" && image.channels == 4) fail(path, "WebP cannot be written with alpha; use PNG");
     const bool as_float = stores_float(path) && image.is_float();
     const bool is_exr = std::string(output->format_name()) == "openexr";
     const auto type = as_float || is_exr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
     OIIO::ImageSpec spec(image.width, image.height, image.channels, type);
     spec.attribute("oiio:UnassociatedAlpha", is_exr ? 0 : 1);
-    if (std::string(output->format_name()) == "jpeg") spec.attribute("Compression", "jpeg:95");  // visually lossless previews
+    // visually lossless previews
+    if (std::string(output->format_name()) == "jpeg") spec.attribute("Compression", "jpeg:95");
 
     bool ok = output->open(temporary.string(), spec);
     if (ok) {
@@ -194,7 +195,7 @@ Image read_mask(const fs::path& path) {
     mask.u8.resize(std::size_t(in.width) * in.height);
     for (int y = 0; y < in.height; ++y)
         for (int x = 0; x < in.width; ++x) {
-            // Rec. 709 luma; for the usual grey masks any weights with sum 1 do.
+            // Rec. 709 luma. For the usual grey masks any weights with sum 1 give the same.
             const float luma = 0.2126f * in.value(x, y, 0) + 0.7152f * in.value(x, y, 1) + 0.0722f * in.value(x, y, 2);
             mask.u8[std::size_t(y) * in.width + x] = quantise(in.channels == 4 ? in.value(x, y, 3) : luma);
         }
@@ -209,7 +210,7 @@ void write_image(const fs::path& path, const Image& image) {
     std::error_code folder_error;
     if (path.has_parent_path()) fs::create_directories(path.parent_path(), folder_error);
     if (folder_error) fail(path, fmt::format("its folder cannot be created: {}", folder_error.message()));
-    // The temporary keeps the extension because it selects the format.
+    // The temporary file keeps the extension because it selects the format.
     fs::path temporary = path;
     temporary.replace_filename(fmt::format("{}.tmp{}{}", path.stem().string(), ::getpid(), path.extension().string()));
     try {

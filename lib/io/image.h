@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// Interleaved (H,W,C) image. Exactly one of u8 / f32 is non-empty: 8-bit sources stay 8-bit, 16-bit and float
+/// An interleaved (H,W,C) image. Exactly one of u8 and f32 is non-empty: 8-bit sources stay 8-bit, 16-bit and float
 /// sources are float (16-bit integers divided by 65535). Alpha is straight (not premultiplied).
 struct Image {
     int width = 0, height = 0, channels = 0;
@@ -17,7 +17,7 @@ struct Image {
 
     bool is_float() const { return !f32.empty(); }
     std::size_t bytes() const { return u8.size() + 4 * f32.size(); }
-    /// Value in [0,1] for 8-bit data, as stored for float data.
+    /// Returns one value: in [0,1] for 8-bit data, as stored for float data.
     float value(int x, int y, int c) const {
         const std::size_t i = (std::size_t(y) * width + x) * channels + c;
         return is_float() ? f32[i] : u8[i] * (1.0f / 255.0f);
@@ -26,28 +26,30 @@ struct Image {
 
 struct ImageInfo {
     int width = 0, height = 0, channels = 0;
-    bool float_data = false; ///< would be loaded as float
+    bool float_data = false; ///< read_image would return float
 };
 
-/// Reads only the header. Throws DataError (file, reason; zero or absurd sizes are errors).
+/// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors.
 ImageInfo read_image_info(const std::filesystem::path& path);
 
-/// Reads PNG, JPEG, TIFF, WebP, EXR, ... as 3 (rgb) or 4 (rgba) channels; grey is replicated, extra channels dropped,
-/// EXIF orientation ignored. Throws DataError naming the file and the decoder's reason.
+/// Reads PNG, JPEG, TIFF, WebP, EXR, ... as 3 (rgb) or 4 (rgba) channels. Grey is replicated, extra channels are
+/// dropped, the EXIF orientation is ignored. Throws DataError naming the file and the decoder's reason.
 Image read_image(const std::filesystem::path& path);
 
-/// Reads a mask as one channel (alpha if present, else luma).
+/// Reads a mask as one 8-bit channel (alpha if present, else luma). Throws as read_image does.
 Image read_mask(const std::filesystem::path& path);
 
-/// Area-exact box filter when shrinking, bilinear when enlarging; premultiplies alpha while filtering.
+/// Resizes with an area-exact box filter when shrinking, bilinearly when enlarging; premultiplies alpha while
+/// filtering. Throws UsageError for a target size that is not positive.
 Image resize_image(const Image& in, int width, int height);
 
-/// Writes by extension (png, jpg, exr, ...), under a temporary name and renamed; makes missing parent folders. Float data
-/// is quantised for 8-bit formats by clamp to [0,1], *255, +0.5, truncate (evaluation protocol). Throws DataError, also
-/// for WebP with alpha.
+/// Writes in the format of the extension (png, jpg, exr, ...), under a temporary name that is then renamed; makes
+/// missing parent folders. For 8-bit formats float data is quantised by clamp to [0,1], *255, +0.5, truncate
+/// (evaluation protocol). Throws DataError, also for WebP with alpha.
 void write_image(const std::filesystem::path& path, const Image& image);
 
-/// The bytes of a JPEG file; 8-bit rgb, quality 1..100. Throws UsageError for other images, DataError for sizes that JPEG cannot hold.
+/// Encodes an 8-bit rgb image as a JPEG file in memory, quality 1..100. Throws UsageError for other images, DataError
+/// for sizes that JPEG cannot hold.
 std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PLY header text and packed rows.
+// Writes PLY headers; reads PLY headers and packed rows.
 #include "lib/io/ply_file.h"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@ static_assert(std::endian::native == std::endian::little, "rows are written as t
 
 struct TypeName {
     const char* name;
-    const char* alias;  ///< the sized spelling some writers use
+    const char* alias;  ///< the sized spelling that some writers use
     int bytes;
 };
 constexpr std::array<TypeName, 8> kTypes = {{{"char", "int8", 1},
@@ -33,7 +33,8 @@ constexpr std::array<TypeName, 8> kTypes = {{{"char", "int8", 1},
                                              {"float", "float32", 4},
                                              {"double", "float64", 8}}};
 
-/// Longest header line and largest number of properties that are believed; real files have below 200 of each.
+/// Upper limits of a header: characters per line, properties, lines. Real files have below 200 characters per line and
+/// properties.
 constexpr std::size_t kMaxLine = 4096, kMaxProperties = 4096, kMaxLines = 16384;
 
 constexpr std::int64_t kChunkBytes = 1 << 22;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The PLY container as Gaussian-splatting and point-cloud files use it: binary little endian, one `vertex` element first.
+// Reads and writes the PLY container that Gaussian-splatting and point-cloud files use: binary little endian, with the
+// element `vertex` first.
 #pragma once
 
 #include <cstdint>
@@ -20,16 +21,17 @@ struct PlyProperty {
 
 struct PlyHeader {
     std::vector<std::string> comments;  ///< without the word "comment"
-    std::int64_t count = 0;             ///< vertices
+    std::int64_t count = 0;             ///< number of vertices
     std::vector<PlyProperty> properties;
-    std::int64_t num_shared = 0;        ///< floats of the element `shared` behind the vertices; 0 = there is no such element
+    /// floats in the element `shared` after the vertices; 0 = there is no such element
+    std::int64_t num_shared = 0;
 };
 
 /// Writes the header; the caller then writes `count` packed rows and `num_shared` floats.
 void write_ply_header(std::ostream& out, const PlyHeader& header);
 
-/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file. Elements after the vertices
-/// (faces, trailing bytes) are ignored, but for `shared` directly behind them.
+/// Reads the vertices of a PLY in chunks, so that memory does not grow with the file. The element `shared` is read only
+/// directly after the vertices; other later data (faces, trailing bytes) are ignored.
 /// Errors: DataError naming file and property for a header that is not PLY, ASCII or big-endian data, list properties
 /// of a vertex, duplicate names, and a file shorter than its header promises (checked before anything is allocated).
 class PlyReader {
@@ -37,16 +39,16 @@ class PlyReader {
     explicit PlyReader(const std::filesystem::path& path);
 
     const PlyHeader& header() const { return header_; }
-    /// Index of the property, or -1.
+    /// Returns the index of the property, or -1.
     int find(const std::string& name) const;
-    /// Index of the property; throws DataError naming file and property when it is missing.
+    /// Returns the index of the property. Throws DataError naming file and property when it is missing.
     int require(const std::string& name) const;
 
-    /// Reads the next rows into the buffer. Returns how many; 0 at the end.
+    /// Reads the next rows into the buffer. Returns their number, 0 at the end.
     std::int64_t next_chunk();
-    /// The values of the element `shared`; after the last chunk.
+    /// Returns the values of the element `shared`. Call it after the last chunk.
     std::vector<float> read_shared();
-    /// Value of a property in row `row` of the current chunk, as stored (integers are converted).
+    /// Returns a property in row `row` of the current chunk, converted to double.
     double value(std::int64_t row, int property) const;
 
     /// Throws DataError "cannot read 'file': reason".
@@ -58,7 +60,7 @@ class PlyReader {
     std::filesystem::path path_;
     std::ifstream in_;
     PlyHeader header_;
-    std::vector<std::int64_t> offsets_;  ///< of each property in a row, bytes
+    std::vector<std::int64_t> offsets_;  ///< byte offset of each property in a row
     std::int64_t row_bytes_ = 0, rows_read_ = 0;
     std::vector<char> chunk_;
 };

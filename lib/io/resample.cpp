@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resizing of images: area-exact box filter when shrinking, bilinear when enlarging, one axis after the other.
+// Resizes images: area-exact box filter when shrinking, bilinear when enlarging, one axis after the other.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,10 +12,11 @@
 namespace gs {
 namespace {
 
-/// For every output index of one axis: the first input index and the weights (sum 1) of the inputs from there on.
+/// The filter of one axis: for every output index the first input index and the weights (sum 1) of the inputs from
+/// there on.
 struct AxisFilter {
     std::vector<int> first;
-    std::vector<std::size_t> offset;  ///< into `weights`; one more entry than outputs
+    std::vector<std::size_t> offset;  ///< index into `weights`; one more entry than outputs
     std::vector<float> weights;
 };
 
@@ -32,7 +33,7 @@ AxisFilter make_axis_filter(int in, int out) {
             const std::size_t begin = filter.weights.size();
             for (int i = first; i < in && i < high; ++i) {
                 const double overlap = std::min(high, i + 1.0) - std::max(low, double(i));
-                if (overlap < 1e-9 && i > first) break;  // rounding of `high` past a pixel edge
+                if (overlap < 1e-9 && i > first) break;  // `high` was rounded past a pixel edge
                 filter.weights.push_back(float(overlap));
                 sum += overlap;
             }
@@ -50,7 +51,7 @@ AxisFilter make_axis_filter(int in, int out) {
     return filter;
 }
 
-/// Row y filtered along x. Colour is premultiplied first, so that invisible colours do not bleed into visible ones.
+/// Filters row y along x. Colour is premultiplied first, so that invisible colours do not bleed into visible ones.
 void filter_row(const Image& in, int y, const AxisFilter& axis, std::vector<float>& scratch, std::vector<float>& out) {
     const int channels = in.channels;
     const std::size_t row = std::size_t(y) * in.width * channels;
@@ -102,7 +103,8 @@ Image resize_image(const Image& in, int width, int height) {
 
     const AxisFilter across = make_axis_filter(in.width, width), down = make_axis_filter(in.height, height);
     std::vector<float> scratch(std::size_t(in.width) * in.channels), sums(std::size_t(width) * in.channels);
-    // Input rows are needed in order and at most the last two twice, so two filtered rows replace a whole float image.
+    // Input rows are needed in order, and at most the last two are needed twice. So two filtered rows replace a whole
+    // float image.
     std::array<std::vector<float>, 2> rows{std::vector<float>(sums.size()), std::vector<float>(sums.size())};
     std::array<int, 2> row_index{-1, -1};
     for (int y = 0; y < height; ++y) {

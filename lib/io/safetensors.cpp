@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The safetensors container: header checks before any allocation, data streamed.
+// Reads and writes the safetensors container: checks the header before any allocation and streams the data.
 #include "lib/io/safetensors.h"
 
 #include <fmt/format.h>
@@ -23,10 +23,10 @@ static_assert(std::endian::native == std::endian::little, "safetensors data is l
 constexpr std::array<const char*, 4> kDtypeNames = {"F32", "F64", "I64", "U8"};
 constexpr std::array<std::uint64_t, 4> kDtypeBytes = {4, 8, 8, 1};
 
-/// The format's own limit; also keeps the JSON parser away from absurd inputs.
+/// The format's own limit. It also keeps absurd inputs from the JSON parser.
 constexpr std::uint64_t kMaxHeaderBytes = 100'000'000;
 
-/// Bytes of a tensor; false when the product does not fit 64 bits.
+/// Computes the bytes of a tensor. Returns false when a size is negative or the product does not fit 64 bits.
 bool tensor_bytes(Dtype dtype, const std::vector<std::int64_t>& shape, std::uint64_t& bytes) {
     bytes = kDtypeBytes[std::size_t(dtype)];
     for (const std::int64_t n : shape) {
@@ -51,9 +51,9 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
         offset += bytes;
         sizes.push_back(bytes);
     }
-    // Option texts may hold any bytes a path can hold; JSON must be UTF-8, so others are replaced.
+    // Option texts may hold any byte that a path can hold. JSON must be UTF-8, so others are replaced.
     std::string text = header.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-    text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned data lets readers map the file
+    text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned, so that readers can map the file
 
     AtomicFile file(path);
     const std::uint64_t length = text.size();
@@ -135,7 +135,7 @@ void SafetensorsFile::parse_header(const std::string& text) {
 void SafetensorsFile::check_coverage(std::uint64_t data_bytes) const {
     std::vector<const std::pair<const std::string, Tensor>*> order;
     for (const auto& entry : tensors_) order.push_back(&entry);
-    // Empty tensors share their begin with a neighbour and come first.
+    // Empty tensors begin where a neighbour begins, and they come first.
     std::sort(order.begin(), order.end(),
               [](auto* a, auto* b) { return std::pair(a->second.begin, a->second.bytes) < std::pair(b->second.begin, b->second.bytes); });
     std::uint64_t end = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading and writing safetensors files: an 8-byte header length, a JSON header, then the tensors packed one by one.
+// Reads and writes safetensors files: an 8-byte header length, a JSON header, then the tensors packed one by one.
 // Format: https://huggingface.co/docs/safetensors (little endian, row-major).
 #pragma once
 
@@ -25,7 +25,7 @@ inline constexpr Dtype kDtypeOf<double> = Dtype::kF64;
 template <>
 inline constexpr Dtype kDtypeOf<std::int64_t> = Dtype::kI64;
 
-/// A tensor in memory that is to be written. The data is borrowed until the write returns.
+/// A tensor in memory to be written. The data is borrowed until the write returns.
 struct TensorView {
     std::string name;
     Dtype dtype = Dtype::kF32;
@@ -33,30 +33,31 @@ struct TensorView {
     const void* data = nullptr;
 };
 
-/// Writes all tensors, in the given order and without copying them, atomically. Throws DataError when the disk refuses.
+/// Writes all tensors atomically, in the given order and without copying them. Throws DataError when the write fails or
+/// a shape is impossible.
 void write_safetensors(const std::filesystem::path& path, std::span<const TensorView> tensors,
                        const std::map<std::string, std::string>& metadata);
 
-/// An opened safetensors file. The constructor reads and checks the header only: its length against the file's, every
-/// dtype, shape and byte range, and that the ranges cover the data without gap or overlap. Throws DataError naming
-/// file, tensor and value; nothing is allocated on the word of a damaged header.
+/// An opened safetensors file. The constructor reads and checks only the header: its length against the file's, every
+/// dtype, shape and byte range. The ranges must cover the data without gap or overlap. Throws DataError naming file,
+/// tensor and value; sizes in a damaged header never lead to an allocation.
 class SafetensorsFile {
   public:
     struct Tensor {
         Dtype dtype = Dtype::kF32;
         std::vector<std::int64_t> shape;
-        std::uint64_t begin = 0, bytes = 0;  ///< within the data section
+        std::uint64_t begin = 0, bytes = 0;  ///< byte range within the data section
     };
 
     explicit SafetensorsFile(const std::filesystem::path& path);
 
     const std::map<std::string, std::string>& metadata() const { return metadata_; }
     const std::map<std::string, Tensor>& tensors() const { return tensors_; }
-    /// Throws DataError where the file has no such entry.
+    /// Returns one entry. Throws DataError if the file has no such entry.
     const std::string& metadata(const std::string& key) const;
     const Tensor& tensor(const std::string& name) const;
 
-    /// Reads one tensor; T is float, double, int64 or uint8 and must be the stored type.
+    /// Reads one tensor. T is float, double, int64 or uint8 and must be the stored type. Throws DataError.
     template <class T>
     std::vector<T> read(const std::string& name) const {
         const Tensor& t = checked(name, kDtypeOf<T>);

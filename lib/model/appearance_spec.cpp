@@ -1,41 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// What files and command lines say about an appearance model, checked against the registry.
+// Checks the appearance of files and command lines against the registry of models.
 #include "lib/model/appearance_spec.h"
 
 #include <fmt/format.h>
-
-#include <array>
+#include <fmt/ranges.h>
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "lib/core/choices.h"
 
 namespace gs {
-namespace {
-
-constexpr std::array<const char*, 4> kActivationNames = {"relu", "softplus", "sigmoid", "hardsigmoid"};
-
-}  // namespace
-
-const char* color_activation_name(ColorActivation activation) { return kActivationNames[std::size_t(activation)]; }
-
-ColorActivation parse_color_activation(const std::string& name) {
-    for (std::size_t i = 0; i < kActivationNames.size(); ++i) {
-        if (name == kActivationNames[i]) return ColorActivation(int(i));
-    }
-    throw UsageError(fmt::format("unknown colour activation '{}'; known: relu, softplus, sigmoid, hardsigmoid", name));
-}
-
-AppearanceSpec appearance_spec(const TrainOptions& options) {
-    const ModelInfo& info = appearance_model(options.appearance);
-    AppearanceSpec spec;
-    spec.model = info.name;
-    spec.max_degree = info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
-    spec.activation = parse_color_activation(options.color_activation);
-    return spec;
-}
 
 std::string describe(const AppearanceSpec& spec) {
-    return fmt::format("{}, max degree {}, {}", spec.model, spec.max_degree, color_activation_name(spec.activation));
+    return fmt::format("{}, max degree {}, {}", spec.model, spec.max_degree, word(spec.activation));
 }
 
 void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& wanted, const std::string& file) {
@@ -45,6 +22,15 @@ void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& 
                     describe(found), describe(wanted)));
 }
 
+AppearanceSpec appearance_spec(const TrainOptions& options) {
+    const ModelInfo& info = appearance_model(options.appearance);
+    AppearanceSpec spec;
+    spec.model = info.name;
+    spec.max_degree = info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
+    spec.activation = options.color_activation;
+    return spec;
+}
+
 AppearanceSpec appearance_from_file(const std::string& file, const std::string& model, std::int64_t max_degree,
                                     const std::string& activation) {
     try {
@@ -52,9 +38,12 @@ AppearanceSpec appearance_from_file(const std::string& file, const std::string& 
         if (max_degree < 0 || max_degree > info.max_degree_limit) {
             throw UsageError(fmt::format("max_degree {} of appearance '{}' is outside 0..{}", max_degree, model, info.max_degree_limit));
         }
-        return {model, int(max_degree), parse_color_activation(activation)};
+        const std::optional<ColorActivation> known = choice_of<ColorActivation>(activation);
+        if (!known)
+            throw UsageError(fmt::format("unknown colour activation '{}'; known: {}", activation, fmt::join(kWordsOf<ColorActivation>, ", ")));
+        return {model, int(max_degree), *known};
     } catch (const UsageError& e) {
-        // The user did not type these words; the file is at fault.
+        // The user did not type these words, so the file is at fault.
         throw DataError(fmt::format("cannot read '{}': {}", file, e.what()));
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera poses as JSON.
+// Writes camera poses as JSON.
 #include "lib/model/cameras_json.h"
 
 #include <array>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the centre of a model.
 #include "lib/model/center.h"
 
 #include <utility>

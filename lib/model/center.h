@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a model is.
+// Finds the centre of a model.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,8 @@
 
 namespace gs {
 
-/// Median of the Gaussians' positions, axis by axis, which a few far away do not move. Zero without Gaussians.
+/// Returns the median of the Gaussians' positions for each axis, world units; a few distant ones do not move it. Zero
+/// without Gaussians.
 Eigen::Vector3d median_center(const Gaussians& gaussians);
 
 }  // namespace gs

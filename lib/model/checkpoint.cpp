@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checkpoint fields as safetensors tensors and metadata.
+// Stores a checkpoint's fields as safetensors tensors and metadata.
 #include "lib/model/checkpoint.h"
 
 #include <fmt/format.h>
@@ -14,6 +14,7 @@
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/core/portable.h"
+#include "lib/core/choices.h"
 #include "lib/core/version.h"
 #include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
@@ -22,7 +23,7 @@ namespace gs {
 namespace {
 
 constexpr const char* kFormat = "gsapp-checkpoint-1";
-/// Weights that all Gaussians of the model share.
+/// The tensor of the weights that all Gaussians of the model share.
 constexpr const char* kSharedName = "shared_weights";
 constexpr const char *kPpispName = "ppisp", *kControllerName = "controller";
 
@@ -37,7 +38,7 @@ Int metadata_number(const SafetensorsFile& file, const std::string& name, const 
     return value;
 }
 
-/// Reads one (count, width) tensor and checks its shape before and its values after.
+/// Reads one (count, width) tensor. Checks its shape before and its values after reading.
 std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor, std::int64_t count,
                              std::int64_t width) {
     const auto& shape = file.tensor(tensor).shape;
@@ -54,7 +55,7 @@ std::vector<float> read_rows(const SafetensorsFile& file, const std::string& nam
     return values;
 }
 
-/// One row of values with its moments, where it has some.
+/// Adds one row of values, with its moments if there are any.
 void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param, const std::vector<float>& m, const std::vector<float>& v) {
     const auto add = [&](const std::string& tensor, const std::vector<float>& values) {
         if (!values.empty()) tensors.push_back({tensor, Dtype::kF32, {1, std::int64_t(values.size())}, values.data()});
@@ -87,7 +88,7 @@ PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
     p.num_cameras = metadata_number<int>(file, name, "ppisp_cameras");
     p.step = metadata_number<std::int64_t>(file, name, "ppisp_step");
     p.controller_step = metadata_number<std::int64_t>(file, name, "controller_step");
-    if (!p.active()) throw DataError(fmt::format("cannot read '{}': it holds '{}' of no camera", name, kPpispName));
+    if (!p.active()) throw DataError(fmt::format("cannot read '{}': its '{}' has no cameras", name, kPpispName));
     read_row(file, name, kPpispName, p.size(), p.param, p.m, p.v);
     if (file.tensors().contains(kControllerName))
         read_row(file, name, kControllerName, std::size_t(p.num_cameras) * kControllerWeights, p.controller, p.controller_m, p.controller_v);
@@ -125,7 +126,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
                                                    {"active_degree", std::to_string(g.active_degree)},
                                                    {"appearance", g.appearance.model},
                                                    {"max_degree", std::to_string(g.appearance.max_degree)},
-                                                   {"color_activation", color_activation_name(g.appearance.activation)},
+                                                   {"color_activation", word(g.appearance.activation)},
                                                    {"options", checkpoint.options_yaml}};
     add_ppisp(g.ppisp, tensors, metadata);
     write_safetensors(path, tensors, metadata);
@@ -166,7 +167,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     if (g.shared.width > 0) {
         g.shared.param = read_rows(file, name, kSharedName, 1, g.shared.width);
         for (const float w : g.shared.param) {
-            if (std::abs(w) > float(kLargestSharedWeight)) throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights stay within +-{}", name, kSharedName, w, kLargestSharedWeight));
+            if (std::abs(w) > float(kLargestSharedWeight)) throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights must be within +-{}", name, kSharedName, w, kLargestSharedWeight));
         }
         if (with_moments) {
             g.shared.m = read_rows(file, name, std::string("adam_m.") + kSharedName, 1, g.shared.width);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything a run needs to go on, in one safetensors file.
+// Writes and reads checkpoints: all that a run needs to continue, in one safetensors file.
 #pragma once
 
 #include <cstdint>
@@ -13,18 +13,18 @@ namespace gs {
 struct Checkpoint {
     Gaussians state;             ///< parameters, Adam moments (may be absent), Adam step, active degree, appearance
     std::int64_t iteration = 0;  ///< iterations done
-    /// Random numbers are functions of (seed, iteration), so this is the whole state of the random generator.
+    /// The seed is the whole state of the random generator, because random numbers are functions of (seed, iteration).
     std::uint64_t seed = 0;
     std::string options_yaml;  ///< resolved options of the run
 };
 
 /// Writes the checkpoint atomically and without a second copy of it: 12 bytes per parameter with moments, 4 without.
-/// Tensors: the group names of gaussian_state.h, "adam_m.<group>", "adam_v.<group>", with ADC also
-/// "gradient_sum" and "gradient_count"; with PPISP "ppisp" and, once there are some, "controller", each one row with moments
-/// likewise; all else is metadata.
+/// The tensors have the group names of gaussian_state.h, "adam_m.<group>" and "adam_v.<group>"; with ADC also
+/// "gradient_sum" and "gradient_count"; with PPISP also "ppisp" and, once there are controllers, "controller", each one
+/// row and its moments. Everything else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 
-/// Reads it back bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no
+/// Reads a checkpoint bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no
 /// checkpoint, is truncated, disagrees with its appearance model, or holds values that are not finite.
 Checkpoint read_checkpoint(const std::filesystem::path& path);
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes a part of the first Gaussians extreme, as a stress test.
 #include "lib/model/hostile_start.h"
 
 #include "kernels/core/rng.h"
@@ -6,7 +7,7 @@
 namespace gs {
 namespace {
 
-/// Draws of one row, four a block.
+/// The random numbers of one row, drawn in blocks of four.
 class Draws {
   public:
     Draws(std::uint64_t seed, std::int64_t row) : seed_(seed), row_(std::uint64_t(row)) {}
@@ -26,15 +27,16 @@ class Draws {
 }  // namespace
 
 std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
-    // Besides what no view can show (huge scales, rotations whose squares leave float's range), also what stays in sight: a stress
-    // that is culled is none.
+    // Some values no view can show: huge scales, rotations whose squares leave float's range. Others stay visible,
+    // because a Gaussian that is culled puts no stress on the training.
     constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kBases[] = {3, 1e4f}, kResiduals[] = {1e-6f, 1e4f, 1e30f};
     std::int64_t changed = 0;
     for (std::int64_t i = 0; i < state.count; ++i) {
         Draws draws(seed, i);
         if (uniform_from_bits<double>(draws.next()) >= share) continue;
         ++changed;
-        // One magnitude for the row: of eight independent ones, or 45, some would always be what pruning finds.
+        // One magnitude for the row. Of eight or 45 independent ones, some would always be among those that pruning
+        // finds.
         const float rotation = kRotations[draws.next() % 4], base = kBases[draws.next() % 2], residual = kResiduals[draws.next() % 3];
         const auto each = [&](Group g, auto value) {
             const int width = state[g].width;

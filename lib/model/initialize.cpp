@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Initial points and what is derived from their neighbourhood.
+// Makes the initial points, and the first Gaussians from their neighbourhood.
 #include "lib/model/initialize.h"
 
 #include <fmt/format.h>
@@ -20,10 +20,10 @@
 namespace gs {
 namespace {
 
-/// Squared distance below which neighbours count as duplicates; keeps the logarithm of the scale finite.
+/// Squared distance below which neighbours count as duplicates. It keeps the logarithm of the scale finite.
 constexpr double kMinSquaredDistance = 1e-7;
 
-/// Points as nanoflann wants to see them.
+/// Presents the points to nanoflann.
 struct PointAdaptor {
     const std::vector<Eigen::Vector3f>& points;
     std::size_t kdtree_get_point_count() const { return points.size(); }
@@ -35,7 +35,8 @@ struct PointAdaptor {
 };
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAdaptor>, PointAdaptor, 3>;
 
-bool sees(const Camera& camera, const Eigen::Vector3d& point) {
+/// Whether the rasterizer would draw a Gaussian here: in the image and between its near and far planes.
+bool in_frustum(const Camera& camera, const Eigen::Vector3d& point) {
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;
     const CameraParams<double> planes{};
     if (!(p.z() > planes.near_plane && p.z() < planes.far_plane)) return false;
@@ -58,7 +59,7 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
         Eigen::Vector3d p;
         for (int k = 0; k < 3; ++k) p[k] = center[k] + half * (2 * uniform_from_bits<double>(r.v[k]) - 1);
         drawn[std::size_t(i)] = p.cast<float>();
-        seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return sees(v.camera, p); });
+        seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return in_frustum(v.camera, p); });
     });
     PointCloud cloud;
     for (std::size_t i = 0; i < drawn.size(); ++i) {
@@ -80,7 +81,8 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     if (points.size() < 2) return means;
     const PointAdaptor adaptor{points};
     const KdTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
-    // One more than 3: the nearest point is the point itself, or another at the same place, which is the same distance.
+    // One more than 3, because the nearest point is the point itself, or another at the same place with the same
+    // distance.
     const std::size_t wanted = std::min<std::size_t>(4, points.size());
     parallel_for_rows(std::int64_t(points.size()), [&](std::int64_t i) {
         const Eigen::Vector3d query = points[std::size_t(i)].cast<double>();
@@ -92,7 +94,7 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     return means;
 }
 
-InitOptions init_options(const TrainOptions& options) { return {options.strategy == "mcmc", options.init_points, options.seed}; }
+InitOptions init_options(const TrainOptions& options) { return {options.strategy == Strategy::kMcmc, options.init_points, options.seed}; }
 
 PointCloud initial_points(const Scene& scene, const InitOptions& options) {
     if (scene.points.positions.empty()) return random_points(scene, options);
@@ -125,7 +127,7 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
     for (std::int64_t i = 0; i < g.count; ++i) {
         const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
         std::copy_n(cloud.positions[std::size_t(i)].data(), 3, row(Group::kMean));
-        // A lone point has no neighbour to tell its size: a hundredth of the scene.
+        // A single point has no neighbour to tell its size and gets a hundredth of the scene.
         const double scale = g.count > 1 ? factor * std::sqrt(std::max(squared[std::size_t(i)], kMinSquaredDistance)) : 0.01 * scene.extent;
         std::fill_n(row(Group::kScale), 3, float(std::log(scale)));
         row(Group::kRotation)[0] = 1;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes and reads ppisp.json.
 #include "lib/model/ppisp_json.h"
 
 #include <fmt/format.h>
@@ -26,7 +27,7 @@ void write_list(std::ostream& out, const float* values, std::int64_t count) {
     out << ']';
 }
 
-/// One list per channel.
+/// Writes one list per channel.
 void write_channels(std::ostream& out, const float* values, int width) {
     out << '[';
     for (int c = 0; c < kChannels; ++c) {
@@ -36,7 +37,7 @@ void write_channels(std::ostream& out, const float* values, int width) {
     out << ']';
 }
 
-/// Part of a document, with its place for messages.
+/// A part of a document, with its place for messages.
 class Node {
   public:
     Node(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
@@ -61,11 +62,11 @@ class Node {
         return json_.get<bool>();
     }
     std::int64_t integer(std::int64_t low, std::int64_t high) const {
-        if (!json_.is_number_integer() || json_.get<std::int64_t>() < low || json_.get<std::int64_t>() > high) fail(fmt::format("{} is no whole number in {}..{}", json_.dump(), low, high));
+        if (!json_.is_number_integer() || json_.get<std::int64_t>() < low || json_.get<std::int64_t>() > high) fail(fmt::format("{} is not a whole number in {}..{}", json_.dump(), low, high));
         return json_.get<std::int64_t>();
     }
     float number() const {
-        if (!json_.is_number() || !gs_isfinite(json_.get<float>())) fail(fmt::format("{} is no finite number", json_.dump()));
+        if (!json_.is_number() || !gs_isfinite(json_.get<float>())) fail(fmt::format("{} is not a finite number", json_.dump()));
         return json_.get<float>();
     }
     void numbers(float* out, std::size_t count) const {
@@ -88,7 +89,7 @@ Json parse(const std::filesystem::path& path) {
     try {
         return Json::parse(stream);
     } catch (const Json::exception& e) {
-        throw DataError(fmt::format("{}: not valid JSON, truncated perhaps: {}", path.string(), e.what()));
+        throw DataError(fmt::format("{}: not valid JSON (perhaps truncated): {}", path.string(), e.what()));
     }
 }
 
@@ -129,7 +130,7 @@ PpispFile read_ppisp_json(const std::filesystem::path& path) {
     const Json json = parse(path);
     const Node top(json, path.string());
     const std::int64_t version = top.at("version").integer(0, 1 << 30);
-    if (version != kVersion) top.fail(fmt::format("version {}, this program reads {}", version, kVersion));
+    if (version != kVersion) top.fail(fmt::format("version is {}, but this program reads {}", version, kVersion));
     PpispFile file;
     file.iteration = top.at("iteration").integer(0, std::int64_t(1) << 40);
     file.exif = top.at("exif").flag();
@@ -144,7 +145,7 @@ PpispFile read_ppisp_json(const std::filesystem::path& path) {
         float* values = file.state.param.data() + file.state.camera_offset(int(c));
         camera.at("vignetting").channels(values, kIspVignetting);
         camera.at("response").channels(values + kChannels * kIspVignetting, kIspResponse);
-        if (camera.has("controller") != controllers) camera.fail("all cameras have a controller, or none");
+        if (camera.has("controller") != controllers) camera.fail("either all cameras have a controller or none");
         if (controllers) camera.at("controller").numbers(file.state.controller.data() + c * kControllerWeights, kControllerWeights);
     }
     for (std::size_t f = 0; f < frames.size(); ++f) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ppisp.json: the photometric correction of a run (docs/formats.md).
+// Writes and reads ppisp.json, the photometric correction of a run (docs/formats.md).
 #pragma once
 
 #include <cstdint>
@@ -18,19 +18,20 @@ struct PpispFile {
         int camera = 0;
         std::optional<double> exif_exposure = {};  ///< View::exif_exposure, where it is known
     };
-    std::int64_t iteration = 0;  ///< after which the correction is that of the model
-    bool exif = false;           ///< whether exposures began at EXIF values, and the controller was told them
+    std::int64_t iteration = 0;  ///< iteration of the model that the correction belongs to
+    bool exif = false;           ///< true if exposures began at EXIF values and the controller got them as input
     std::vector<Frame> frames;   ///< in the order of `state`
-    double mean_exif = 0;        ///< what EXIF exposures are relative to, stops
+    double mean_exif = 0;        ///< zero point of the EXIF exposures, stops
     PpispState state;            ///< without moments
 };
 
-/// Writes the file atomically: about 14 bytes per number, of which a controller has 241961. Numbers have 9 significant digits, so
-/// that floats are read back bit for bit. `file.frames` and `file.state` agree in size.
+/// Writes the file atomically: about 14 bytes per number, of which a controller has 241961. Numbers have 9 significant
+/// digits, so that floats are read back bit for bit. `file.frames` and `file.state` must agree in size.
 void write_ppisp_json(const std::filesystem::path& path, const PpispFile& file);
 
-/// Throws DataError naming the file, and entry and field where it applies: unreadable, truncated or no JSON, another version,
-/// missing fields, lists of the wrong length, numbers that are not finite as floats, cameras that do not exist.
+/// Reads the file. Throws DataError naming the file (and entry and field where it applies) for a file that is
+/// unreadable, truncated or no JSON, another version, missing fields, lists of the wrong length, numbers that are not
+/// finite as floats, and cameras that do not exist.
 PpispFile read_ppisp_json(const std::filesystem::path& path);
 
 }  // namespace gs

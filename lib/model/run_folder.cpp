@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Paths, protection and small files of a run folder.
+// Computes the paths of a run folder, protects earlier results and writes small files.
 #include "lib/model/run_folder.h"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The number in "<prefix>N<suffix>"; empty when the name has another form.
+/// Returns the number in "<prefix>N<suffix>"; nothing when the name has another form.
 std::optional<std::int64_t> numbered(const fs::path& path, std::string_view prefix, std::string_view suffix) {
     const std::string name = path.filename().string();
     std::int64_t value = 0;
@@ -38,7 +38,7 @@ struct NumberedFile {
     fs::path path;
 };
 
-/// Entries "<prefix>N<suffix>" of a folder, ascending by N; none where the folder does not exist.
+/// Lists the entries "<prefix>N<suffix>" of a folder, ascending by N; none if the folder does not exist.
 std::vector<NumberedFile> list_numbered(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
     std::vector<NumberedFile> found;
     std::error_code error;
@@ -58,13 +58,13 @@ void remove_file(const fs::path& path) {
     if (error) throw DataError(fmt::format("cannot remove '{}' of an earlier run: {}", path.string(), error.message()));
 }
 
-/// Removes a folder that has become empty; one that holds other files stays.
+/// Removes a folder that has become empty. A folder with other files stays.
 void remove_if_empty(const fs::path& folder) {
     std::error_code error;
     if (fs::is_empty(folder, error) && !error) fs::remove(folder, error);
 }
 
-/// Removes the files gsapp writes for iterations above `after`.
+/// Removes the files that gsapp writes for iterations above `after`.
 void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const auto& [n, path] : point_clouds(folder.root)) {
         if (n <= after) continue;
@@ -91,7 +91,7 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
 }
 
-/// A Python string literal.
+/// Returns the text as a Python string literal.
 std::string quoted(const std::string& text) {
     std::string out = "'";
     for (const char c : text) {
@@ -137,7 +137,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     std::error_code error;
     fs::create_directories(folder.root, error);
     if (error) throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
-    AtomicFile probe(folder.config());  // never committed: only proves that files can be created here
+    AtomicFile probe(folder.config());  // never committed; only proves that files can be created here
 
     const std::int64_t after = resume_iteration.value_or(-1);
     std::int64_t latest = -1;
@@ -149,7 +149,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
         const std::string holds = latest >= 0 ? fmt::format("a run up to iteration {}", latest) : "a run (config.yaml)";
         throw UsageError(
             resume_iteration
-                ? fmt::format("the output folder '{}' holds {}, later than iteration {} that is resumed; choose another --model folder, or "
+                ? fmt::format("the output folder '{}' holds {}, later than the resumed iteration {}; choose another --model folder, or "
                               "give --overwrite to drop the later results",
                               folder.root.string(), holds, after)
                 : fmt::format("the output folder '{}' already holds {}; choose another --model folder, --resume it, or give --overwrite",
@@ -157,7 +157,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     }
     if (!overwrite) return;
     remove_iterations(folder, after);
-    remove_file(folder.ppisp()); // of the run's end
+    remove_file(folder.ppisp()); // written at the end of a run
     if (resume_iteration) return;
     for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
                              folder.per_view(), folder.appearance_choice(), folder.train_log()}) {
@@ -191,7 +191,7 @@ void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
                                   "source_path={}, white_background={})",
                                   flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())), options.resolution,
                                   appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0, quoted(absolute(options.source)),
-                                  flag(options.background == "white")));
+                                  flag(options.background.always(1, 1, 1))));
 }
 
 void write_input_points(const RunFolder& folder, const PointCloud& points) {

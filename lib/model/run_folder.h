@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// Names inside a run folder. Computes paths only; writers create the folders they need.
+/// The paths inside a run folder. It only computes them; writers create the folders they need.
 struct RunFolder {
     std::filesystem::path root;
 
@@ -27,33 +27,34 @@ struct RunFolder {
     std::filesystem::path train_log() const { return root / "stats" / "train.jsonl"; }
     std::filesystem::path point_cloud(std::int64_t iteration) const;
     std::filesystem::path checkpoint(std::int64_t iteration) const;
-    /// preview/000500.png
+    /// Returns preview/000500.png for iteration 500.
     std::filesystem::path preview(std::int64_t iteration) const;
-    /// "test" or "train" views of an iteration: <split>/ours_N/renders/00007.png and .../gt/00007.png
+    /// Paths of the "test" or "train" views of an iteration: <split>/ours_N/renders/00007.png and .../gt/00007.png.
     std::filesystem::path render(const std::string& split, std::int64_t iteration, int index) const;
     std::filesystem::path ground_truth(const std::string& split, std::int64_t iteration, int index) const;
-    /// Beside these the parts of the render: <split>/ours_N/base/00007.png and .../residual/00007.png
+    /// Path of a part of the render: <split>/ours_N/base/00007.png and .../residual/00007.png.
     std::filesystem::path picture_part(const std::string& split, std::int64_t iteration, const std::string& part, int index) const;
 };
 
-/// Makes the folder ready before any work is spent: creates it, proves that files can be written, and protects earlier
-/// results. `resume_iteration` is the iteration a resumed run goes on from; empty for a new run.
-/// A folder that holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed
-/// run when it holds outputs of a later iteration. With `overwrite` the earlier run's files (of later iterations only,
-/// when resuming) are removed instead; files gsapp did not write are never touched.
-/// Throws UsageError for the refusal, DataError when the folder cannot be created or written.
+/// Prepares the folder before any work is spent: creates it, proves that files can be written, and protects earlier
+/// results. `resume_iteration` is the iteration from which a resumed run continues; empty for a new run. A folder that
+/// holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed run when it
+/// holds outputs of a later iteration. With `overwrite` the earlier run's files (when resuming only those of later
+/// iterations) are removed instead. Files that gsapp did not write are never touched. Throws UsageError for the
+/// refusal, DataError when the folder cannot be created or written.
 void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration = std::nullopt);
 
-/// The checkpoint of the highest iteration in the folder. Throws DataError when there is none.
+/// Returns the checkpoint of the highest iteration in the folder. Throws DataError when there is none.
 std::filesystem::path latest_checkpoint(const std::filesystem::path& run_folder);
 
-/// The highest iteration with a point cloud in the folder. Throws DataError when there is none.
+/// Returns the highest iteration with a point cloud in the folder. Throws DataError when there is none.
 std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);
 
-/// cfg_args: the Namespace(...) text of the 3DGS trainer. sh_degree is that of the PLY: 0 for models that are not plain spherical harmonics.
+/// Writes cfg_args, the Namespace(...) text of the 3DGS trainer. sh_degree is that of the PLY: 0 for models that are
+/// not plain spherical harmonics.
 void write_cfg_args(const RunFolder& folder, const TrainOptions& options);
 
-/// input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar).
+/// Writes input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar).
 void write_input_points(const RunFolder& folder, const PointCloud& points);
 
 }  // namespace gs

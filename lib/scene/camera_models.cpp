@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lens models of COLMAP: their names and parameters, and projection both ways, in double.
+// The lens models of COLMAP: their names, their parameters and their projection in both directions, in double.
 #include "lib/scene/camera_models.h"
 
 #include <Eigen/Dense>
@@ -50,7 +50,8 @@ bool is_fisheye(CameraModel model) {
     }
 }
 
-/// Models whose distortion is a polynomial map of the (possibly equidistant) image plane; inverted by Newton's method.
+/// True for models whose distortion is a polynomial map of the (possibly equidistant) image plane, inverted by Newton's
+/// method.
 bool is_polynomial(CameraModel model) {
     switch (model) {
         case M::kSimpleRadial:
@@ -63,7 +64,7 @@ bool is_polynomial(CameraModel model) {
     }
 }
 
-/// Sum of k[i] s^(i+1).
+/// Returns the sum of k[i] s^(i+1).
 template <class T>
 T power_series(const double* k, int count, const T& s) {
     T sum(0.0);
@@ -71,7 +72,7 @@ T power_series(const double* k, int count, const T& s) {
     return sum;
 }
 
-/// The plane map of COLMAP's polynomial models, for double and for automatic differentiation.
+/// Distorts a point of the image plane by COLMAP's polynomial models; for double and for automatic differentiation.
 template <class T>
 Eigen::Matrix<T, 2, 1> distort_plane(const LensCamera& lens, const T& x, const T& y) {
     const std::array<double, 12>& d = lens.distortion;
@@ -141,10 +142,11 @@ PlaneMap distort_with_jacobian(const LensCamera& lens, const Vector2d& x) {
     return map;
 }
 
-/// Solves distort_plane(x) = target. Steps are limited so that a strong distortion cannot throw the iterate past the fold.
+/// Solves distort_plane(x) = target. Steps are limited so that strong distortion cannot throw the iterate past the
+/// fold.
 std::optional<Vector2d> invert_plane(const LensCamera& lens, const Vector2d& target) {
-    // COLMAP stops at a squared step of 1e-10; with quadratic convergence a few more digits cost one step and make the
-    // round trip exact to 1e-9 px.
+    // COLMAP stops at a squared step of 1e-10. Convergence is quadratic, so a few more digits cost one step and make
+    // the round trip exact to 1e-9 px.
     constexpr int kMaxIterations = 100;
     constexpr double kSquaredStep = 1e-24;
     Vector2d x = target;
@@ -171,7 +173,7 @@ double fov_factor(double r, double omega) {
     return r < 1e-9 ? 2 * t / omega : std::atan(2 * r * t) / (r * omega);
 }
 
-/// Normalised image coordinates of a ray (u,v,1).
+/// Returns the normalised image coordinates of the ray (u,v,1).
 std::optional<Vector2d> distort(const LensCamera& lens, const Vector2d& uv) {
     const double r2 = uv.squaredNorm();
     if (is_polynomial(lens.model)) {
@@ -204,7 +206,7 @@ std::optional<Vector2d> distort(const LensCamera& lens, const Vector2d& uv) {
     }
 }
 
-/// Inverse of `distort`.
+/// The inverse of `distort`.
 std::optional<Vector2d> undistort(const LensCamera& lens, const Vector2d& xy) {
     const double r2 = xy.squaredNorm();
     if (is_polynomial(lens.model)) {

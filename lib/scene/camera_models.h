@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lens models of COLMAP: their names and parameters, and projection both ways, in double.
+// The lens models of COLMAP: their names, their parameters and their projection in both directions, in double.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// Ids as stored in cameras.bin.
+/// The lens models of COLMAP, numbered as in cameras.bin.
 enum class CameraModel : int {
     kSimplePinhole = 0,
     kPinhole = 1,
@@ -40,12 +40,14 @@ struct CameraModelInfo {
     int num_params() const { return num_focal == 0 ? 2 : num_focal + 2 + num_distortion; }
 };
 
-/// All models, ordered by id; entry i has id i.
+/// Returns all models; entry i has id i.
 std::span<const CameraModelInfo> camera_models();
+/// Returns the name and parameter counts of one model.
 const CameraModelInfo& camera_model_info(CameraModel model);
 
-/// A camera with lens distortion. Pixel (0,0) has its centre at (0.5,0.5). Models with one focal length have fx = fy here,
-/// so that width and height can be scaled apart. For the equirectangular model fx, fy are the full width and height.
+/// A camera with lens distortion. Lengths are in pixels; pixel (0,0) has its centre at (0.5,0.5). Models with one focal
+/// length have fx = fy here, so that width and height can be scaled separately. For the equirectangular model fx and fy
+/// are the full width and height.
 struct LensCamera {
     CameraModel model = CameraModel::kPinhole;
     int width = 0, height = 0;
@@ -55,21 +57,22 @@ struct LensCamera {
     bool operator==(const LensCamera&) const = default;
 };
 
-/// `params` in COLMAP's order; its length must be camera_model_info(model).num_params().
+/// Makes a camera from `params` in COLMAP's order, camera_model_info(model).num_params() of them. Does not check them.
 LensCamera make_lens_camera(CameraModel model, int width, int height, std::span<const double> params);
 
-/// The same lens on an image of another size: focal lengths and principal point scale per axis, distortion stays.
+/// Returns the lens for an image of another size. Focal lengths and principal point scale per axis; distortion stays.
 LensCamera scaled_to(const LensCamera& lens, int width, int height);
 
-/// True when the lens maps straight lines to straight lines, i.e. no undistortion is needed.
+/// Returns true when the lens maps straight lines to straight lines, so that no undistortion is needed.
 bool is_pinhole(const LensCamera& lens);
 
-/// Pixel of a point in camera space (OpenCV axes). Empty behind the camera (except equirectangular), outside the model's
-/// domain, and where the distortion has folded over (non-positive Jacobian), which is no part of a real image.
+/// Returns the pixel of a point in camera space (OpenCV axes). Returns nothing behind the camera (except
+/// equirectangular), outside the model's domain, and where the distortion has folded over (non-positive Jacobian),
+/// which is no part of a real image.
 std::optional<Eigen::Vector2d> project(const LensCamera& lens, const Eigen::Vector3d& point);
 
-/// Direction in camera space through a pixel: z = 1, or unit length for the equirectangular model. Empty where no ray in
-/// front of the camera belongs to the pixel, or Newton's method does not converge.
+/// Returns the direction in camera space through a pixel: z = 1, or unit length for the equirectangular model. Returns
+/// nothing where no ray in front of the camera belongs to the pixel, or Newton's method does not converge.
 std::optional<Eigen::Vector3d> unproject(const LensCamera& lens, const Eigen::Vector2d& pixel);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene camera in the form the kernels take.
+// Converts a scene's camera to the form that the kernels take.
 #pragma once
 
 #include "kernels/splat/camera.h"
@@ -7,6 +7,7 @@
 
 namespace gs {
 
+/// Returns the kernels' parameters of a pinhole camera, in pixels and world units.
 template <class T = float> CameraParams<T> camera_params(const Camera& c) {
     const auto row = [&](int r) { return Vec3<T>{T(c.rotation(r, 0)), T(c.rotation(r, 1)), T(c.rotation(r, 2))}; };
     const Eigen::Vector3d o = c.center();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binary form of a COLMAP model (little endian, packed).
+// Reads the binary form of a COLMAP model (little endian, packed).
 #include <fmt/format.h>
 
 #include <bit>
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Reads values one after the other and knows where it is when the file ends too early.
+/// Reads values one after the other; errors name the position in the file.
 class Cursor {
   public:
     explicit Cursor(const fs::path& file) : file_(file), data_(read_file(file)) {}
@@ -47,7 +47,8 @@ class Cursor {
         return name;
     }
 
-    /// A count of records of at least `record_bytes` each, which must fit into what is left of the file.
+    /// Reads a number of records of at least `record_bytes` each. Throws DataError if they do not fit into the rest of
+    /// the file.
     std::uint64_t read_count(const char* field, std::size_t record_bytes) {
         const std::size_t at = position_;
         const auto count = read<std::uint64_t>(field);

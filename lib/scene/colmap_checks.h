@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What binary and text COLMAP files must both satisfy; shared by the two readers.
+// Checks that the readers of binary and text COLMAP files share.
 #pragma once
 
 #include <array>
@@ -12,17 +12,17 @@
 
 namespace gs::colmap {
 
-/// The whole file. Throws DataError if it cannot be opened or read.
+/// Returns the whole file. Throws DataError if it cannot be opened or read.
 std::string read_file(const std::filesystem::path& path);
 
-/// Adds cameras, images and points to a model, checking each; counts what is skipped and notes it in `finish`.
+/// Adds cameras, images and points to a model and checks each. Counts the skipped ones and notes them in `finish`.
 class ModelBuilder {
   public:
     explicit ModelBuilder(ColmapModel& model) : model_(model) {}
 
     void add_camera(const std::filesystem::path& file, std::uint32_t id, CameraModel model, std::uint64_t width, std::uint64_t height,
                     std::span<const double> params);
-    /// `pose`: qw qx qy qz tx ty tz of cam_from_world.
+    /// `pose` is qw qx qy qz tx ty tz of cam_from_world.
     void add_image(const std::filesystem::path& file, std::uint32_t id, const std::array<double, 7>& pose, std::uint32_t camera_id,
                    std::string name);
     void add_point(const std::filesystem::path& file, std::uint64_t id, const Eigen::Vector3d& position, const std::array<int, 3>& rgb);
@@ -37,7 +37,9 @@ class ModelBuilder {
     std::string first_skipped_image_;
 };
 
+/// Reads cameras.bin, images.bin and, if present, points3D.bin. Throws DataError.
 void read_binary(const std::filesystem::path& folder, ModelBuilder& builder);
+/// Reads cameras.txt, images.txt and, if present, points3D.txt. Throws DataError.
 void read_text(const std::filesystem::path& folder, ModelBuilder& builder);
 
 }  // namespace gs::colmap

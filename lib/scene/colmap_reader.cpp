@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds COLMAP models and checks what their files say.
+// Finds COLMAP models and checks the data of their files.
 #include "lib/scene/colmap_reader.h"
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 namespace colmap {
 
-// Above any camera; what is larger is a damaged file.
+// Larger than any camera's image; a larger value means a damaged file.
 constexpr std::uint64_t kMaxSide = 1 << 20;
 
 std::string read_file(const fs::path& path) {
@@ -58,7 +58,7 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
     Eigen::Quaterniond q(pose[0], pose[1], pose[2], pose[3]);
     const Eigen::Vector3d t(pose[4], pose[5], pose[6]);
     const double norm = q.coeffs().stableNorm();
-    // Not only NaN: a quaternion without a direction has no rotation either.
+    // A zero quaternion has no rotation either.
     if (!std::isfinite(norm) || norm < 1e-12 || !t.allFinite()) {
         if (skipped_images_++ == 0) first_skipped_image_ = name;
         return;
@@ -70,7 +70,7 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
 
 void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen::Vector3d& position, const std::array<int, 3>& rgb) {
     if (!point_ids_.insert(id).second) throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
-    // In float, because a finite double may overflow there.
+    // The check is in float because a finite double may overflow there.
     const Eigen::Vector3f p = position.cast<float>();
     if (!p.allFinite()) {
         ++skipped_points_;
@@ -98,7 +98,7 @@ bool is_file(const fs::path& path) {
 bool has_binary(const fs::path& folder) { return is_file(folder / "cameras.bin") && is_file(folder / "images.bin"); }
 bool has_text(const fs::path& folder) { return is_file(folder / "cameras.txt") && is_file(folder / "images.txt"); }
 
-/// Number of images a model claims; only used to choose between models.
+/// Returns the number of images that a model claims; only used to choose between models.
 std::uint64_t count_images(const fs::path& folder) {
     if (has_binary(folder)) {
         std::uint64_t count = 0;
@@ -106,7 +106,7 @@ std::uint64_t count_images(const fs::path& folder) {
         in.read(reinterpret_cast<char*>(&count), sizeof(count));
         return in ? count : 0;
     }
-    // A comment-free estimate: two lines per image.
+    // An estimate: two lines per image, comments not counted.
     std::ifstream in(folder / "images.txt");
     std::uint64_t lines = 0;
     for (std::string line; std::getline(in, line);) lines += line.empty() || line[0] != '#';
@@ -126,7 +126,7 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
             return a.first != b.first ? a.first > b.first : a.second < b.second;
         });
         if (candidates.size() > 1)
-            notes.push_back(fmt::format("{} COLMAP models in {}: using {} with {} images, the most", candidates.size(),
+            notes.push_back(fmt::format("{} COLMAP models in {}: using {}, which has the most images ({})", candidates.size(),
                                         (scene / "sparse").string(), best.second.filename().string(), best.first));
         return best.second;
     }

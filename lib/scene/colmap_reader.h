@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads COLMAP models (binary and text) into plain structs, trusting nothing in the files.
+// Reads COLMAP models (binary and text) into plain structs and checks everything that the files say.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +17,8 @@ namespace gs {
 struct ColmapImage {
     std::uint32_t id = 0, camera_id = 0;
     std::string name;                                        ///< relative to the image folder
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< of cam_from_world
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< translation of cam_from_world
 };
 
 struct ColmapModel {
@@ -26,18 +26,19 @@ struct ColmapModel {
     std::map<std::uint32_t, LensCamera> cameras;
     std::vector<ColmapImage> images;  ///< every camera_id is in `cameras`
     PointCloud points;
-    std::vector<std::string> notes;  ///< what was skipped, one line each
+    std::vector<std::string> notes;  ///< one line for each kind of skipped data
 };
 
-/// The model folder inside a scene: the sub-folder of `sparse` with most images (said in `notes` when there are several),
-/// else `sparse`, else the scene folder itself; empty if none of them holds cameras and images. Throws nothing.
+/// Finds the model folder inside a scene: the sub-folder of `sparse` with most images (reported in `notes` when there
+/// are several), else `sparse`, else the scene folder itself. Returns an empty path if none of them holds cameras and
+/// images. Throws nothing.
 std::filesystem::path find_colmap_model(const std::filesystem::path& scene, std::vector<std::string>& notes);
 
-/// Reads cameras, images and points3D from `folder`: the binary files if both cameras.bin and images.bin exist, else text.
-/// Non-finite poses and points are skipped and noted, as are trailing bytes; a missing points3D file means no points.
-/// Throws DataError naming file, field and value for truncated files, counts that the file size does not allow (checked
-/// before allocating), unknown camera models, invalid intrinsics, duplicate ids and images without a camera.
-/// Memory: at most a small multiple of the file sizes.
+/// Reads cameras, images and points3D from `folder`: the binary files if both cameras.bin and images.bin exist, else
+/// text. Non-finite poses and points are skipped and noted; so are trailing bytes. A missing points3D file means no
+/// points. Throws DataError naming file, field and value for truncated files, counts that the file size does not allow
+/// (checked before allocating), unknown camera models, invalid intrinsics, duplicate ids and images without a camera.
+/// Takes memory of at most a small multiple of the file sizes.
 ColmapModel read_colmap_model(const std::filesystem::path& folder);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The text form of a COLMAP model.
+// Reads the text form of a COLMAP model.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ class Lines {
   public:
     explicit Lines(const fs::path& file) : file_(file), data_(read_file(file)) {}
 
-    /// The next line, whatever it holds; false at the end.
+    /// Reads the next line, including blank lines and comments; returns false at the end.
     bool next_raw(std::string_view& line) {
         if (position_ >= data_.size()) return false;
         const std::size_t end = std::min(data_.find('\n', position_), data_.size());
@@ -31,7 +31,7 @@ class Lines {
         return true;
     }
 
-    /// The next line that is neither blank nor a comment.
+    /// Reads the next line that is neither blank nor a comment; returns false at the end.
     bool next(std::string_view& line) {
         while (next_raw(line)) {
             const std::size_t begin = line.find_first_not_of(kBlanks);
@@ -49,7 +49,7 @@ class Lines {
     std::size_t position_ = 0, number_ = 0;
 };
 
-/// Splits one line into blank-separated fields and converts them, independent of the locale.
+/// Splits one line into blank-separated fields and converts them, independently of the locale.
 class Fields {
   public:
     Fields(const Lines& lines, std::string_view line) : lines_(lines), rest_(line) { skip_blanks(); }
@@ -75,7 +75,7 @@ class Fields {
         return value;
     }
 
-    /// What is left of the line, without trailing blanks.
+    /// Returns the rest of the line, without trailing blanks.
     std::string_view rest() const { return rest_.substr(0, rest_.find_last_not_of(kBlanks) + 1); }
 
     [[noreturn]] void fail(const std::string& what) const {
@@ -116,10 +116,10 @@ void read_images(const fs::path& file, ModelBuilder& builder) {
         std::array<double, 7> pose;
         for (double& value : pose) value = fields.number<double>("pose");
         const auto camera_id = fields.number<std::uint32_t>("CAMERA_ID");
-        // COLMAP writes names without blanks, but a name with blanks is unambiguous here: it ends the line.
+        // COLMAP writes names without blanks, but a name with blanks is unambiguous here because it ends the line.
         std::string name(fields.rest());
         builder.add_image(file, id, pose, camera_id, std::move(name));
-        lines.next_raw(line);  // the 2D points, possibly none: an empty line
+        lines.next_raw(line);  // the 2D points; an empty line if there are none
     }
 }
 

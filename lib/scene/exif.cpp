@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads exposure settings from image files and turns them into stops.
 #include "lib/scene/exif.h"
 
 #include <OpenImageIO/imageio.h>
@@ -23,7 +24,7 @@ std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_lis
 ExifSettings read_exif_settings(const std::filesystem::path& path) {
     const auto input = OIIO::ImageInput::open(path.string());
     if (!input) {
-        OIIO::geterror(); // else the library keeps the message for the next one who asks
+        OIIO::geterror(); // else the library keeps the message and returns it to a later caller
         return {};
     }
     const OIIO::ImageSpec& spec = input->spec();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a photograph was exposed, as its file says.
+// The exposure of a photograph, from its file's metadata.
 #pragma once
 
 #include <filesystem>
@@ -8,16 +8,17 @@
 
 namespace gs {
 
-/// What a file says; settings that are absent, zero, negative or not finite are empty.
+/// Exposure settings in a file's metadata. Settings that are absent, zero, negative or not finite are empty.
 struct ExifSettings {
     std::optional<double> seconds, iso, f_number;
 };
 
-/// Reads the header only. A file that cannot be opened, or is of a kind without metadata, says nothing.
+/// Reads the settings from the header only. They are all empty for a file that cannot be opened or has no metadata.
 ExifSettings read_exif_settings(const std::filesystem::path& path);
 
-/// log2(seconds * ISO/100 / f-number^2) of each image, in stops: one more is twice the light. A setting that no image has is
-/// taken as equal in all of them and left out; an image that lacks one which others have gets no value.
+/// Returns log2(seconds * ISO/100 / f-number^2) of each image, in stops: one more is twice the light. A setting that no
+/// image has is taken as equal in all of them and left out. An image that lacks a setting which others have gets no
+/// value.
 std::vector<std::optional<double>> exposure_stops(const std::vector<ExifSettings>& images);
 
 }  // namespace gs

@@ -2,8 +2,9 @@
 // Keeps decoded views in memory under a byte budget and decodes ahead on background threads.
 #include "lib/scene/image_cache.h"
 
-#include <chrono>
 #include <utility>
+
+#include "kernels/core/clock.h"
 
 namespace gs {
 namespace {
@@ -30,15 +31,16 @@ std::shared_ptr<const ViewImage> ImageCache::get(std::size_t index) {
     std::unique_lock lock(mutex_);
     Entry& entry = entries_.at(index);
     if (entry.state == State::kReady) return take(index);
-    const auto start = std::chrono::steady_clock::now();
-    // Another thread may take, and with a small budget drop, the image between its arrival and our waking up: then decode here.
+    const double start = seconds_now();
+    // Between the image's arrival and our waking up, another thread may take it and, with a small budget, drop it. Then
+    // decode here.
     while (entry.state != State::kReady && entry.state != State::kFailed) {
         if (entry.state == State::kLoading)
             loaded_.wait(lock);
         else
             load(index, lock);
     }
-    wait_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    wait_seconds_ += seconds_now() - start;
     if (entry.state == State::kReady) return take(index);
     entry.state = State::kAbsent;
     entry.pinned = false;
@@ -50,7 +52,7 @@ void ImageCache::prefetch(std::size_t index) {
     {
         const std::lock_guard lock(mutex_);
         Entry& entry = entries_.at(index);
-        if (entry.state == State::kReady) entry.pinned = true;  // not to be dropped before its turn
+        if (entry.state == State::kReady) entry.pinned = true;  // keeps it until it is used
         if (entry.state != State::kAbsent) return;
         entry.state = State::kQueued;
         entry.pinned = true;
@@ -103,7 +105,7 @@ void ImageCache::load(std::size_t index, std::unique_lock<std::mutex>& lock) {
     entry.error = error;
     entry.state = error ? State::kFailed : State::kReady;
     if (image) {
-        // Pinned until somebody takes it, also when `get` itself decodes: evict() must not drop it before.
+        // Pinned until somebody takes it, also when `get` itself decodes; evict() must not drop it before.
         entry.pinned = true;
         resident_bytes_ += bytes_of(*image);
         entry.image = std::move(image);

@@ -16,27 +16,27 @@
 
 namespace gs {
 
-/// Decodes each view once and keeps it while all kept images fit the budget; the least recently used ones are dropped and read
-/// again when asked for. Prefetched images wait for their `get` even beyond the budget, so that it is exceeded by at most the
-/// images in flight (prefetched or being decoded). All members may be called from any thread.
+/// Decodes each view once and keeps it while all kept images fit the budget. The least recently used ones are dropped
+/// and read again when asked for. Prefetched images wait for their `get` even beyond the budget, so the excess is at
+/// most the images in flight (prefetched or being decoded). All members may be called from any thread.
 class ImageCache {
   public:
-    /// `views` must outlive the cache. A budget of 0 keeps nothing. Without prefetch threads `prefetch` does nothing.
+    /// `views` must outlive the cache. A budget of 0 keeps nothing. With no prefetch threads `prefetch` does nothing.
     ImageCache(const std::vector<View>& views, std::size_t budget_bytes, int prefetch_threads);
     /// Waits for decodes in progress; drops queued ones.
     ~ImageCache();
     ImageCache(const ImageCache&) = delete;
     ImageCache& operator=(const ImageCache&) = delete;
 
-    /// The decoded view, shared with the cache. Decodes on the calling thread if no other thread does so already.
-    /// Throws what View::load threw, be it in a prefetch; the next `get` tries again.
+    /// Returns the decoded view, shared with the cache. Decodes on the calling thread if no other thread does so
+    /// already. Throws the error of View::load, also if it happened in a prefetch; the next `get` tries again.
     std::shared_ptr<const ViewImage> get(std::size_t index);
 
-    /// Queues a decode unless the view is there, queued, or being decoded.
+    /// Queues a decode unless the view is decoded, queued, or being decoded.
     void prefetch(std::size_t index);
 
-    double wait_seconds() const;         ///< time `get` spent decoding or waiting, all calls together
-    std::size_t resident_bytes() const;  ///< of all images the cache holds now
+    double wait_seconds() const;         ///< total time in which `get` decoded or waited
+    std::size_t resident_bytes() const;  ///< bytes of all images the cache holds now
     std::uint64_t num_decodes() const;   ///< calls of View::load so far
 
   private:

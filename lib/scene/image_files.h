@@ -11,22 +11,22 @@
 
 namespace gs {
 
-/// Extensions tried and listed, with dot, lower case, most likely first.
+/// The extensions of image files, with dot, in lower case, most likely first.
 inline constexpr std::string_view kImageExtensions[] = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".exr"};
 
-/// True if the extension is one of kImageExtensions in any case.
+/// Returns true if the extension is one of kImageExtensions, in upper or lower case.
 bool has_image_extension(const std::filesystem::path& path);
 
-/// "a/b.c.png" -> "a/b.c".
+/// Removes the extension: "a/b.c.png" -> "a/b.c".
 std::string without_extension(const std::string& name);
 
-/// The image files below a folder, by relative path with '/'.
+/// The image files below a folder, named by their relative path with '/'.
 class ImageFolder {
   public:
-    /// A missing folder is an empty one.
+    /// A missing folder counts as an empty one.
     explicit ImageFolder(const std::filesystem::path& folder);
 
-    /// The file of that name, else the one of the same stem with any image extension (upper or lower case).
+    /// Returns the file of that name, else a file of the same stem with any image extension (upper or lower case).
     std::optional<std::filesystem::path> find(const std::string& name) const;
 
     const std::filesystem::path& path() const { return folder_; }
@@ -35,7 +35,7 @@ class ImageFolder {
   private:
     std::filesystem::path folder_;
     std::vector<std::string> names_;
-    std::map<std::string, std::string> by_stem_;  ///< first name of each stem
+    std::map<std::string, std::string> by_stem_;  ///< the first name of each stem
 };
 
 }  // namespace gs

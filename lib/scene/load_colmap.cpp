@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A COLMAP scene: model, image folder, masks, points.
+// Loads a COLMAP scene: model, image folder, masks, points.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The folder to read images from: for a divisor the pre-scaled images_N if there is one.
+/// Chooses the folder to read images from: for a divisor the pre-scaled images_N if there is one. Throws DataError if
+/// the folder does not exist.
 fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options, SourceScene& out) {
     std::error_code ignored;
     const bool divisor = options.resolution == 2 || options.resolution == 4 || options.resolution == 8;
@@ -33,7 +34,8 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
     return folder;
 }
 
-/// Pairs names of the full-size folder with files of a pre-scaled one by sorted order: some publishers renumber the files.
+/// Pairs names of the full-size folder with files of a pre-scaled one by sorted order, because some publishers renumber
+/// the files.
 class SortedPairs {
   public:
     SortedPairs(const ImageFolder& full, const ImageFolder& scaled) : full_(full), scaled_(scaled) {}
@@ -110,7 +112,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
         std::optional<fs::path> file = folder.find(image.name);
         if (!file) file = pairs.find(image.name);
         if (!preflight.accept_file(view, file)) continue;
-        // A pre-scaled folder differs from the camera by design; only what it does not explain is worth a line.
+        // A pre-scaled folder differs in size from the camera by design, so no difference is reported.
         if (out.prescaled > 1)
             view.lens = scaled_to(view.lens, view.info.width, view.info.height);
         else

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recognises a dataset, has it read, splits it and builds its views.
+// Recognises a dataset, reads it, splits it and builds its views.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,13 +20,8 @@ namespace {
 namespace fs = std::filesystem;
 
 void check_options(const SceneOptions& options) {
-    const auto one_of = [](const std::string& name, const std::string& value, const char* a, const char* b) {
-        if (value != a && value != b) throw UsageError(fmt::format("{} is '{}'; must be '{}' or '{}'", name, value, a, b));
-    };
-    one_of("mask_mode", options.mask_mode, "ignore", "transparent");
-    one_of("alpha_mode", options.alpha_mode, "transparent", "mask");
     const int r = options.resolution;
-    // Small other numbers are divisors mistyped, not widths.
+    // Other small numbers are mistyped divisors, not widths.
     if (r != -1 && r != 1 && r != 2 && r != 4 && r != 8 && r < 16)
         throw UsageError(fmt::format("resolution is {}; must be -1, 1, 2, 4, 8 or a width of at least 16 pixels", r));
     if (options.test_every < 0) throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
@@ -50,7 +45,8 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
                     source.string()));
 }
 
-/// Marks the views whose names a list file holds, one per line, with or without extension.
+/// Marks the views whose names a list file holds, one per line, with or without extension. Throws DataError for an
+/// unreadable file or an unknown name.
 std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
     std::ifstream in(path);
     if (!in) throw DataError(fmt::format("test list {}: cannot be opened", path));
@@ -70,7 +66,7 @@ std::vector<bool> read_test_list(const std::string& path, const std::vector<Sour
     return test;
 }
 
-/// Which views are held out; says the rule in words.
+/// Marks the views that are held out and describes the rule in words in `rule`.
 std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions& options, std::string& rule) {
     std::vector<bool> test(scene.views.size());
     if (!options.eval) {
@@ -95,11 +91,12 @@ std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions
     return test;
 }
 
-/// From the dataset's camera ids to indices of the devices that took training images.
+/// Replaces the dataset's camera ids by indices of the devices that took training images.
 void number_cameras(Scene& scene) {
     std::map<int, int> index;
     for (const View& view : scene.train) index.emplace(view.camera_id, 0);
-    // Photographs that were calibrated one by one: that they have parameters of their own does not make them devices.
+    // With a camera for every photograph, the photographs were calibrated one by one; this does not make them different
+    // devices.
     const bool one_by_one = index.size() > 1 && index.size() == scene.train.size();
     scene.num_cameras = one_by_one ? 1 : int(index.size());
     int next = 0;
@@ -112,7 +109,8 @@ void number_cameras(Scene& scene) {
     }
 }
 
-/// `test` says of each source view whether it went to scene.test, else to scene.train, in this order.
+/// Sets the EXIF exposures. `test` tells for each source view whether it became the next view of scene.test or of
+/// scene.train.
 void add_exposures(const std::vector<SourceView>& sources, const std::vector<bool>& test, Scene& scene) {
     std::vector<ExifSettings> settings;
     for (const SourceView& source : sources) settings.push_back(read_exif_settings(source.image_path));
@@ -125,7 +123,7 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<boo
     if (without == sources.size())
         scene.notes.push_back("EXIF: no image has an exposure time");
     else if (without > 0)
-        scene.notes.push_back(fmt::format("EXIF: {} of {} images lack exposure time, ISO or f-number that others have: taken as of mean exposure",
+        scene.notes.push_back(fmt::format("EXIF: {} of {} images lack an exposure time, ISO or f-number that others have: mean exposure assumed",
                                           without, sources.size()));
 }
 
@@ -137,7 +135,8 @@ double camera_extent(const std::vector<View>& views, const PointCloud& points) {
     for (const View& view : views) mean += view.camera.center() / double(views.size());
     double radius = 0;
     for (const View& view : views) radius = std::max(radius, (view.camera.center() - mean).norm());
-    // A zero extent would freeze all positions; cameras in one place say nothing about the size of the scene, its points do.
+    // A zero extent would freeze all positions. Cameras in one place do not tell the size of the scene, but its points
+    // do.
     if (1.1 * radius > 1e-6) return 1.1 * radius;
     Eigen::Vector3d low = mean, high = mean;
     for (const Eigen::Vector3f& point : points.positions) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes described by transforms*.json: NeRF-synthetic folders, and single files of instant-ngp and nerfstudio.
+// Loads scenes described by transforms*.json: NeRF-synthetic folders, and single files of instant-ngp and nerfstudio.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// file_path may leave out the extension.
+/// Finds the image of a frame, whose file_path may lack the extension.
 std::optional<fs::path> find_image(const fs::path& folder, const std::string& file_path) {
     std::error_code ignored;
     const fs::path exact = folder / file_path;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where masks lie in a dataset, and what they do to a view.
+// Finds the masks of a dataset and applies them to views.
 #include "lib/scene/masks.h"
 
 #include <fmt/format.h>
@@ -19,7 +19,7 @@ bool is_file(const fs::path& path) {
     return fs::is_regular_file(path, ignored);
 }
 
-/// `image` with `channels` channels: cut, or extended by full alpha.
+/// Returns `image` with `channels` channels: surplus ones are cut, missing ones are filled with full alpha.
 Image with_channels(const Image& image, int channels) {
     Image out = image;
     out.channels = channels;
@@ -67,9 +67,9 @@ Image load_mask(const MaskFile& file, bool invert, int width, int height) {
     return mask;
 }
 
-ViewImage combine(Image color, std::optional<Image> mask, const std::string& alpha_mode, const std::string& mask_mode) {
+ViewImage combine(Image color, std::optional<Image> mask, AlphaMode alpha_mode, MaskMode mask_mode) {
     const std::size_t pixels = std::size_t(color.width) * color.height;
-    if (alpha_mode == "mask" && color.channels == 4) {
+    if (alpha_mode == AlphaMode::kMask && color.channels == 4) {
         Image alpha;
         alpha.width = color.width;
         alpha.height = color.height;
@@ -82,7 +82,7 @@ ViewImage combine(Image color, std::optional<Image> mask, const std::string& alp
         mask = std::move(alpha);
         color = with_channels(color, 3);
     }
-    if (mask_mode == "transparent" && mask) {
+    if (mask_mode == MaskMode::kTransparent && mask) {
         if (color.channels == 3) color = with_channels(color, 4);
         for (std::size_t p = 0; p < pixels; ++p) {
             const float weight = mask->u8[p] / 255.0f;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where masks lie in a dataset, and what they do to a view.
+// Finds the masks of a dataset and applies them to views.
 #pragma once
 
 #include <filesystem>
@@ -16,18 +16,18 @@ struct MaskFile {
     bool inverted = false;  ///< non-zero = ignore (instant-ngp's dynamic masks)
 };
 
-/// The mask of one image, or nothing. Looked for in masks_<factor>/ (if factor > 1), masks/, mask/ and sfm_masks/ of the scene,
-/// keeping sub-folders, as <name>.png, <name>, <stem>.png, <stem>.mask.png and <stem> with any image extension; then as
-/// dynamic_mask_<stem>.<ext> beside the image, whose meaning is inverted.
+/// Finds the mask of one image. Looks in masks_<factor>/ (if factor > 1), masks/, mask/ and sfm_masks/ of the scene,
+/// keeping sub-folders, for <name>.png, <name>, <stem>.png, <stem>.mask.png and <stem> with any image extension; then
+/// for dynamic_mask_<stem>.<ext> beside the image, whose meaning is inverted.
 std::optional<MaskFile> find_mask(const std::filesystem::path& scene, const std::string& image_name,
                                   const std::filesystem::path& image_path, int factor);
 
-/// Reads a mask as loss weights (255 = use, 0 = ignore) of the given size.
+/// Reads a mask and resizes it to the given size: loss weights, 255 = use, 0 = ignore.
 Image load_mask(const MaskFile& file, bool invert, int width, int height);
 
-/// Applies SceneOptions::alpha_mode and mask_mode to a decoded view, in this order: alpha_mode "mask" moves the alpha channel
-/// into the mask; mask_mode "transparent" moves the mask into the alpha channel (multiplying what is there).
-/// `mask` must have the size of `color`.
-ViewImage combine(Image color, std::optional<Image> mask, const std::string& alpha_mode, const std::string& mask_mode);
+/// Applies SceneOptions::alpha_mode and then mask_mode to a decoded view. AlphaMode::kMask moves the alpha channel
+/// into the mask. MaskMode::kTransparent multiplies the mask into the alpha channel. `mask` must have the size of
+/// `color`.
+ViewImage combine(Image color, std::optional<Image> mask, AlphaMode alpha_mode, MaskMode mask_mode);
 
 }  // namespace gs

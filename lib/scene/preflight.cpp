@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks of a dataset before training: files that are missing or unreadable, sizes that differ, points that nobody sees.
+// Checks a dataset before training: missing or unreadable files, sizes that differ, points that no camera sees.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// "a.jpg, b.jpg, c.jpg and 7 more".
+/// Lists the first items: "a.jpg, b.jpg, c.jpg and 7 more".
 std::string listed(const std::vector<std::string>& items) {
     constexpr std::size_t kShown = 3;
     std::string text;
@@ -22,7 +22,8 @@ std::string listed(const std::vector<std::string>& items) {
     return text;
 }
 
-bool sees(const Camera& camera, const Eigen::Vector3d& point) {
+/// Whether the point lies in the image, at any depth before the camera.
+bool in_image(const Camera& camera, const Eigen::Vector3d& point) {
     const Eigen::Vector3d p = camera.rotation * point + camera.translation;
     if (!(p.z() > 0)) return false;
     const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
@@ -83,14 +84,14 @@ std::optional<std::string> check_points(const std::vector<View>& views, const Po
         for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
             const Eigen::Vector3d point = points.positions[i].cast<double>();
             std::size_t tried = 0;
-            for (; tried < views.size() && !sees(views[last].camera, point); ++tried) last = (last + 1) % views.size();
+            for (; tried < views.size() && !in_image(views[last].camera, point); ++tried) last = (last + 1) % views.size();
             unseen += tried == views.size();
         }
     });
     if (unseen == 0) return {};
     if (unseen == count)
         return fmt::format("none of the {} points projects into an image: kept, but poses and points do not fit together", count);
-    return fmt::format("{} of {} points project into no image: kept, no image moves them", unseen.load(), count);
+    return fmt::format("{} of {} points project into no image: kept, but no image moves them", unseen.load(), count);
 }
 
 }  // namespace gs

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drives colmap through its four stages.
+// Runs colmap's four stages.
 #include "lib/scene/prepare.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cctype>
@@ -23,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kNumStages = 4;
 
-/// A folder that disappears again unless it was moved to its final place.
+/// A temporary folder that is removed in the end unless it was moved to its final place.
 struct WorkFolder {
     fs::path path;
     explicit WorkFolder(const fs::path& target) : path(target.string() + fmt::format(".partial-{}", ::getpid())) {
@@ -42,7 +41,7 @@ bool lies_within(const fs::path& inner, const fs::path& outer) {
     return !relative.empty() && *relative.begin() != "..";
 }
 
-/// Checks the target before hours are spent.
+/// Checks the target first, because colmap may run for hours. Throws UsageError.
 void check_target(const PrepareOptions& options) {
     std::error_code ignored;
     if (lies_within(options.scene, options.images))
@@ -55,11 +54,12 @@ void check_target(const PrepareOptions& options) {
             fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target, options.images.string()));
     if (fs::is_directory(options.scene, ignored) && fs::is_empty(options.scene, ignored)) return;
     if (!fs::is_directory(options.scene / "sparse", ignored))
-        throw UsageError(fmt::format("{} exists and is no scene; give another -o", target));
+        throw UsageError(fmt::format("{} exists and is not a scene; give another -o", target));
     if (!options.overwrite) throw UsageError(fmt::format("{} exists; --overwrite replaces it", target));
 }
 
-/// Whether all photographs have one size, so that they may share one camera. Throws DataError when there are none.
+/// Returns true if all photographs have one size, so that they may share one camera. Throws DataError when there are
+/// none.
 bool same_size(const fs::path& images) {
     std::error_code error;
     std::set<std::pair<int, int>> sizes;
@@ -69,7 +69,7 @@ bool same_size(const fs::path& images) {
             const ImageInfo info = read_image_info(it->path());
             sizes.insert({info.width, info.height});
         } catch (const DataError&) {
-            // Notes and other files between the photographs; colmap skips them, too.
+            // Folders of photographs also hold other files; colmap skips them, too.
         }
     }
     if (error) throw DataError(fmt::format("{}: cannot be read: {}", images.string(), error.message()));
@@ -77,7 +77,7 @@ bool same_size(const fs::path& images) {
     return sizes.size() == 1;
 }
 
-/// "3/67" out of "Processed file [3/67]"; empty when the line holds no such count.
+/// Extracts "3/67" from "Processed file [3/67]"; empty when the line holds no such count.
 std::string count_in(const std::string& line) {
     const auto open = line.find('['), slash = line.find('/', open);
     if (open == std::string::npos || slash == std::string::npos) return "";
@@ -94,20 +94,20 @@ void run_stage(int stage, const std::string& name, const std::vector<std::string
     command.insert(command.end(), arguments.begin(), arguments.end());
     ProcessResult result;
     try {
-        // Debian's colmap is linked with Qt and wants a display even for work without windows.
+        // Debian's colmap is linked with Qt and needs a display even for work without windows.
         result = run_process(command, {{"QT_QPA_PLATFORM", "offscreen"}}, [&](const std::string& line) {
             if (const std::string count = count_in(line); !count.empty()) progress(stage, kNumStages, name, count);
         });
     } catch (const UsageError& e) {
         throw UsageError(fmt::format("{}; install it with: apt-get install colmap", e.what()));
     }
-    if (interrupted()) throw Interrupted(fmt::format("stopped while colmap did: {}", name));
+    if (interrupted()) throw Interrupted(fmt::format("stopped during colmap's stage '{}'", name));
     if (result.exit_code == 0) return;
     throw DataError(fmt::format("colmap {} ended with exit code {}; its last lines:\n  {}", arguments[0], result.exit_code,
                                 fmt::join(result.last_lines, "\n  ")));
 }
 
-/// Number of images in a binary model; 0 when there is none.
+/// Returns the number of images in a binary model, 0 when there is none.
 std::uint64_t num_images(const fs::path& model) {
     std::ifstream file(model / "images.bin", std::ios::binary);
     unsigned char bytes[8] = {};
@@ -127,7 +127,7 @@ fs::path largest_model(const fs::path& models) {
     return best;
 }
 
-/// Keeps images/ and sparse/0/ of what image_undistorter wrote.
+/// Keeps images/ and sparse/ of the output of image_undistorter, moves the model to sparse/0/ and deletes the rest.
 void arrange(const fs::path& dense) {
     std::vector<fs::path> models, superfluous;
     for (const auto& entry : fs::directory_iterator(dense / "sparse")) {

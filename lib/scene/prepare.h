@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From photographs to a scene folder, by way of the `colmap` program.
+// Makes a scene folder from photographs with the `colmap` program.
 #pragma once
 
 #include <filesystem>
@@ -11,21 +11,21 @@ namespace gs {
 struct PrepareOptions {
     std::filesystem::path images;         ///< folder of photographs, sub-folders included
     std::filesystem::path scene;          ///< folder to make: images/ and sparse/0/
-    std::string camera_model = "OPENCV";  ///< of the photographs; the scene's cameras are PINHOLE
+    std::string camera_model = "OPENCV";  ///< lens model of the photographs; the scene's cameras are PINHOLE
     std::string matcher = "exhaustive";   ///< exhaustive | sequential
     bool gpu = false;                     ///< let colmap use the GPU for features and matches
     bool overwrite = false;               ///< replace an earlier scene at `scene`
 };
 
-/// Called when something can be shown: stage 1..stages, its name, and colmap's own count ("3/67") or "".
+/// Reports progress: stage 1..stages, its name, and colmap's own count ("3/67") or "".
 using PrepareProgress = std::function<void(int stage, int stages, const std::string& name, const std::string& count)>;
 
-/// Features, matches, mapper, undistortion (colmap 3.8 and others with its options). Works in a temporary folder beside
-/// the target, which appears under its name only when it is complete. Of several reconstructions the one with most
-/// images is taken.
-/// Throws UsageError for a target that exists (without `overwrite`, or that is no scene, or that holds the photographs)
-/// and when colmap is not installed; DataError for a folder without photographs and with colmap's last lines when it
-/// fails; Interrupted when the user stopped it.
+/// Runs colmap's feature extraction, matching, mapper and undistortion, with options that colmap 3.8 and others have.
+/// Works in a temporary folder beside the target, which gets its name only when it is complete. Uses the reconstruction
+/// with most images.
+/// Throws UsageError when colmap is not installed and for a target that exists (without `overwrite`, or that is no
+/// scene, or that holds the photographs); DataError for a folder without photographs and, with colmap's last lines,
+/// when colmap fails; Interrupted when the user stopped it.
 void prepare_scene(const PrepareOptions& options, const PrepareProgress& progress);
 
 }  // namespace gs

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders a procedural description into a Scene: views, initial points, extent.
+// Renders a procedural description into a Scene with views, initial points and extent.
 #include "lib/scene/procedural.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +17,8 @@ namespace {
 
 using procedural::Description;
 
-/// `resolution` as for photographs: 1, 2, 4, 8 divide, larger values are the width; -1 keeps the scene's own size.
+/// Applies `resolution` as for photographs: 1, 2, 4, 8 divide, larger values are the width in pixels. -1 keeps the
+/// scene's own size.
 void apply_resolution(procedural::CameraRig& rig, int resolution) {
     if (resolution == -1 || resolution == 1) return;
     const int width = rig.width;
@@ -30,7 +31,7 @@ void apply_resolution(procedural::CameraRig& rig, int resolution) {
     rig.height = std::max(1, int(std::lround(double(rig.height) * rig.width / width)));
 }
 
-/// Exposed, then 8-bit by the rounding of the evaluation protocol.
+/// Applies the exposure and rounds to 8 bits as the evaluation protocol does.
 Image photographed(const Image& in, const Description& description, const procedural::Photography& photography) {
     Image out{in.width, in.height, 3, {}, {}};
     out.u8.reserve(in.f32.size());
@@ -56,11 +57,11 @@ View make_view(const Description& description, bool test, int index) {
     return view;
 }
 
-/// Surface points seen through random pixels of the training cameras, with the colour they have without gloss: what
-/// structure from motion would deliver, but exact.
+/// Samples surface points that random pixels of the training cameras see, with their colour without gloss. Structure
+/// from motion would deliver the same, less exactly.
 PointCloud sample_points(const Description& description) {
     PointCloud cloud;
-    // A rig that looks past everything must not loop for ever.
+    // Limited, because cameras that see no shape would loop for ever.
     const std::uint32_t attempts = 20u * std::uint32_t(description.points);
     for (std::uint32_t i = 0; i < attempts && cloud.positions.size() < std::size_t(description.points); ++i) {
         const Philox4 random = philox(0, RngStream::kScene, 1, i);
@@ -77,15 +78,15 @@ PointCloud sample_points(const Description& description) {
 
 void note_violations(const Description& description, Scene& scene) {
     if (description.moved)
-        scene.notes.push_back(fmt::format("'{}' stands elsewhere in every {}. training view, as the scene asks for",
+        scene.notes.push_back(fmt::format("'{}' is moved in one of every {} training views, as the scene describes",
                                           description.moved->shape, description.moved->every));
     if (description.exposure)
         scene.notes.push_back(
-            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as the scene asks for",
+            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as the scene describes",
                         description.exposure->stops, description.exposure->white_balance));
     if (description.shadow)
         scene.notes.push_back(
-            fmt::format("a shadow passes through every {}. training view, as the scene asks for", description.shadow->every));
+            fmt::format("a shadow falls into one of every {} training views, as the scene describes", description.shadow->every));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Intersections, shadows, shading and the pixel loop of the procedural scenes.
+// Implements intersections, shadows, shading and the pixel loop of the procedural scenes.
 #include "lib/scene/procedural_caster.h"
 
 #include <Eigen/Geometry>
@@ -14,11 +14,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Offset of secondary rays, world units: far above double rounding, far below anything visible.
+/// Offset of secondary rays, world units. It is far above double rounding and far below anything visible.
 constexpr double kSurfaceOffset = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Smallest positive t of the hit, or infinity; the outward normal is found only for the winner.
+/// Returns the smallest positive t of a hit, or infinity. Only the nearest hit gets a normal, later.
 double hit_distance(const Shape& shape, const Ray& ray) {
     if (shape.kind == ShapeKind::kSphere) {
         const Vector3d to_center = shape.center - ray.origin;
@@ -29,7 +29,8 @@ double hit_distance(const Shape& shape, const Ray& ray) {
         if (along - half_chord > 0) return along - half_chord;
         return along + half_chord > 0 ? along + half_chord : kInfinity;
     }
-    if (shape.kind == ShapeKind::kBox) {  // most rays pass by far away: cheaper to see before turning them
+    // most rays miss the bounding sphere; this test is cheaper than turning the ray
+    if (shape.kind == ShapeKind::kBox) {
         const Vector3d to_center = shape.center - ray.origin;
         const double along = to_center.dot(ray.direction);
         if (to_center.squaredNorm() - along * along > shape.half_size.squaredNorm() * (1 + 1e-9)) return kInfinity;
@@ -67,14 +68,14 @@ Vector3d surface_normal(const Shape& shape, const Vector3d& position) {
 Vector3d albedo_at(const Hit& hit) {
     const Material& material = hit.shape->material;
     if (material.checker <= 0) return material.albedo;
-    // A point just inside the surface: a face that coincides with a border of the checker would otherwise flicker.
+    // A point just inside the surface; otherwise a face that coincides with a border of the checker would flicker.
     const Vector3d inside = hit.position - kSurfaceOffset * hit.normal;
     const Vector3d cell = (hit.shape->rotation.transpose() * (inside - hit.shape->center)) / material.checker;
     const auto parity = std::int64_t(std::floor(cell.x())) + std::int64_t(std::floor(cell.y())) + std::int64_t(std::floor(cell.z()));
     return (parity & 1) == 0 ? material.albedo : material.albedo2;
 }
 
-/// Adds what one light sample contributes, `weight` being its share of the light.
+/// Adds the contribution of one light sample; `weight` is its share of the light.
 void add_light(const World& world, const Hit& hit, const Vector3d& mirror, const Light& light, const Vector3d& to_light, double distance,
                double weight, Radiance& out) {
     const double cosine = hit.normal.dot(to_light);

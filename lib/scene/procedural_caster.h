@@ -12,7 +12,7 @@
 
 namespace gs::procedural {
 
-/// Surface of a shape. The checker alternates `albedo` and `albedo2` in cubes of side `checker` of object space.
+/// The surface of a shape. The checker alternates `albedo` and `albedo2` in cubes of side `checker` of object space.
 struct Material {
     Eigen::Vector3d albedo{0.8, 0.8, 0.8};
     Eigen::Vector3d albedo2{0.8, 0.8, 0.8};
@@ -33,34 +33,34 @@ struct Shape {
     Eigen::Vector3d half_size{1, 1, 1};
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< world_from_object
     Material material;
-    bool shadow_only = false;  ///< never seen, only blocks light
+    bool shadow_only = false;  ///< invisible, only blocks light
 };
 
-/// A parallelogram center + s*edge_u + t*edge_v, s,t in [-1,1], sampled by a fixed grid; or a directional light.
+/// A directional light, or the parallelogram center + s*edge_u + t*edge_v, s,t in [-1,1], sampled on a fixed grid.
 struct Light {
     bool directional = true;
     Eigen::Vector3d direction{0, 0, 1};  ///< unit, towards the light (directional)
     Eigen::Vector3d center{0, 0, 5}, edge_u{1, 0, 0}, edge_v{0, 1, 0};
     int samples = 3;                 ///< grid is samples x samples (area light)
-    Eigen::Vector3d color{1, 1, 1};  ///< diffuse reflection of a white surface that faces the unshadowed light
+    Eigen::Vector3d color{1, 1, 1};  ///< diffuse reflection of an unshadowed white surface that faces the light
 };
 
-/// Colour of direction d (unit): lerp(horizon, zenith, max(d.z, 0)), and `ground` below the horizon.
+/// The sky's colour in the unit direction d: lerp(horizon, zenith, d.z), and `ground` below the horizon.
 struct Sky {
     Eigen::Vector3d zenith{0.4, 0.5, 0.7}, horizon{0.7, 0.7, 0.7}, ground{0.2, 0.2, 0.2};
 };
 
-/// Everything that decides a pixel. World axes: z up. Colours are display values: no tone curve is applied.
+/// Everything that determines a pixel. World axes: z up. Colours are display values: no tone curve is applied.
 struct World {
     std::vector<Shape> shapes;
     std::vector<Light> lights;
     Sky sky;
     double ambient = 0.3;                       ///< factor of the sky colour in the normal's direction
-    std::optional<Eigen::Vector3d> background;  ///< what rays into the void see; none = the sky
+    std::optional<Eigen::Vector3d> background;  ///< colour of rays that hit nothing; empty = the sky
 };
 
 struct Ray {
-    Eigen::Vector3d origin, direction;  ///< direction of unit length
+    Eigen::Vector3d origin, direction;  ///< `direction` has unit length
 };
 
 struct Hit {
@@ -69,29 +69,33 @@ struct Hit {
     const Shape* shape = nullptr;
 };
 
-/// Light leaving a point towards the eye, split into what does not and what does depend on the direction.
+/// Light that leaves a point towards the eye. `diffuse` does not depend on the direction, `specular` does.
 struct Radiance {
     Eigen::Vector3d diffuse{0, 0, 0}, specular{0, 0, 0};
 };
 
-/// Ray through image position (x, y); the centre of the first pixel is (0.5, 0.5).
+/// Returns the ray through image position (x, y), pixels; the centre of the first pixel is (0.5, 0.5).
 Ray camera_ray(const Camera& camera, double x, double y);
 
-/// Nearest visible surface in front of the ray's origin.
+/// Returns the nearest visible surface in front of the ray's origin, if there is one.
 std::optional<Hit> intersect(const World& world, const Ray& ray);
 
-/// Whether anything lies between `point` (moved off the surface along `normal`) and a distance `limit` along `direction`.
+/// Returns true if a shape lies within the distance `limit` of `point` along `direction`. The ray starts slightly off
+/// the surface, along `normal`.
 bool occluded(const World& world, const Eigen::Vector3d& point, const Eigen::Vector3d& normal, const Eigen::Vector3d& direction,
               double limit);
 
-/// Shading of a hit seen along `direction` (unit, from the eye).
+/// Shades a hit seen along `direction` (unit, from the eye):
 /// diffuse = albedo * (ambient * sky(n) + sum over lights of color * max(n.l, 0) * visible fraction);
-/// specular = strength * (sum over lights of color * max(mirror.l, 0)^sharpness * visible fraction + ambient * sky(mirror)).
+/// specular = strength * (sum over lights of color * max(mirror.l, 0)^sharpness * visible fraction + ambient *
+/// sky(mirror)).
 Radiance shade(const World& world, const Hit& hit, const Eigen::Vector3d& direction);
 
+/// Returns the sky's colour in a unit direction.
 Eigen::Vector3d sky_color(const Sky& sky, const Eigen::Vector3d& direction);
 
-/// Float (H,W,3) image, the mean of grid x grid rays per pixel, not clamped. Deterministic for any number of threads.
+/// Returns a float (H,W,3) image, not clamped; each pixel is the mean of grid x grid rays. The result does not depend
+/// on the number of threads.
 Image render(const World& world, const Camera& camera, int grid);
 
 }  // namespace gs::procedural

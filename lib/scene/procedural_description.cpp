@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// From YAML to a procedural scene's description, and from the description to single views.
+// Reads a procedural scene's description from YAML and makes single views of it.
 #include "lib/scene/procedural_description.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/fmt/ranges.h>
+#include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -21,9 +20,11 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kDegree = M_PI / 180;
-constexpr double kFar = 1e6;                        ///< limit of coordinates: far beyond any use, still exact arithmetic
+/// limit of coordinates: far larger than any use needs, and arithmetic is still exact
+constexpr double kFar = 1e6;
 constexpr double kGoldenTurn = 0.6180339887498949;  ///< golden ratio - 1: spreads directions evenly for any count
-constexpr double kMaxColor = 10;                    ///< lights may be brighter than white, but a slip of a digit is caught
+/// lights may be brighter than white, but a mistyped digit is caught
+constexpr double kMaxColor = 10;
 
 const std::vector<std::string> kTopKeys = {"base",       "shapes",  "lights",     "sky",    "ambient",
                                            "background", "cameras", "pixel_grid", "points", "violations"};
@@ -120,7 +121,7 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     section.read("height", rig.height, 8, 16384);
     section.read("fov", rig.fov, 1, 170);
     section.read("radius", rig.radius, 1e-3, kFar);
-    // Not straight up or down: there the picture's "up" is undefined.
+    // Straight up and down are excluded, because the picture's "up" is undefined there.
     section.read("elevation_min", rig.elevation_min, -89, 89);
     section.read("elevation_max", rig.elevation_max, rig.elevation_min, 89);
     section.read("look_at", rig.look_at, -kFar, kFar);
@@ -175,7 +176,7 @@ const char* known_scene(const std::string& name) {
                                  fmt::join(embedded_scene_names(), ", ")));
 }
 
-/// Follows `base: NAME`: keys of the file replace the same keys of the scene it builds on.
+/// Merges `base: NAME`: keys of the file replace the same keys of the base scene.
 YAML::Node with_base(const YAML::Node& node) {
     if (!node.IsMap() || !node["base"]) return node;
     YAML::Node merged = with_base(YAML::Load(known_scene(node["base"].as<std::string>())));
@@ -187,7 +188,7 @@ YAML::Node with_base(const YAML::Node& node) {
 
 Description parse_description(const std::string& text, const std::string& origin) {
     const YAML::Node own = parse_yaml(text, origin);
-    const YamlSection checked(own, origin, kTopKeys);  // before merging, so that messages are about this file
+    const YamlSection checked(own, origin, kTopKeys);  // before merging, so that messages refer to this file
     std::string base;
     checked.read("base", base);
     const YamlSection top(with_base(own), origin, kTopKeys);
@@ -210,8 +211,8 @@ Description load_description(const std::string& name) {
 }
 
 Camera rig_camera(const CameraRig& rig, bool test, int index) {
-    // Training azimuths follow the golden angle and climb steadily; test azimuths are even and their heights mixed, so
-    // that no test view repeats a training view.
+    // Training azimuths follow the golden angle and their heights climb steadily. Test azimuths are even and their
+    // heights mixed, so that no test view repeats a training view.
     const double count = test ? rig.test : rig.train;
     const double even = (index + 0.5) / count, spread = std::fmod(index * kGoldenTurn, 1.0);
     const double azimuth = 2 * M_PI * (test ? even : spread);
@@ -254,7 +255,8 @@ World train_world(const Description& description, int index) {
 Photography photography(const Description& description, bool test, int index) {
     if (!description.exposure) return {};
     const ExposureJitter& jitter = *description.exposure;
-    const Philox4 bits = philox(jitter.seed, RngStream::kScene, test ? 2 : 0, std::uint32_t(index)); // 1: initial points
+    // 1 = initial points
+    const Philox4 bits = philox(jitter.seed, RngStream::kScene, test ? 2 : 0, std::uint32_t(index));
     const auto drawn = [&](int k, double range) { return range * (2 * uniform_from_bits<double>(bits.v[k]) - 1); };
     const Vector3d gain(drawn(1, jitter.white_balance), drawn(2, jitter.white_balance), drawn(3, jitter.white_balance));
     Photography out;

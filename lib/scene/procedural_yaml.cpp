@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strict reading of the procedural scenes' YAML.
+// Reads the procedural scenes' YAML strictly.
 #include "lib/scene/procedural_yaml.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 

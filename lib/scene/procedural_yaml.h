@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A YAML mapping that must be understood completely: values are checked as they are read, unknown keys are errors.
+// A YAML mapping that is read strictly: values are checked as they are read, and unknown keys are errors.
 #pragma once
 
 #include <yaml-cpp/yaml.h>
@@ -19,11 +19,11 @@ class YamlSection {
     bool has(const std::string& key) const { return node_[key].IsDefined(); }
     std::string where(const std::string& key) const { return where_ + "." + key; }
     YAML::Node node(const std::string& key) const { return node_[key]; }
-    /// Elements of a list; empty when the key is absent.
+    /// Returns the elements of a list, none when the key is absent. Throws UsageError when the value is not a list.
     std::vector<YAML::Node> items(const std::string& key) const;
 
-    // Each leaves `out` as it is when the key is absent and throws UsageError for a wrong type or a value outside
-    // [low, high].
+    // Each `read` leaves `out` unchanged when the key is absent. It throws UsageError for a wrong type or a value
+    // outside [low, high].
     void read(const std::string& key, std::string& out) const;
     void read(const std::string& key, bool& out) const;
     void read(const std::string& key, double& out, double low, double high) const;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Resizes cameras, images and views.
 #include "lib/scene/resized.h"
 
 #include <algorithm>

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views at another size.
+// Resizes cameras, images and views.
 #pragma once
 
 #include "lib/scene/scene.h"
 
 namespace gs {
 
-/// The same picture in width x height pixels: intrinsics to match.
+/// Returns the camera of the same picture in width x height pixels, with scaled intrinsics.
 Camera resized(Camera camera, int width, int height);
 
-/// Image and mask, by a box filter where they shrink; as they are where the size is that already.
+/// Resizes image and mask, with a box filter where they shrink. Returns an image that already has the size unchanged.
 ViewImage resized(ViewImage image, int width, int height);
 
-/// `view` at most `width` pixels wide, at least 1 pixel high. One that is not wider stays as it is.
+/// Returns `view` with at most `width` pixels in width and at least 1 in height. A view that is not wider is unchanged.
 View smaller_view(View view, int width);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the dataset readers hand to load_scene: images with their lenses, before undistortion, resizing and the split.
+// The result of the dataset readers: images with their lenses, before undistortion, resizing and the split.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,9 +20,9 @@ struct SourceView {
     std::filesystem::path image_path;  ///< exists and has a readable header
     ImageInfo info;
     LensCamera lens;                                         ///< for the image's actual size
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-    int camera_id = 0;  ///< of the device that took it, as the dataset numbers them
+    int camera_id = 0;  ///< device that took it, as the dataset numbers them
     std::optional<MaskFile> mask;
     bool given_test = false;  ///< the dataset assigns this view to its test set
 };
@@ -30,24 +30,25 @@ struct SourceView {
 struct SourceScene {
     std::string kind, image_folder;
     std::vector<SourceView> views;
-    std::string given_split;  ///< in words; empty if the dataset does not come with a split
-    int prescaled = 1;        ///< factor of the image folder that already answers SceneOptions::resolution
+    std::string given_split;  ///< name of the dataset's own split; empty if it has none
+    /// divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
+    int prescaled = 1;
     PointCloud points;
     double random_init_half_extent = 0;
     std::vector<std::string> notes;
 };
 
-/// Looks at image files before they are used and collects what is wrong with them.
+/// Checks image files before they are used and collects the problems.
 class Preflight {
   public:
-    /// True if `file` is an image with a readable header and a new name: then fills view.image_path and view.info.
-    /// Otherwise remembers why the view is left out.
+    /// Fills view.image_path and view.info and returns true if `file` is an image with a readable header and view.name
+    /// is new. Otherwise records why the view is left out and returns false.
     bool accept_file(SourceView& view, const std::optional<std::filesystem::path>& file);
 
-    /// Scales view.lens from its nominal size to that of view.info, and remembers if they differ.
+    /// Scales view.lens from its nominal size to that of view.info, and records a difference.
     void fit_lens(SourceView& view);
 
-    /// One line for each kind of finding. Throws DataError, starting with `where`, if no image at all was accepted.
+    /// Returns one line for each kind of finding. Throws DataError, starting with `where`, if no image was accepted.
     std::vector<std::string> report(const std::string& where) const;
 
   private:
@@ -55,16 +56,18 @@ class Preflight {
     std::set<std::string> names_;
 };
 
-/// One line about points that project into no image; nothing if there are none.
+/// Returns one line about points that project into no image, nothing if there are none.
 std::optional<std::string> check_points(const std::vector<View>& views, const PointCloud& points);
 
+/// Loads the COLMAP scene in the folder `scene`, whose model lies in the folder `model`. Throws DataError.
 SourceScene load_colmap(const std::filesystem::path& scene, const std::filesystem::path& model, const SceneOptions& options);
-/// `folder` holds transforms_train.json.
+/// Loads the folder that holds transforms_train.json.
 SourceScene load_nerf_synthetic(const std::filesystem::path& folder);
-/// `file` is a transforms.json.
+/// Loads one transforms.json.
 SourceScene load_transforms(const std::filesystem::path& file);
 
-/// Points of a PLY with x,y,z and, if present, red,green,blue (0..255 or, as float, 0..1).
+/// Reads the points of a PLY with x,y,z and, if present, red,green,blue (0..255 or, as float, 0..1). Points without
+/// colour are grey; non-finite points are left out.
 PointCloud read_point_ply(const std::filesystem::path& path);
 
 }  // namespace gs

@@ -19,13 +19,13 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// A value as text for a message, shortened.
+/// Returns a value as text for a message, shortened.
 std::string shown(const json& value) {
     std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
     return text.size() > 60 ? text.substr(0, 60) + "..." : text;
 }
 
-/// One JSON object together with where it is, for messages.
+/// A JSON object together with its place in the file, for messages.
 class Object {
   public:
     Object(const json& value, std::string where) : value_(value), where_(std::move(where)) {
@@ -52,7 +52,7 @@ class Object {
         return value;
     }
 
-    /// A field of view; `to_radians` converts its unit.
+    /// Reads a field of view, returned in radians; `to_radians` is the factor from the file's unit.
     std::optional<double> angle(const char* key, double to_radians) const {
         const std::optional<double> value = number(key);
         if (!value) return {};
@@ -101,14 +101,14 @@ std::optional<int> size(const Object& object, const char* key) {
     return int(*value);
 }
 
-/// First value found in frame, then file.
+/// Returns the frame's value, else the file's.
 template <class Get>
 auto inherited(const Object& frame, const Object& file, Get get) {
     auto value = get(frame);
     return value ? value : get(file);
 }
 
-/// Takes the focal length of one level; true if there is one.
+/// Reads the focal length of one level; returns true if there is one.
 bool read_focal(const Object& object, TransformsIntrinsics& out) {
     out.focal_x = object.positive("fl_x");
     out.focal_y = object.positive("fl_y");
@@ -173,7 +173,8 @@ TransformsIntrinsics read_intrinsics(const Object& frame, const Object& file) {
     return out;
 }
 
-/// Turns a camera-to-world matrix with OpenGL axes into cam_from_world with OpenCV axes. Returns true if it held a scale.
+/// Turns a camera-to-world matrix with OpenGL axes into cam_from_world with OpenCV axes. Returns true if it has a
+/// scale.
 bool read_pose(const Object& frame, TransformsFrame& out) {
     constexpr const char* kKey = "transform_matrix";
     const json& rows = frame.required(kKey);
@@ -191,7 +192,7 @@ bool read_pose(const Object& frame, TransformsFrame& out) {
     if (!c2w.allFinite() || !(scale > 1e-12) || !std::isfinite(scale)) frame.fail(kKey, "a finite rigid transform", rows);
     axes /= scale;
     const Eigen::Matrix3d gram = axes.transpose() * axes;
-    // Published matrices are rounded to 6 digits or more; two percent is damage or a shear.
+    // Published matrices are rounded to 6 digits or more, so a deviation of two percent is damage or a shear.
     if (!(gram - Eigen::Matrix3d::Identity()).isZero(0.02) || axes.determinant() < 0)
         frame.fail(kKey, "a rotation (no shear, no mirroring) and a translation", rows);
     Eigen::Matrix3d rotation = Eigen::Quaterniond(axes).normalized().toRotationMatrix();
@@ -264,7 +265,7 @@ LensCamera resolve_intrinsics(const TransformsIntrinsics& in, int image_width, i
     if (!fx && !fy)
         throw DataError(
             fmt::format("{}: no focal length; one of the keys fl_x, fl_y, camera_angle_x, camera_angle_y, x_fov, y_fov is needed", where));
-    // One given focal length means square pixels.
+    // If only one focal length is given, pixels are square.
     lens.fx = fx ? *fx : *fy;
     lens.fy = fy ? *fy : *fx;
     lens.cx = in.cx.value_or(0.5 * lens.width);

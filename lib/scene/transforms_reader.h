@@ -12,8 +12,8 @@
 
 namespace gs {
 
-/// Intrinsics as the file gives them. Lengths in pixels of a w x h image, angles in radians; what is absent is derived from the
-/// image size when it is known.
+/// Intrinsics as the file gives them. Lengths are in pixels of a w x h image, angles in radians. resolve_intrinsics
+/// derives the absent ones from the image size.
 struct TransformsIntrinsics {
     std::optional<int> width, height;
     std::optional<double> focal_x, focal_y, angle_x, angle_y, cx, cy;
@@ -22,31 +22,31 @@ struct TransformsIntrinsics {
 };
 
 struct TransformsFrame {
-    std::string file_path;  ///< as written, but with '/' and without leading "./"
-    std::string mask_path;  ///< the same way; empty if absent
+    std::string file_path;  ///< as in the file, but with '/' and without leading "./"
+    std::string mask_path;  ///< in the same form; empty if absent
     TransformsIntrinsics intrinsics;
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< of cam_from_world, OpenCV axes
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world, OpenCV axes
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 };
 
 struct TransformsFile {
     std::filesystem::path path;
     std::vector<TransformsFrame> frames;  ///< in the order of the file
-    /// nerfstudio's explicit test views, names as in file_path; absent without that key.
+    /// nerfstudio's explicit test views, named as in file_path; nothing without that key.
     std::optional<std::vector<std::string>> test_filenames;
     std::string point_file;  ///< ply_file_path; empty if absent
     std::vector<std::string> notes;
 };
 
-/// Parses a file (comments allowed). Per-frame keys override top-level ones; the focal length comes from frame lengths, frame
-/// angles, file lengths, file angles, whichever is found first. Camera axes are converted from OpenGL to OpenCV; world
-/// coordinates stay as they are (applied_transform and instant-ngp's scale and offset concern other frames and are ignored).
-/// Throws DataError naming file, frame, key and value for missing keys, wrong types, unsupported lenses and matrices that are
-/// no rigid transforms.
+/// Parses a file (comments allowed). Per-frame keys override top-level ones. The focal length comes from the first of
+/// these that is present: frame lengths, frame angles, file lengths, file angles. Camera axes are converted from OpenGL
+/// to OpenCV. World coordinates stay as they are: applied_transform and instant-ngp's scale and offset concern other
+/// frames and are ignored. Throws DataError naming file, frame, key and value for missing keys, wrong types,
+/// unsupported lenses and matrices that are no rigid transforms.
 TransformsFile read_transforms(const std::filesystem::path& path);
 
-/// The lens of a frame at its nominal size: w, h of the file, or else the size of the image.
-/// Throws DataError, starting with `where`, if the file gives no focal length.
+/// Returns the lens of a frame at its nominal size: w, h of the file, or else the size of the image. Throws DataError,
+/// starting with `where`, if the file gives no focal length.
 LensCamera resolve_intrinsics(const TransformsIntrinsics& intrinsics, int image_width, int image_height, const std::string& where);
 
 }  // namespace gs

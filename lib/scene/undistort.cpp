@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one place where lens distortion is removed from images: everything behind it sees pinhole cameras.
+// Removes lens distortion from images. This is the one place that does: everything after it sees pinhole cameras.
 #include "lib/scene/undistort.h"
 
 #include <fmt/format.h>
@@ -18,14 +18,15 @@ using Eigen::Vector2d;
 // Rays steeper than this (84 degrees from the axis) stretch a pinhole image beyond use, so the borders ignore them.
 constexpr double kMaxTangent = 10;
 
-/// Where a source pixel lands in the pinhole image of the same intrinsics.
+/// Returns the position of a source pixel in the pinhole image of the same intrinsics.
 std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
     const auto ray = unproject(lens, {x, y});
     if (!ray || std::hypot(ray->x(), ray->y()) > kMaxTangent) return {};
     return Vector2d(lens.fx * ray->x() + lens.cx, lens.fy * ray->y() + lens.cy);
 }
 
-/// Size factor of one axis: how far the innermost traced borders stay from the principal point, against the borders themselves.
+/// Returns the size factor of one axis: the distance of the innermost traced borders from the principal point, relative
+/// to that of the original borders. Throws DataError for folded borders.
 double axis_scale(double center, int size, double low_max, double high_min, const std::string& where) {
     const double low = center - low_max, high = high_min - center;
     if (!(low > 0 && high > 0))
@@ -34,7 +35,8 @@ double axis_scale(double center, int size, double low_max, double high_min, cons
     return std::clamp(1 / shrink, 0.2, 2.0);
 }
 
-/// Bilinear sample of all channels at a pixel position inside the image, colour premultiplied by alpha where there is one.
+/// Samples all channels bilinearly at a pixel position inside the image; colour is premultiplied by alpha where there
+/// is one.
 void sample(const Image& image, double px, double py, float* out) {
     const double x = std::clamp(px - 0.5, 0.0, image.width - 1.0), y = std::clamp(py - 0.5, 0.0, image.height - 1.0);
     const int x0 = int(x), y0 = int(y), x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);

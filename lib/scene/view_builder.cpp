@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns a source image with its lens into a view: pinhole camera at the training size and a function that loads its pixels.
+// Turns a source image with its lens into a view: a pinhole camera at the training size and a function that loads the
+// pixels.
 #include "lib/scene/view_builder.h"
 
 #include <fmt/format.h>
@@ -14,15 +15,16 @@
 namespace gs {
 namespace {
 
-// What 3DGS trains at unless told otherwise; larger photographs cost time without a visible gain there.
+// The default width of 3DGS, pixels. Larger photographs cost time there without a visible gain.
 constexpr int kDefaultMaxWidth = 1600;
 
-/// Everything a loader thread needs, by value.
+/// All data that a loader thread needs, held by value.
 struct LoadJob {
     SourceView source;
     Camera pinhole;  ///< after undistortion, before resizing
     int width, height;
-    std::string alpha_mode, mask_mode;
+    AlphaMode alpha_mode;
+    MaskMode mask_mode;
     bool invert_masks;
 
     ViewImage operator()() const {
@@ -74,11 +76,11 @@ View ViewBuilder::build(const SourceView& source) {
         camera = resized(camera, width, height);
     }
 
-    const bool mask_to_alpha = source.mask && options_.mask_mode == "transparent";
-    const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == "mask";
+    const bool mask_to_alpha = source.mask && options_.mask_mode == MaskMode::kTransparent;
+    const bool alpha_to_mask = source.info.channels == 4 && options_.alpha_mode == AlphaMode::kMask;
     const bool alpha =
-        (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha || (alpha_to_mask && options_.mask_mode == "transparent");
-    const bool mask = (source.mask || alpha_to_mask) && options_.mask_mode != "transparent";
+        (source.info.channels == 4 && !alpha_to_mask) || mask_to_alpha || (alpha_to_mask && options_.mask_mode == MaskMode::kTransparent);
+    const bool mask = (source.mask || alpha_to_mask) && options_.mask_mode != MaskMode::kTransparent;
     has_alpha_ = has_alpha_ || alpha;
     View view;
     view.name = source.name;

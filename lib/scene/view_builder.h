@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns a source image with its lens into a view: pinhole camera at the training size and a function that loads its pixels.
+// Turns a source image with its lens into a view: a pinhole camera at the training size and a function that loads the
+// pixels.
 #pragma once
 
 #include "lib/scene/source_scene.h"
 
 namespace gs {
 
-/// Builds views one after the other and counts what it did to them.
+/// Builds views one after the other and counts which of them it undistorted or resized.
 class ViewBuilder {
   public:
-    /// `prescaled`: the images already have the size that options.resolution asks for.
+    /// `prescaled` is the divisor by which the image folder is already scaled; above 1, options.resolution is not
+    /// applied again.
     ViewBuilder(const SceneOptions& options, int prescaled) : options_(options), prescaled_(prescaled) {}
 
-    /// Throws DataError for lenses that no pinhole can replace.
+    /// Builds one view. Throws DataError for lenses that no pinhole can replace.
     View build(const SourceView& source);
 
-    /// One line each about undistortion and resizing.
+    /// Returns one line each about undistortion and resizing.
     std::vector<std::string> notes() const;
     bool has_alpha() const { return has_alpha_; }
 
@@ -24,7 +26,7 @@ class ViewBuilder {
 
     SceneOptions options_;
     int prescaled_;
-    LensCamera last_lens_;  ///< most scenes have one lens, whose borders need to be traced only once
+    LensCamera last_lens_;  ///< kept because most scenes have one lens: its borders are traced only once
     Camera last_pinhole_;
     std::size_t undistorted_ = 0, resized_ = 0, capped_ = 0, kept_small_ = 0;
     std::string undistorted_model_, resized_example_;

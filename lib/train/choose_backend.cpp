@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the device for a model and for its scores.
 #include "lib/train/choose_backend.h"
-
-#include <spdlog/spdlog.h>
 
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/bytes.h"
+#include "lib/core/log.h"
 
 namespace gs {
 
-bool uses_cuda(const std::string& device) { return device == "cuda" || (device == "auto" && cuda_available()); }
+bool uses_cuda(Device device) { return device == Device::kCuda || (device == Device::kAuto && cuda_available()); }
 
 BackendOptions backend_options(const TrainOptions& options) {
     return {.deterministic = options.deterministic,
@@ -17,24 +17,24 @@ BackendOptions backend_options(const TrainOptions& options) {
             .image_budget = std::int64_t(parse_bytes(options.image_cache)),
             .min_alpha = kMinAlpha * options.alpha_cutoff,
             .min_transmittance = options.transmittance_cutoff,
-            .half_residuals = options.appearance_storage == "fp16",
-            .packed_moments = options.appearance_moments == "bf16"};
+            .half_residuals = options.appearance_storage == AppearanceStorage::kFp16,
+            .packed_moments = options.appearance_moments == AppearanceMoments::kBf16};
 }
 
-std::unique_ptr<Backend> make_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
     if (!cuda && (options.half_residuals || options.packed_moments))
-        throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " is of the GPU; the CPU computes in fp32");
+        throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " needs a GPU; the CPU computes in fp32");
     return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
 }
 
-std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
     auto backend = make_backend(device, appearance, options);
-    const bool fallback = device == "auto" && !uses_cuda(device);
-    spdlog::info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
+    const bool fallback = device == Device::kAuto && !uses_cuda(device);
+    log_info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }
 
-std::unique_ptr<TensorEngine> choose_tensor_engine(const std::string& device) { return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine(); }
+std::unique_ptr<TensorEngine> choose_tensor_engine(Device device) { return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine(); }
 
 }  // namespace gs

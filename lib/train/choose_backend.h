@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which device a model runs on, and its scores are computed on.
+// Chooses the device for a model and for its scores.
 #pragma once
 
-#include <string>
 
 #include "kernels/backend.h"
 #include "kernels/tensors/tensor_engine.h"
@@ -10,19 +9,19 @@
 
 namespace gs {
 
-/// Whether `device` ("cpu", "cuda", or "auto": CUDA where there is one) means the GPU on this machine.
-bool uses_cuda(const std::string& device);
+/// Returns true if `device` means the GPU on this machine; with kAuto that is so if there is one.
+bool uses_cuda(Device device);
 
-/// What the options of a run say about its backend.
+/// Returns the part of a run's options that concerns the backend.
 BackendOptions backend_options(const TrainOptions& options);
 
-/// Throws DeviceError for "cuda" without a device, UsageError for options of the GPU on the CPU.
-std::unique_ptr<Backend> make_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
+/// Makes the backend. Throws DeviceError for kCuda without a device, UsageError for GPU-only options on the CPU.
+std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
 
-/// The same, and one line of the log says which; of an "auto" that found no GPU, also why.
-std::unique_ptr<Backend> choose_backend(const std::string& device, const AppearanceSpec& appearance, const BackendOptions& options);
+/// Makes the backend as above and logs its device; for a kAuto that found no GPU also the reason.
+std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options);
 
-/// What learned metrics compute on. Throws as above.
-std::unique_ptr<TensorEngine> choose_tensor_engine(const std::string& device);
+/// Makes the engine on which learned metrics compute. Throws DeviceError as make_backend does.
+std::unique_ptr<TensorEngine> choose_tensor_engine(Device device);
 
 }  // namespace gs

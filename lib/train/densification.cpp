@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Schedules the changes of the set of Gaussians.
 #include "lib/train/densification.h"
 
 #include <algorithm>
@@ -8,18 +9,19 @@
 namespace gs {
 namespace {
 
-/// Iterations between Morton sorts (locality decays as rows are appended).
+/// Iterations between Morton sorts. Locality decays as rows are appended.
 constexpr std::int64_t kMortonInterval = 5000;
-/// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown what is needed.
+/// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
+/// needed.
 constexpr std::int64_t kPruneLargeFrom = 3000;
-/// ADC resets once more, early, when a bright background could be taken for geometry.
+/// ADC resets opacity once more, early, when a bright background could be taken for geometry.
 constexpr std::int64_t kExtraReset = 500;
 
-/// Speedy-Splat's pruning (docs/math/densification.md#schedule): not before two opacity resets have shown what is
-/// needed, then with every third thousand. These are iterations of the reference; they do not stretch with the length
-/// of a run.
+/// Speedy-Splat's pruning (docs/math/densification.md#schedule) starts after two opacity resets have shown which
+/// Gaussians are needed, and repeats every 3000 iterations. These are iterations of the reference; they do not stretch
+/// with the length of a run.
 constexpr std::int64_t kScorePruneFrom = 6000, kScorePruneInterval = 3000;
-/// While ADC still grows what is missing most can go; afterwards nothing comes back.
+/// Shares removed. While ADC still grows missing Gaussians, most can go; afterwards nothing comes back.
 constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 
 }  // namespace
@@ -40,8 +42,8 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         if (iteration > 0) degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
         backend.set_active_degree(degree_);
     }
-    const bool adc = options_.strategy == "adc";
-    const bool due = options_.strategy != "none" && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
+    const bool adc = options_.strategy == Strategy::kAdc;
+    const bool due = options_.strategy != Strategy::kNone && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
                      (iteration - options_.densify_from_iter) % options_.densification_interval == 0;
     if (due && adc) {
         AdcParams p;
@@ -55,7 +57,7 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
         p.cap = options_.cap_max;
         static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
     }
-    // Before the opacity reset, after which all Gaussians look alike.
+    // Prune before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
     if (iteration % kMortonInterval == 0 && iteration <= options_.densify_until_iter + kMortonInterval) backend.morton_sort();
     const bool reset = iteration > 0 && iteration < options_.densify_until_iter &&

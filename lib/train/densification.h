@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When the set of Gaussians changes (docs/math/densification.md#schedule).
+// Schedules the changes of the set of Gaussians (docs/math/densification.md#schedule).
 #pragma once
 
 #include <vector>
@@ -9,35 +9,35 @@
 
 namespace gs {
 
-/// Iterations between degree steps.
+/// Iterations between steps of the active degree.
 inline constexpr std::int64_t kDegreeInterval = 1000;
 
-/// What a densification did, and how many Gaussians Speedy-Splat's pruning removed after it.
+/// The result of a densification, and the number of Gaussians that Speedy-Splat's pruning removed after it.
 struct ScheduledChange : DensifyStats {
     std::int64_t pruned_by_score = 0;
 };
 
-/// Everything that happens before the step of an iteration: degree, densification, pruning, Morton order, opacity reset; and
-/// the pruning after a step.
+/// Everything that happens before the step of an iteration (degree, densification, pruning, Morton order, opacity
+/// reset), and the pruning after a step.
 class DensificationSchedule {
   public:
-    /// `options` validated; `black_background` spares ADC its early extra reset; `views`: all training views, for the scores of
-    /// Speedy-Splat's pruning.
+    /// `options` must be validated and outlive the object. `black_background` spares ADC its early extra reset. `views`
+    /// are all training views, for the scores of Speedy-Splat's pruning. `extent` is in world units.
     DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background,
                           std::vector<RenderRequest> views);
 
-    /// Takes up a run whose checkpoint has this degree.
+    /// Continues a run whose checkpoint has this degree.
     void resume(int active_degree) { degree_ = active_degree; }
 
-    /// Runs what is due before the step of `iteration` (0-based). With `hold_view_dependence`, which is read where the degree would rise,
-    /// colours do not depend on the view for now. Returns what densification and pruning did; all zero where they
-    /// were not due.
+    /// Runs the changes due before the step of `iteration` (0-based). `hold_view_dependence` is read where the degree
+    /// would rise; with it colours do not depend on the view for now. Returns the result of densification and pruning,
+    /// all zero if they were not due.
     ScheduledChange before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence = false);
 
-    /// Runs what is due after that step.
+    /// Runs the changes due after that step.
     ScheduledChange after_step(Backend& backend, std::int64_t iteration);
 
-    /// The degree active in the last step: one more at 1000, 2000, ..., where it was not held.
+    /// Returns the degree active in the last step: one more at 1000, 2000, ..., unless it was held.
     int active_degree() const { return degree_; }
 
   private:

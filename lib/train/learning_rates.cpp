@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the learning rates of all groups over time.
 #include "lib/train/learning_rates.h"
-
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "lib/core/log.h"
+
 namespace gs {
 namespace {
 
-/// The spacing, in world units, at which rates that depend on it have their plain values.
+/// The camera spacing, in world units, at which rates that depend on it have their plain values.
 constexpr double kNeutral = 0.3536;
 
 }  // namespace
@@ -19,18 +20,18 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
                                   double(options.position_lr_max_steps))),
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
-      noise_(options.strategy == "mcmc" ? options.noise_lr : 0) {
+      noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0) {
     spacing_ = camera_spacing(scene.train);
     opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
     appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.model_options});
 }
 
 void LearningRates::log(const TrainOptions& options) const {
-    if (std::isnan(options.opacity_lr)) spdlog::info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
+    if (std::isnan(options.opacity_lr)) log_info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
     double residual = 0;
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
-        spdlog::info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", options.appearance, appearance_.base.initial,
+        log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", options.appearance, appearance_.base.initial,
                      residual, appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
     }
 }

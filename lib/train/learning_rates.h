@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Learning rates of all groups over time (docs/math/optimization.md#learning-rates).
+// The learning rates of all groups over time (docs/math/optimization.md#learning-rates).
 #pragma once
 
 #include "appearance/model_info.h"
@@ -14,10 +14,11 @@ class LearningRates {
   public:
     LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
 
-    /// Fills the rates (and the noise factor, with MCMC) of the step after `iteration` finished ones.
+    /// Sets the rates (and, with MCMC, the noise factor) of the step after `iteration` finished ones.
     void apply(std::int64_t iteration, StepRequest& request) const;
 
-    /// The camera spacing decides some rates, in the scene's unit: worth seeing where a scene trains oddly. `options`: the same.
+    /// Logs the rates that depend on the camera spacing, in the scene's unit; a look at them helps when a scene trains
+    /// oddly. `options` must be those of the constructor.
     void log(const TrainOptions& options) const;
 
   private:
@@ -26,12 +27,13 @@ class LearningRates {
     double noise_ = 0, spacing_ = 0;
 };
 
-/// Rate of the opacity logits: `opacity_lr`, or where that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras `camera_spacing` = d
-/// apart, kept in 0.025..0.05: close to the default of ADC in dense captures, to that of MCMC in sparse ones.
+/// Returns the rate of the opacity logits: `opacity_lr`, or if that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras
+/// `camera_spacing` = d apart, kept in 0.025..0.05. This is close to the default of ADC in dense captures and to that
+/// of MCMC in sparse ones.
 double opacity_rate(double opacity_lr, double camera_spacing);
 
-/// Mean distance of a training camera to its 3 nearest neighbours, world units, at least 1e-6; 0.3536 (the distance that
-/// leaves rates as they are) for a single camera.
+/// Returns the mean distance of a training camera to its 3 nearest neighbours, world units, at least 1e-6. For a single
+/// camera it is 0.3536, the distance that leaves rates as they are.
 double camera_spacing(const std::vector<View>& views);
 
 }  // namespace gs

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+// Logs the memory plan of a run and describes the memory that it took.
 #include "lib/train/memory_plan.h"
 
-#include <spdlog/fmt/fmt.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 
 #include "appearance/model_info.h"
 #include "lib/core/bytes.h"
+#include "lib/core/log.h"
 #include "lib/train/choose_backend.h"
 
 namespace gs {
@@ -22,13 +23,14 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     }
     const double budget = double(parse_bytes(options.image_cache));
     const int floats = 3 + 3 + 4 + 1 + 3 + appearance_model(appearance.model).residual_width(appearance.max_degree);
-    // Parameter and two Adam moments, and what a step keeps. CPU: splat 40, tile list and counts 8, depth key 8 bytes; image,
-    // transmittance, gradient, target, nine SSIM derivative maps. CUDA: as `gsapp bench` prints it.
+    // Bytes of the parameters, two Adam moments and the buffers of a step. CPU: splat 40, tile list and counts 8, depth
+    // key 8 bytes; image, transmittance, gradient, target, nine SSIM derivative maps. CUDA: the values that `gsapp
+    // bench` prints.
     const bool cuda = uses_cuda(options.device);
     const double per_gaussian = 12.0 * floats + (cuda ? 104 : 56), per_pixel = cuda ? 60 : 4.0 * (3 + 1 + 3 + 3 + 9);
     const int per_instance = (cuda ? 21 : 58) + (cuda && options.deterministic ? 288 : 0);
-    const std::int64_t most = options.strategy == "none" ? num_gaussians : std::max(num_gaussians, options.cap_max);
-    spdlog::info("memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for a view of {:.1f} Mpx, plus "
+    const std::int64_t most = options.strategy == Strategy::kNone ? num_gaussians : std::max(num_gaussians, options.cap_max);
+    log_info("memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for a view of {:.1f} Mpx, plus "
                  "{} B per Gaussian-tile instance",
                  std::min(images, budget) / kMiB, images > budget ? " (all: " + std::to_string(std::int64_t(images / kMiB)) + " MiB, re-read beyond --image-cache)" : "",
                  num_gaussians, per_gaussian, per_gaussian * double(num_gaussians) / kMiB, per_gaussian * double(most) / kMiB, most, per_pixel * pixels / kMiB,
@@ -36,7 +38,7 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     const double total = std::min(images, budget) + per_gaussian * double(most) + per_pixel * pixels;
     const double memory = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
     if (total > memory)
-        spdlog::warn("the plan's {:.0f} MiB exceed this machine's {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
+        log_warning("the planned {:.0f} MiB exceed this machine's memory of {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
 }
 
 std::string memory_report(const MemoryUse& memory) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run will need in memory, said before it starts, and what it took.
+// Logs the memory that a run will need before it starts, and describes the memory that it took.
 #pragma once
 
 #include <string>
@@ -10,11 +10,11 @@
 
 namespace gs {
 
-/// Logs images against their budget, the model at its start and at the cap, and what a view takes; warns when the sum
-/// exceeds the machine's memory.
+/// Logs the memory of the images against their budget, of the model at its start and at the cap, and of one view. Warns
+/// when the sum exceeds the machine's memory.
 void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance, std::int64_t num_gaussians);
 
-/// One line: peak and present bytes of the device, and each row with its bytes per item.
+/// Returns one line: peak and present bytes of the device, and each row with its bytes per item.
 std::string memory_report(const MemoryUse& memory);
 
 }  // namespace gs

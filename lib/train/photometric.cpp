@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
+// Handles photometric differences between a run's images with PPISP.
 #include "lib/train/photometric.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
 
-/// Names that a message lists before it stops.
+/// Number of names that a message lists.
 constexpr std::size_t kNamed = 3;
 
 }  // namespace
@@ -37,12 +39,12 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
     }
     if (!options.ppisp_from.empty())
         take_from(options.ppisp_from);
-    else if (options.ppisp == "on")
+    else if (options.ppisp == PpispMode::kOn)
         initial_ = begin();
     active_ = initial_.active();
-    if (options.ppisp == "auto" && options.iterations <= kPhotometricDecision)
-        spdlog::warn("--ppisp auto decides after {} iterations, this run has {}: off", kPhotometricDecision, options.iterations);
-    if (active_) spdlog::info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
+    if (options.ppisp == PpispMode::kAuto && options.iterations <= kPhotometricDecision)
+        log_warning("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off", kPhotometricDecision, options.iterations);
+    if (active_) log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
 }
 
 PpispState Photometric::begin() const {
@@ -82,14 +84,14 @@ void Photometric::take_from(const std::filesystem::path& path) {
     }
     std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(), initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
     initial_.controller = std::move(from.state.controller);
-    file_.mean_exif = from.mean_exif; // what the controller learnt with
+    file_.mean_exif = from.mean_exif; // the value with which the controller was trained
     frozen_ = true;
 }
 
 void Photometric::resume(Gaussians& state, std::int64_t iteration) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
-        if (options_.ppisp == "off") throw UsageError("option ppisp: the checkpoint was trained with the correction; off cannot continue it");
+        if (options_.ppisp == PpispMode::kOff) throw UsageError("option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
         if (held.num_frames != int(scene_.train.size()) || held.num_cameras != scene_.num_cameras)
             throw DataError(fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of {}; is it another scene or split?", held.num_frames,
                                         held.num_cameras, scene_.train.size(), scene_.num_cameras));
@@ -103,11 +105,11 @@ void Photometric::resume(Gaussians& state, std::int64_t iteration) {
 
 std::optional<PhotometricDecision> Photometric::decide(Backend& backend, std::int64_t iteration, const Vec3<float>& background,
                                                        const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
-    if (options_.ppisp != "auto" || active_ || iteration != kPhotometricDecision) return {};
+    if (options_.ppisp != PpispMode::kAuto || active_ || iteration != kPhotometricDecision) return {};
     PhotometricDecision decision;
     decision.variation = measure_variation(backend, scene_.train, background, image);
     decision.on = decision.variation.nothing_to_tell.empty() && decision.variation.stops > kPhotometricThreshold;
-    spdlog::info("--ppisp auto: {}", describe(decision));
+    log_info("--ppisp auto: {}", describe(decision));
     if (decision.on) {
         backend.upload_ppisp(begin());
         active_ = true;
@@ -127,7 +129,7 @@ bool Photometric::holds_view_dependence(Backend& backend, std::int64_t iteration
     const double spread = std::sqrt(std::max(0.0, square - mean * mean));
     const bool hold = spread > kSpreadThatHolds;
     if (hold && !held_)
-        spdlog::info("exposures differ by {:.2f} stops: colours will not depend on the view before iteration {}", spread, std::min(kLongestHold, options_.iterations / 3));
+        log_info("exposures differ by {:.2f} stops: colours will not depend on the view before iteration {}", spread, std::min(kLongestHold, options_.iterations / 3));
     held_ = hold;
     return hold;
 }
@@ -160,7 +162,7 @@ void Photometric::report(Backend& backend) const {
         const double after_a = state.param[k * kIspFrameValues] - mean_a, after_b = *file_.frames[k].exif_exposure - mean_b;
         ab += a * after_b, aa += a * after_a, bb += b * after_b;
     }
-    if (aa > 0 && bb > 0) spdlog::info("exposures of {:.0f} images against EXIF: correlation {:.4f}, slope {:.3f}", n, ab / std::sqrt(aa * bb), ab / bb);
+    if (aa > 0 && bb > 0) log_info("exposures of {:.0f} images against EXIF: correlation {:.4f}, slope {:.3f}", n, ab / std::sqrt(aa * bb), ab / bb);
 }
 
 void Photometric::save(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const {

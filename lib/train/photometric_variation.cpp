@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures how much photographs differ in exposure and white balance.
 #include "lib/train/photometric_variation.h"
 
 #include <algorithm>
@@ -12,17 +13,17 @@
 namespace gs {
 namespace {
 
-/// Enough for a standard deviation to within 9 %.
+/// Enough images for a standard deviation to within 9 %.
 constexpr std::size_t kMaxImages = 64;
 constexpr int kGrid = 4, kBlocks = kGrid * kGrid;
-/// Mean value below which a block is all noise and rounding.
+/// Mean value below which a block is only noise and rounding.
 constexpr double kDark = 0.02;
-/// An image of which fewer blocks are left says nothing about its scatter.
+/// An image with fewer blocks left says nothing about its scatter and is not used.
 constexpr int kFewestBlocks = 4;
 
 using Blocks = std::array<std::optional<double>, kBlocks>;
 
-/// log2 of image over render, of one channel.
+/// Returns log2 of image over render for each block of one channel.
 Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec3<float>& background, int channel) {
     const Image& color = image.color;
     const double behind = channel == 0 ? background.x : channel == 1 ? background.y : background.z;
@@ -44,7 +45,7 @@ Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec
     return out;
 }
 
-/// Subtracts from each block what it has in common in all images.
+/// Subtracts from each block the median of that block over all images.
 void remove_common(std::vector<Blocks>& images) {
     for (std::size_t b = 0; b < kBlocks; ++b) {
         std::vector<double> values;
@@ -57,7 +58,7 @@ void remove_common(std::vector<Blocks>& images) {
     }
 }
 
-/// Variance between images less that of the mean of an image's blocks.
+/// Returns the variance between images less that of the mean of an image's blocks.
 double variance_of_images(const std::vector<Blocks>& images) {
     double sum = 0, sum_squares = 0, scatter = 0, count = 0;
     for (const Blocks& image : images) {

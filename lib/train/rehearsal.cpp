@@ -18,7 +18,7 @@
 namespace gs {
 namespace {
 
-/// The part of a run's learning rates that go_on compresses: from where all models learn at full rate (spherical Voronoi waits until 1000,
+/// The part of a run's learning rates that continue_with compresses: from where all models learn at full rate (spherical Voronoi waits until 1000,
 /// the network until 3000) to where they end.
 constexpr double kFirstRate = 3000, kLastRate = 30000;
 /// Iterations between two looks at the backend, as in a run.
@@ -41,7 +41,7 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     const StepComposer composer(options_, appearance, scene_, &photometric_);
     std::vector<RenderRequest> training_views;
     for (const View& view : scene_.train) training_views.push_back({.camera = camera_params(view.camera), .background = background()});
-    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background == "black", training_views);
+    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background.always(0, 0, 0), training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
     state.ppisp = photometric_.initial_state();
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
@@ -54,9 +54,9 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     return result;
 }
 
-std::optional<Rehearsed> Rehearsal::go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
+std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
-    resting.strategy = "none"; // no noise on the means
+    resting.strategy = Strategy::kNone; // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
     Gaussians start = with_appearance(state, appearance, options_.seed);
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};

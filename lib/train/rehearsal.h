@@ -34,7 +34,7 @@ class Rehearsal {
     /// or moved elsewhere; learning rates go through what a run has left, compressed, so that the model comes to rest. Every call
     /// sees the same views. Empty if that would take more than `most_seconds`: before the rates have fallen a model cannot be compared.
     /// Throws NumericError when the loss stays non-finite, Interrupted after Ctrl-C.
-    std::optional<Rehearsed> go_on(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds);
+    std::optional<Rehearsed> continue_with(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
     /// Of a training view, from the cache of the steps.

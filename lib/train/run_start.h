@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What can be refused before time is spent on loading a scene: the run folder, and the checkpoint to go on from.
+// Opens the run folder and the checkpoint to continue from, so that errors show before a scene is loaded.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -12,15 +12,16 @@
 
 namespace gs {
 
-/// A run folder that may be written, and the checkpoint the run goes on from.
+/// A run folder that may be written, and the checkpoint from which the run continues.
 struct RunStart {
     RunFolder folder;
     std::optional<Checkpoint> checkpoint;
-    nlohmann::json first_event = {}; ///< first line of the training log of a new run, without its iteration; null = none
+    /// first line of the training log of a new run, without its iteration; null = none
+    nlohmann::json first_event = {};
 };
 
-/// Reads the checkpoint that `resume` names and prepares the folder `options.model`. Throws DataError, or UsageError, also
-/// for a checkpoint of another appearance than the options name; the folder is then as it was.
+/// Reads the checkpoint that `resume` names and prepares the folder `options.model`. Throws DataError, and UsageError
+/// also for a checkpoint of another appearance than the options name; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options);
 
 /// Returns the name of the model in the checkpoint that `resume` names. Throws DataError.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the state of a run to the files of its folder.
+// Writes the state of a run to the files of its folder.
 #include "lib/train/run_writer.h"
 
 #include <algorithm>

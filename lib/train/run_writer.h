@@ -16,31 +16,33 @@
 
 namespace gs {
 
-/// All of it throws DataError where the disk refuses. References outlive the object.
+/// Writes the files of a run folder. All members throw DataError when a write fails. The referenced objects must
+/// outlive this one.
 class RunWriter {
   public:
     RunWriter(RunFolder folder, const TrainOptions& options, const Scene& scene, const Photometric& photometric);
 
     const RunFolder& folder() const { return folder_; }
 
-    /// What a new run writes before its first step: config.yaml, cfg_args, cameras.json, input.ply.
+    /// Writes the files of a new run before its first step: config.yaml, cfg_args, cameras.json, input.ply.
     void write_start(const PointCloud& first_points) const;
-    /// What a resumed run writes: config.yaml, for options may have changed.
+    /// Writes config.yaml of a resumed run, whose options may have changed.
     void write_config() const;
 
-    /// Opens stats/train.jsonl and keeps its lines up to `iteration`. To be called before the first line is written.
+    /// Opens stats/train.jsonl and keeps its lines up to `iteration`. Must be called before the first line is written.
     void open_log(std::int64_t iteration);
-    /// One line. It has "event" and "iteration".
+    /// Writes one line, which must have "event" and "iteration".
     void log(const nlohmann::json& line) { log_->write(line); }
-    /// The lines of a change in the set of Gaussians before or after the step of `iteration` (1-based); none where nothing changed.
+    /// Writes the lines of a change in the set of Gaussians before or after the step of `iteration` (1-based); none if
+    /// nothing changed.
     void log_change(const ScheduledChange& change, std::int64_t iteration);
 
-    /// Everything the run needs to go on. Moments included.
+    /// Writes everything that the run needs to continue, moments included.
     void write_checkpoint(Backend& backend, std::int64_t iteration) const;
-    /// The point cloud as 3DGS viewers read it, and ppisp.json.
+    /// Writes the point cloud as 3DGS viewers read it, and ppisp.json.
     void write_point_cloud(Backend& backend, std::int64_t iteration) const;
     void write_ppisp(Backend& backend, std::int64_t iteration) const { photometric_.save(folder_.ppisp(), backend, iteration); }
-    /// A render of the first test view, or of the first training view where there is none.
+    /// Writes a render of the first test view, or of the first training view if there is none.
     void write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
 
   private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Field by field; designated so that a new field of SceneOptions is easy to spot here.
+// Copies the scene's options field by field, with designators so that a missing field of SceneOptions is easy to spot.
 #include "lib/train/scene_options.h"
 
 #include <filesystem>
@@ -12,7 +12,7 @@ constexpr std::string_view kBuiltin = "builtin:";
 
 bool is_builtin(const std::string& source) { return source.starts_with(kBuiltin); }
 
-/// The folder of the scene, also where `source` names a file in it.
+/// Returns the folder of the scene, also if `source` names a file in it.
 std::filesystem::path scene_folder(const std::string& source) {
     const std::filesystem::path path = std::filesystem::weakly_canonical(source);
     return std::filesystem::is_regular_file(path) ? path.parent_path() : path;

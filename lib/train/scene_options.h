@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the options of a run to those of the scene loader.
+// Derives the scene loader's options and the scene's names from a run's options.
 #pragma once
 
 #include <string>
@@ -9,14 +9,14 @@
 
 namespace gs {
 
-/// The part of the options that says which images are loaded, how, and which of them are test views. Used by training
-/// and, with a stored configuration, by evaluation, so that both see the same scene.
+/// Returns the options that determine which images are loaded, how, and which of them are test views. Training and,
+/// with a stored configuration, evaluation use it, so that both see the same scene.
 SceneOptions scene_options(const TrainOptions& options);
 
-/// Name of the scene for folders and tables: of a built-in scene what follows "builtin:", else the name of its folder.
+/// Returns the scene's name for folders and tables: the part after "builtin:", or the name of its folder.
 std::string scene_name(const std::string& source);
 
-/// Name of the dataset that the scene belongs to: "builtin", else the name of the folder that the scene's folder lies in.
+/// Returns the name of the scene's dataset: "builtin", or the name of the folder that contains the scene's folder.
 std::string dataset_name(const std::string& source);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views, rates, regularisers and correction of one training step.
+// Composes view, rates, regularisers and correction of one training step.
 #include "lib/train/step_composer.h"
 
 #include "lib/scene/camera_params.h"
@@ -24,10 +24,10 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
 
 StepRequest StepComposer::compose(const StepView& view, std::int64_t iteration, std::int64_t rate_iteration) const {
     StepRequest request = request_of(view, iteration);
-    const bool mcmc = options_.strategy == "mcmc";
+    const bool mcmc = options_.strategy == Strategy::kMcmc;
     request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
     request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
-    request.gather_gradient_stats = options_.strategy == "adc" && iteration < options_.densify_until_iter;
+    request.gather_gradient_stats = options_.strategy == Strategy::kAdc && iteration < options_.densify_until_iter;
     rates_.apply(rate_iteration, request);
     if (photometric_) {
         photometric_->apply(view.index, iteration, request);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Puts the request of one training step together. Trainer, rehearsal and bench only loop over what it returns.
+// Composes the request of one training step. Trainer, rehearsal and bench only loop over the result.
 #pragma once
 
 #include "kernels/backend.h"
@@ -10,33 +10,33 @@
 
 namespace gs {
 
-/// One training view as a step sees it.
+/// One training view as a step uses it.
 struct StepView {
-    std::size_t index = 0;  ///< into scene.train
-    const ViewImage& image; ///< must outlive the call of the backend that takes the request
+    std::size_t index = 0;  ///< index into scene.train
+    const ViewImage& image; ///< must outlive the backend's call with the request
     Vec3<float> background{};
 };
 
 class StepComposer {
   public:
-    /// `options` validated. `photometric` says how views are corrected; null: each by its own values in the model's PPISP,
-    /// which learns at the full rate. `rate_factor` multiplies every learning rate and the noise. All references outlive
-    /// the object.
+    /// `options` must be validated. `photometric` says how views are corrected; with null each is corrected by its own
+    /// values in the model's PPISP, which learns at the full rate. `rate_factor` multiplies every learning rate and the
+    /// noise. All references must outlive the object.
     StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene, const Photometric* photometric,
                  double rate_factor = 1);
 
-    /// The step on `view` after `iteration` finished ones.
+    /// Returns the step on `view` after `iteration` finished ones.
     StepRequest compose(const StepView& view, std::int64_t iteration) const { return compose(view, iteration, iteration); }
-    /// The same with learning rates as after `rate_iteration` steps.
+    /// Returns the same step with the learning rates after `rate_iteration` steps.
     StepRequest compose(const StepView& view, std::int64_t iteration, std::int64_t rate_iteration) const;
 
-    /// A step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.
+    /// Returns a step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.
     StepRequest compose_distillation(const StepView& view, std::int64_t iteration) const;
 
     const LearningRates& rates() const { return rates_; }
 
   private:
-    /// What steps of both kinds have in common.
+    /// Returns the part that both kinds of steps have in common.
     StepRequest request_of(const StepView& view, std::int64_t iteration) const;
 
     const TrainOptions& options_;

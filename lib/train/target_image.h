@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A decoded view as the loss reads it.
+// Presents a decoded view to the loss.
 #pragma once
 
 #include "kernels/backend.h"
@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// Points into `image`, which must outlive the result. `id`: index of the view among the training views, by which a device
-/// knows the images it has kept; -1 for an image that comes once.
+/// Returns a target that points into `image`, which must outlive it. `id` is the index of the view among the training
+/// views, by which a device recognises the images it has kept; -1 for an image that is used once.
 inline TargetImage target_image(const ViewImage& image, std::int64_t id = -1) {
     TargetImage t;
     t.id = id;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes stats/train.jsonl.
 #include "lib/train/train_log.h"
 
 #include "kernels/core/error.h"
@@ -15,14 +16,14 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
             if (json.is_object() && json.value("iteration", iteration + 1) <= iteration) kept += line + "\n";
         }
     }
-    std::error_code ignored; // the write reports what is wrong
+    std::error_code ignored; // the write below reports errors
     std::filesystem::create_directories(path.parent_path(), ignored);
     write_text_atomic(path, kept);
     out_.open(path, std::ios::app);
 }
 
 void TrainLog::write(const nlohmann::json& line) {
-    out_ << line.dump() << std::endl; // flushed: others read along
+    out_ << line.dump() << std::endl; // flushed, because others read the file during the run
     if (!out_) throw DataError(path_.string() + ": cannot write the training log (disk full?)");
 }
 

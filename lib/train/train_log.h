@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// stats/train.jsonl: one JSON object per line, readable while the run goes on.
+// Writes stats/train.jsonl: one JSON object per line, readable while the run goes on.
 #pragma once
 
 #include <filesystem>
@@ -10,10 +10,11 @@ namespace gs {
 
 class TrainLog {
   public:
-    /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends from there. Throws DataError.
+    /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. Throws
+    /// DataError.
     TrainLog(const std::filesystem::path& path, std::int64_t iteration);
 
-    /// Every line has "iteration". Throws DataError when the disk refuses.
+    /// Writes one line, which must have "iteration". Throws DataError when the write fails.
     void write(const nlohmann::json& line);
 
   private:

@@ -2,8 +2,6 @@
 // The loop of a run: iterations, what is due between them, and the end.
 #include "lib/train/trainer.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <new>
 #include <optional>
@@ -12,6 +10,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "lib/core/interrupt.h"
+#include "lib/core/log.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
@@ -45,7 +44,7 @@ class Run {
           hooks_(hooks),
           appearance_(appearance_spec(options)),
           views_(options_, scene),
-          schedule_(options_, appearance_, scene.extent, options.background == "black", training_views()),
+          schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
           writer_(std::move(start.folder), options_, scene, photometric_) {
@@ -129,7 +128,7 @@ class Run {
         try {
             writer_.write_checkpoint(*backend_, iteration_);
         } catch (const std::exception& e) { // the error that brought us here is the one to report
-            spdlog::warn("no checkpoint could be written: {}", e.what());
+            log_warning("no checkpoint could be written: {}", e.what());
             return "";
         }
         return ", checkpoint written to " + writer_.folder().checkpoint(iteration_).string() + "; " + how_to_continue();
@@ -145,12 +144,12 @@ class Run {
         const InitOptions init = init_options(options_);
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
         if (options_.hostile_start > 0)
-            spdlog::warn("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
+            log_warning("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
                          make_hostile(state, options_.hostile_start, options_.seed), state.count);
         state.active_degree = schedule_.active_degree();
         state.ppisp = photometric_.initial_state();
         if (state.count > options_.cap_max)
-            spdlog::warn("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
+            log_warning("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
         backend_ = make_backend();
         backend_->upload(state);
         writer_.write_start(initial_points(scene_, init));
@@ -158,16 +157,16 @@ class Run {
 
     void resume(Checkpoint checkpoint) {
         if (checkpoint.seed != options_.seed)
-            spdlog::warn("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
+            log_warning("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
         photometric_.resume(checkpoint.state, iteration_);
         schedule_.resume(checkpoint.state.active_degree);
         backend_ = make_backend();
         backend_->upload(checkpoint.state);
         writer_.write_config();
-        spdlog::info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
+        log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
         if (iteration_ >= options_.iterations)
-            spdlog::warn("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_, options_.iterations);
+            log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_, options_.iterations);
     }
 
     void iterate() {
@@ -234,7 +233,7 @@ class Run {
         std::string names;
         for (int g = 0; g < kNumGroups; ++g)
             if (by_group[g]) names += (names.empty() ? "" : ", ") + std::to_string(by_group[g]) + " " + kGroupNames[g];
-        spdlog::warn("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})", iteration_, removed, names);
+        log_warning("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})", iteration_, removed, names);
         writer_.log({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
         pruned_nonfinite_ += removed;
         if (backend_->count() == 0)
@@ -278,7 +277,7 @@ class Run {
         progress_.update(iteration_, last_.loss, backend_->count());
         progress_.finish();
         const MemoryUse memory = backend_->memory();
-        if (memory.peak > 0) spdlog::info("{}", memory_report(memory));
+        if (memory.peak > 0) log_info("{}", memory_report(memory));
         prune_nonfinite();
         writer_.write_checkpoint(*backend_, iteration_); // before the final pruning: a longer run goes on from here as if it had not stopped
         backend_->prune(InvisibleRows{});
@@ -290,8 +289,8 @@ class Run {
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
         photometric_.report(*backend_);
-        if (nonfinite_gradients_) spdlog::warn("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
-        if (pruned_nonfinite_) spdlog::warn("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
+        if (nonfinite_gradients_) log_warning("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
+        if (pruned_nonfinite_) log_warning("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
         return {iteration_, backend_->count(), train_seconds_, views_.wait_seconds(), memory, controller_seconds, photometric_decision_};
     }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Delivers the training views in the order of a run and decodes them ahead of their use.
 #include "lib/train/training_views.h"
 
 #include <algorithm>
@@ -12,10 +13,10 @@
 namespace gs {
 namespace {
 
-/// Views decoded ahead of the one in use, and threads that decode them. A GPU is done with a view in a fraction of the time that
-/// decoding takes, and leaves the processor free; the CPU backend needs all of it.
-int views_ahead(const std::string& device) { return uses_cuda(device) ? 24 : 3; }
-int decode_threads(const std::string& device) {
+/// Views decoded ahead of the one in use, and threads that decode them. A GPU needs only a fraction of a view's
+/// decoding time and leaves the processor free; the CPU backend needs all of the processor.
+int views_ahead(Device device) { return uses_cuda(device) ? 24 : 3; }
+int decode_threads(Device device) {
     return uses_cuda(device) ? std::clamp(int(std::thread::hardware_concurrency()) / 2, 1, views_ahead(device)) : 1;
 }
 
@@ -24,7 +25,7 @@ int decode_threads(const std::string& device) {
 TrainingViews::TrainingViews(const TrainOptions& options, const Scene& scene)
     : options_(options),
       scene_(scene),
-      background_(parse_background(options.background)),
+      background_(options.background),
       order_(scene.train.size(), options.seed),
       prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
       images_(scene.train, parse_bytes(options.image_cache), decode_threads(options.device)) {}
@@ -43,7 +44,7 @@ TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end) 
 }
 
 Vec3<float> TrainingViews::background_at(std::int64_t iteration) const {
-    if (!background_.random) return fixed_background();
+    if (!background_.random()) return fixed_background();
     const Philox4 r = philox(options_.seed, RngStream::kBackground, std::uint64_t(iteration), 0);
     return {uniform_from_bits(r.v[0]), uniform_from_bits(r.v[1]), uniform_from_bits(r.v[2])};
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The training views in the order of a run, decoded ahead of their use.
+// Delivers the training views in the order of a run and decodes them ahead of their use.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@ namespace gs {
 
 class TrainingViews {
   public:
-    /// Both outlive the object.
+    /// Both arguments must outlive the object.
     TrainingViews(const TrainOptions& options, const Scene& scene);
 
     /// The view of one step.
     struct Step {
-        std::size_t index = 0; ///< into scene.train
+        std::size_t index = 0; ///< index into scene.train
         std::shared_ptr<const ViewImage> image;
         Vec3<float> background;
 
@@ -30,14 +30,14 @@ class TrainingViews {
 
     /// Starts decoding for the iterations from `first` to before `end`.
     void prefetch(std::int64_t first, std::int64_t end);
-    /// The step of `iteration` of a stretch that ends before `end`.
+    /// Returns the step of `iteration` in a stretch that ends before `end`.
     Step at(std::int64_t iteration, std::int64_t end);
 
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
     double wait_seconds() const { return images_.wait_seconds(); }
-    /// Black where that of the steps is random.
-    Vec3<float> fixed_background() const { return {background_.rgb[0], background_.rgb[1], background_.rgb[2]}; }
+    /// Returns the background, RGB; black if the steps' background is random.
+    Vec3<float> fixed_background() const { return background_.color; }
 
   private:
     Vec3<float> background_at(std::int64_t iteration) const;
@@ -46,8 +46,8 @@ class TrainingViews {
     const Scene& scene_;
     const Background background_;
     ViewOrder order_;
-    const std::int64_t prefetch_; ///< views asked for ahead; not the same view twice
-    ViewOrder ahead_{order_};     ///< asked prefetch_ iterations ahead, where the next epoch may have begun
+    const std::int64_t prefetch_; ///< number of views prefetched; never the same view twice
+    ViewOrder ahead_{order_};     ///< order for prefetching, where the next epoch may have begun
     ImageCache images_;
 };
 

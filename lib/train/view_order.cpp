@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Shuffles the views of each epoch.
 #include "lib/train/view_order.h"
 
 #include <numeric>

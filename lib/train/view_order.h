@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which view an iteration trains on.
+// Determines the view of each iteration.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +7,8 @@
 
 namespace gs {
 
-/// A new random permutation of all views in every epoch, without replacement. A function of (seed, iteration) alone, so
-/// a resumed run needs no stored state.
+/// A new random permutation of all views in every epoch. It depends only on (seed, iteration), so a resumed run needs
+/// no stored state.
 class ViewOrder {
   public:
     ViewOrder(std::size_t num_views, std::uint64_t seed) : num_views_(num_views), seed_(seed) {}
@@ -18,7 +18,7 @@ class ViewOrder {
     std::size_t num_views_;
     std::uint64_t seed_;
     std::int64_t epoch_ = -1;
-    std::vector<std::size_t> order_; ///< of `epoch_`
+    std::vector<std::size_t> order_; ///< permutation of `epoch_`
 };
 
 }  // namespace gs

@@ -104,7 +104,7 @@ TEST(OptionsCli, A3dgsCommandLineRunsUnchanged) {
                                         "out/c",
                                         "--quiet"});
     EXPECT_EQ(options.source, "scene");
-    EXPECT_EQ(options.background, "white");
+    EXPECT_EQ(background_text(options.background), "white");
     EXPECT_EQ(options.test_iterations, (std::vector<std::int64_t>{3000, 7000}));
     EXPECT_EQ(options.model_options.at("sh-degree"), 2);
     EXPECT_EQ(options.cap_max, 50000);
@@ -116,9 +116,10 @@ TEST(OptionsCli, A3dgsCommandLineRunsUnchanged) {
 }
 
 TEST(OptionsCli, WhiteBackgroundIsAShorthand) {
-    EXPECT_EQ(parse({"here", "-w"}).background, "white");
-    EXPECT_EQ(parse({"here", "-w", "--background", "black"}).background, "white");
-    EXPECT_EQ(parse({"here", "--background", "0.5,0.5,1"}).background, "0.5,0.5,1");
+    const auto background = [](const std::vector<std::string>& words) { return background_text(parse(words).background); };
+    EXPECT_EQ(background({"here", "-w"}), "white");
+    EXPECT_EQ(background({"here", "-w", "--background", "black"}), "white");
+    EXPECT_EQ(background({"here", "--background", "0.5,0.5,1"}), "0.5,0.5,1");
 }
 
 TEST(OptionsCli, ResumeAloneMeansLatest) {

@@ -27,6 +27,7 @@ std::string complaint(const std::string& yaml) {
 /// A value that differs from the default, for every type and every table entry.
 std::vector<std::string> other_value(const Option& option) {
     if (option.key == "image-cache") return {"1MiB"};
+    if (option.key == "background") return {"0.1,0.25,1"};
     if (!option.choices.empty()) return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};
     if (std::holds_alternative<std::string TrainOptions::*>(option.field)) return {"a: \"b\" #c"};
     if (std::holds_alternative<bool TrainOptions::*>(option.field)) return {"true"};

@@ -57,12 +57,12 @@ TEST(SceneFiles, SayWhatTheProtocolSays) {
         EXPECT_EQ(options.opacity_reg, expected.opacity_reg);
         EXPECT_EQ(options.scale_reg, 0.01);
         EXPECT_EQ(options.iterations, 30000);
-        EXPECT_EQ(options.strategy, "mcmc");
+        EXPECT_EQ(options.strategy, Strategy::kMcmc);
         EXPECT_EQ(options.resolution, 1);
-        EXPECT_EQ(options.background, "black");
+        EXPECT_EQ(background_text(options.background), "black");
         EXPECT_EQ(options.init_points, 100000);
         const bool rendered = std::string(expected.scene).starts_with("nerf-synthetic/");
-        EXPECT_EQ(options.ppisp, rendered ? "off" : "on");
+        EXPECT_EQ(options.ppisp, rendered ? PpispMode::kOff : PpispMode::kOn);
         EXPECT_TRUE(options.eval);
         EXPECT_EQ(options.test_every, 8);
     }

@@ -57,10 +57,10 @@ TEST(Version, NamesTheProgram) {
 
 TEST(Log, MessagesReachTheFileByLevel) {
     test::TemporaryFolder folder;
-    setup_log("warn");
+    setup_log(LogLevel::kWarn);
     add_log_file(folder.path() / "gsapp.log");
-    spdlog::info("not this");
-    spdlog::warn("but this");
+    log_info("not this");
+    log_warning("but this");
     spdlog::default_logger()->flush();
     std::ifstream file(folder.path() / "gsapp.log");
     const std::string text((std::istreambuf_iterator<char>(file)), {});

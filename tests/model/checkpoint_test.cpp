@@ -154,7 +154,7 @@ TEST(Checkpoint, WrongPpispIsNamed) {
     const Checkpoint good = corrected(true, true);
     EXPECT_CONTAINS(error_of(good, "\"ppisp_frames\":\"3\"", "\"ppisp_frames\":\"4\""), "tensor 'ppisp' does not have the shape (1, 90)");
     EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"1\""), "tensor 'ppisp' does not have the shape (1, 54)");
-    EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"0\""), "of no camera");
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"0\""), "has no cameras");
     EXPECT_CONTAINS(error_of(good, "\"ppisp_step\":\"777\"", "\"ppisp_step\":\"-77\""), "'ppisp_step' is '-77'");
     EXPECT_CONTAINS(error_of(good, "\"adam_v.ppisp\"", "\"adam_w.ppisp\""), "'adam_v.ppisp' is missing");
     Checkpoint bad = good;

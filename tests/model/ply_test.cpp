@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Gaussian PLY: the layout other programs rely on, round trips, and files that are damaged.
+#include "kernels/core/spherical_harmonics.h"
 #include "lib/model/ply.h"
 
 #include <cmath>
@@ -14,7 +15,6 @@
 namespace gs::test {
 namespace {
 
-constexpr double kY0 = 0.28209479177387814;
 
 /// Header text and the packed floats after it.
 struct RawPly {

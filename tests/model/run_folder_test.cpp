@@ -138,7 +138,7 @@ TEST(RunFolder, CfgArgsIsThePythonNamespace) {
     options.resolution = 4;
     options.eval = true;
     options.model_options["sh-degree"] = 2;
-    options.background = "white";
+    options.background = Background::white();
     write_cfg_args(run, options);
     EXPECT_EQ(slurp(run.cfg_args()), "Namespace(data_device='cuda', eval=True, images='images_4', model_path='" + folder.path().string() +
                                          "', resolution=4, sh_degree=2, source_path='/data/it\\'s', white_background=True)");

@@ -248,13 +248,11 @@ TEST(LoadScene, MasksBecomeWeightsOrAlpha) {
     EXPECT_FALSE(scene.train[1].load().mask);
     options.invert_masks = true;
     EXPECT_EQ(load_scene(options).train[0].load().mask->u8[5], 0);
-    options.mask_mode = "transparent";
+    options.mask_mode = MaskMode::kTransparent;
     scene = load_scene(options);
     EXPECT_TRUE(scene.has_alpha);
     EXPECT_EQ(scene.train[0].load().color.channels, 4);
     EXPECT_EQ(scene.train[0].load().color.u8[3], 0);
-    options.mask_mode = "other";
-    EXPECT_THROW(load_scene(options), UsageError);
 }
 
 TEST(LoadScene, RgbaPhotographsFollowTheAlphaMode) {
@@ -264,7 +262,7 @@ TEST(LoadScene, RgbaPhotographsFollowTheAlphaMode) {
     SceneOptions options = at(folder.path());
     EXPECT_TRUE(load_scene(options).has_alpha);
     EXPECT_EQ(load_scene(options).train[0].load().color.channels, 4);
-    options.alpha_mode = "mask";
+    options.alpha_mode = AlphaMode::kMask;
     const Scene scene = load_scene(options);
     EXPECT_FALSE(scene.has_alpha);
     EXPECT_TRUE(scene.train[0].load().mask);

@@ -54,29 +54,29 @@ TEST(LoadMask, InvertsAndResizes) {
 
 TEST(Combine, IgnoreKeepsTheMaskAsWeight) {
     const Image rgb{2, 1, 3, {1, 2, 3, 4, 5, 6}, {}}, mask{2, 1, 1, {0, 255}, {}};
-    const ViewImage view = combine(rgb, mask, "transparent", "ignore");
+    const ViewImage view = combine(rgb, mask, AlphaMode::kTransparent, MaskMode::kIgnore);
     EXPECT_EQ(view.color.u8, rgb.u8);
     EXPECT_EQ(view.mask->u8, mask.u8);
-    EXPECT_FALSE(combine(rgb, {}, "mask", "transparent").mask);
+    EXPECT_FALSE(combine(rgb, {}, AlphaMode::kMask, MaskMode::kTransparent).mask);
 }
 
 TEST(Combine, TransparentMultipliesTheAlpha) {
     const Image mask{2, 1, 1, {0, 128}, {}};
-    const ViewImage rgb = combine(Image{2, 1, 3, {1, 2, 3, 4, 5, 6}, {}}, mask, "transparent", "transparent");
+    const ViewImage rgb = combine(Image{2, 1, 3, {1, 2, 3, 4, 5, 6}, {}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
     EXPECT_EQ(rgb.color.u8, (std::vector<std::uint8_t>{1, 2, 3, 0, 4, 5, 6, 128}));
     EXPECT_FALSE(rgb.mask);
-    const ViewImage rgba = combine(Image{2, 1, 4, {1, 2, 3, 255, 4, 5, 6, 128}, {}}, mask, "transparent", "transparent");
+    const ViewImage rgba = combine(Image{2, 1, 4, {1, 2, 3, 255, 4, 5, 6, 128}, {}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
     EXPECT_EQ(rgba.color.u8, (std::vector<std::uint8_t>{1, 2, 3, 0, 4, 5, 6, 64}));
-    const ViewImage real = combine(Image{2, 1, 3, {}, {1, 2, 3, 4, 5, 6}}, mask, "transparent", "transparent");
+    const ViewImage real = combine(Image{2, 1, 3, {}, {1, 2, 3, 4, 5, 6}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
     EXPECT_FLOAT_EQ(real.color.f32[7], 128 / 255.0f);
 }
 
 TEST(Combine, AlphaModeMaskMovesAlphaIntoTheWeight) {
     const Image rgba{2, 1, 4, {1, 2, 3, 255, 4, 5, 6, 128}, {}};
-    const ViewImage alone = combine(rgba, {}, "mask", "ignore");
+    const ViewImage alone = combine(rgba, {}, AlphaMode::kMask, MaskMode::kIgnore);
     EXPECT_EQ(alone.color.u8, (std::vector<std::uint8_t>{1, 2, 3, 4, 5, 6}));
     EXPECT_EQ(alone.mask->u8, (std::vector<std::uint8_t>{255, 128}));
-    EXPECT_EQ(combine(rgba, Image{2, 1, 1, {0, 128}, {}}, "mask", "ignore").mask->u8, (std::vector<std::uint8_t>{0, 64}));
+    EXPECT_EQ(combine(rgba, Image{2, 1, 1, {0, 128}, {}}, AlphaMode::kMask, MaskMode::kIgnore).mask->u8, (std::vector<std::uint8_t>{0, 64}));
 }
 
 }  // namespace

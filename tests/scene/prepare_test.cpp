@@ -155,7 +155,7 @@ TEST_F(Prepare, ExistingFoldersAreProtected) {
     // Not a scene: never replaced.
     fs::create_directories(parent() / "other" / "precious");
     options_.scene = parent() / "other";
-    EXPECT_NE(failure().find("is no scene"), std::string::npos);
+    EXPECT_NE(failure().find("is not a scene"), std::string::npos);
     EXPECT_TRUE(fs::exists(parent() / "other" / "precious"));
     // The photographs are inside the target, or the target inside the photographs.
     fs::create_directories(folder_.path() / "sparse");

@@ -45,7 +45,7 @@ class Watched : public test::ForwardingBackend {
 TrainOptions speedy_options() {
     TrainOptions o;
     o.source = "builtin:diffuse";
-    o.strategy = "adc", o.speedy_splat = true;
+    o.strategy = Strategy::kAdc, o.speedy_splat = true;
     return o;
 }
 

@@ -61,14 +61,14 @@ class WatchedBackend : public test::ForwardingBackend {
 
 /// Trains `model` with one activation in `folder` and checks how it went.
 void expect_training_works(const ModelInfo& model, ColorActivation activation, const std::filesystem::path& folder) {
-    SCOPED_TRACE(color_activation_name(activation));
+    SCOPED_TRACE(word(activation));
     TrainOptions o;
     o.source = "builtin:glossy";
     o.model = folder.string();
     o.appearance = model.name;
-    o.color_activation = color_activation_name(activation);
+    o.color_activation = activation;
     o.iterations = kEpochs * std::int64_t(kViews);
-    o.device = "cpu";
+    o.device = Device::kCpu;
     validate(o);
     std::vector<double> losses;
     TrainHooks hooks;

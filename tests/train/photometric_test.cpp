@@ -34,9 +34,9 @@ TrainOptions options_for(const std::filesystem::path& folder, std::int64_t itera
     o.source = "builtin:exposure";
     o.model = folder.string();
     o.iterations = iterations;
-    o.device = "cpu";
+    o.device = Device::kCpu;
     o.cap_max = 5000;
-    o.ppisp = "on";
+    o.ppisp = PpispMode::kOn;
     o.controller_iterations = 0;
     validate(o);
     return o;
@@ -76,13 +76,13 @@ TEST(PhotometricOptions, ConflictsAreNamed) {
         o.source = "x";
         change(o);
         const std::string text = message_of<UsageError>([&] { validate(o); });
-        return text.empty() ? "ppisp " + o.ppisp : text;
+        return text.empty() ? "ppisp " + word(o.ppisp) : text;
     };
     EXPECT_EQ(message([](TrainOptions&) {}), "ppisp off");
     EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_from = "a.json"; }), "ppisp on");
-    EXPECT_NE(message([](TrainOptions& o) { o.ppisp_from = "a.json", o.ppisp = "auto"; }).find("ppisp-from"), std::string::npos);
+    EXPECT_NE(message([](TrainOptions& o) { o.ppisp_from = "a.json", o.ppisp = PpispMode::kAuto; }).find("ppisp-from"), std::string::npos);
     EXPECT_NE(message([](TrainOptions& o) { o.ppisp_exif = true; }).find("ppisp-exif"), std::string::npos);
-    EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_exif = true, o.ppisp = "auto"; }), "ppisp auto");
+    EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_exif = true, o.ppisp = PpispMode::kAuto; }), "ppisp auto");
 }
 
 TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
@@ -190,7 +190,7 @@ TEST(Photometric, ViewDependenceWaitsWhereExposuresDiffer) {
     o.iterations = 3000;
     EXPECT_TRUE(holds(varied, 999));
     EXPECT_FALSE(holds(varied, 1000)) << "a short run has no time to wait";
-    o.ppisp = "off";
+    o.ppisp = PpispMode::kOff;
     EXPECT_FALSE(holds(varied, 500));
 }
 
@@ -203,7 +203,7 @@ TEST_P(PhotometricAuto, DecidesByTheImages) {
     const test::TemporaryFolder tmp;
     const Scene scene = builtin(GetParam().first, 40);
     TrainOptions o = options_for(tmp.path() / "run", kPhotometricDecision + 1);
-    o.ppisp = "auto";
+    o.ppisp = PpispMode::kAuto;
     const TrainSummary summary = run(o, scene);
     const bool on = GetParam().second;
     EXPECT_EQ(summary.photometric.substr(0, 3), on ? "on:" : "off") << summary.photometric;
@@ -220,7 +220,7 @@ TEST(Photometric, OneImageCanBeCorrectedButAutoDoesNot) {
     run(o, scene);
     EXPECT_EQ(result(o).frames.size(), 1u);
     o = options_for(tmp.path() / "auto", kPhotometricDecision + 1);
-    o.ppisp = "auto";
+    o.ppisp = PpispMode::kAuto;
     EXPECT_EQ(run(o, scene).photometric, "off: there is only one training image");
 }
 
@@ -285,7 +285,7 @@ TEST(Photometric, ResumingAroundTheDecisionEqualsNotStopping) {
     for (const std::int64_t stop : {kPhotometricDecision, kPhotometricDecision + 3}) {
         const test::TemporaryFolder tmp;
         TrainOptions o = options_for(tmp.path() / "whole", kPhotometricDecision + 8);
-        o.ppisp = "auto";
+        o.ppisp = PpispMode::kAuto;
         expect_resuming_equals_not_stopping(o, stop, tmp.path() / "part");
     }
 }
@@ -298,7 +298,7 @@ TEST(Photometric, ACheckpointOfOtherImagesOrWithoutTheOptionIsRefused) {
     o.iterations = 6;
     o.resume = "latest";
     TrainOptions off = o;
-    off.ppisp = "off";
+    off.ppisp = PpispMode::kOff;
     EXPECT_NE(message_of<UsageError>([&] { run(off, scene); }).find("option ppisp"), std::string::npos);
     scene.train.pop_back();
     EXPECT_NE(message_of<DataError>([&] { run(o, scene); }).find("40 images of 1 cameras, but the scene has 39"), std::string::npos);

@@ -58,12 +58,12 @@ Scene small_scene(bool alpha = false) {
     return scene;
 }
 
-TrainOptions small_options(const fs::path& folder, const std::string& strategy) {
+TrainOptions small_options(const fs::path& folder, Strategy strategy) {
     TrainOptions o;
     o.source = "builtin:diffuse";
     o.model = folder.string();
     o.iterations = 60;
-    o.device = "cpu"; // whose results are the same to the bit
+    o.device = Device::kCpu; // whose results are the same to the bit
     o.strategy = strategy;
     o.cap_max = 260;
     o.densify_from_iter = 10, o.densify_until_iter = 55, o.densification_interval = 10;
@@ -96,8 +96,8 @@ double last_loss(const TrainOptions& o) {
 
 const bool quiet = (spdlog::set_level(spdlog::level::err), true); // the runs' messages would bury the results
 
-class TrainStrategies : public ::testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(All, TrainStrategies, ::testing::Values("mcmc", "adc", "none"));
+class TrainStrategies : public ::testing::TestWithParam<Strategy> {};
+INSTANTIATE_TEST_SUITE_P(All, TrainStrategies, ::testing::Values(Strategy::kMcmc, Strategy::kAdc, Strategy::kNone));
 
 /// A run stopped at `stop` and resumed has to end like one that was not.
 void expect_resuming_equals_not_stopping(TrainOptions whole, std::int64_t stop, const fs::path& folder) {
@@ -145,12 +145,12 @@ TEST(TrainSpeedySplat, ResumingAroundAPruningEqualsNotStopping) {
     const test::TemporaryFolder tmp;
     Scene scene = small_scene();
     scene.extent = 10; // or all would be too large for it
-    TrainOptions first = small_options(tmp.path() / "first", "adc");
+    TrainOptions first = small_options(tmp.path() / "first", Strategy::kAdc);
     run(first, scene);
     Checkpoint start = read_checkpoint(RunFolder{first.model}.checkpoint(60));
     start.iteration = 5990;
     for (const bool hard : {false, true}) {
-        TrainOptions whole = small_options(tmp.path() / (hard ? "hard" : "soft"), "adc");
+        TrainOptions whole = small_options(tmp.path() / (hard ? "hard" : "soft"), Strategy::kAdc);
         whole.speedy_splat = true, whole.iterations = 6010, whole.densify_until_iter = hard ? 5995 : 6100;
         whole.resume = (tmp.path() / "start.safetensors").string();
         write_checkpoint(whole.resume, start);
@@ -177,7 +177,7 @@ INSTANTIATE_TEST_SUITE_P(All, TrainModels, ::testing::ValuesIn(appearance_models
 // Degree 1 begins at 1000.
 TEST_P(TrainModels, ResumingWithAnActiveResidualEqualsNotStopping) {
     const test::TemporaryFolder tmp;
-    TrainOptions o = small_options(tmp.path() / "whole", "mcmc");
+    TrainOptions o = small_options(tmp.path() / "whole", Strategy::kMcmc);
     o.appearance = GetParam()->name;
     o.iterations = 1012;
     expect_resuming_equals_not_stopping(o, 1006, tmp.path() / "part");
@@ -225,12 +225,12 @@ TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
         const auto json = nlohmann::json::parse(line);
         if (json["event"] == "densify") ++densifications;
     }
-    EXPECT_EQ(densifications > 0, o.strategy != "none");
+    EXPECT_EQ(densifications > 0, o.strategy != Strategy::kNone);
 }
 
 /// Loss of a run of 600 iterations, of the last 100 of them on average; expects a falling loss and finite results.
 double hostile_run(const fs::path& folder, const std::string& model, double share) {
-    TrainOptions o = small_options(folder, "mcmc");
+    TrainOptions o = small_options(folder, Strategy::kMcmc);
     o.appearance = model;
     o.iterations = 600;
     o.densify_until_iter = 500;
@@ -259,7 +259,7 @@ TEST_P(TrainModels, RecoversFromAHostileStart) {
 
 TEST(Train, SeedsDiffer) {
     const test::TemporaryFolder tmp;
-    TrainOptions a = small_options(tmp.path() / "a", "mcmc"), b = small_options(tmp.path() / "b", "mcmc");
+    TrainOptions a = small_options(tmp.path() / "a", Strategy::kMcmc), b = small_options(tmp.path() / "b", Strategy::kMcmc);
     b.seed = 1;
     run(a, small_scene());
     run(b, small_scene());
@@ -268,7 +268,7 @@ TEST(Train, SeedsDiffer) {
 
 TEST(Train, LaterResultsAreNotOverwritten) {
     const test::TemporaryFolder tmp;
-    TrainOptions o = small_options(tmp.path() / "run", "none");
+    TrainOptions o = small_options(tmp.path() / "run", Strategy::kNone);
     o.checkpoint_iterations = {30};
     run(o, small_scene());
     EXPECT_THROW(open_run(o), UsageError) << "a new run into the folder of an old one";
@@ -277,7 +277,7 @@ TEST(Train, LaterResultsAreNotOverwritten) {
     o.overwrite = true;
     EXPECT_NO_THROW(open_run(o));
     EXPECT_FALSE(fs::exists(RunFolder{o.model}.point_cloud(60)));
-    TrainOptions other = small_options(tmp.path() / "run", "none");
+    TrainOptions other = small_options(tmp.path() / "run", Strategy::kNone);
     other.resume = RunFolder{o.model}.checkpoint(30).string();
     other.appearance = "none";
     other.overwrite = true;
@@ -287,7 +287,7 @@ TEST(Train, LaterResultsAreNotOverwritten) {
 
 TEST(Train, PlyAndCheckpointHoldTheSameModel) {
     const test::TemporaryFolder tmp;
-    const TrainOptions o = small_options(tmp.path() / "run", "none");
+    const TrainOptions o = small_options(tmp.path() / "run", Strategy::kNone);
     run(o, small_scene());
     const Gaussians ply = read_ply(RunFolder{o.model}.point_cloud(60));
     EXPECT_LE(ply.count, 200);
@@ -304,7 +304,7 @@ TEST(Train, NonFiniteImagesEndTheRunWithTheReason) {
             return image;
         };
     try {
-        run(small_options(tmp.path() / "run", "mcmc"), scene);
+        run(small_options(tmp.path() / "run", Strategy::kMcmc), scene);
         FAIL() << "trained on NaN";
     } catch (const NumericError& e) {
         EXPECT_NE(std::string(e.what()).find("not finite"), std::string::npos) << e.what();
@@ -350,9 +350,9 @@ std::string failure(const TrainOptions& options, std::int64_t failing_iteration,
 
 TEST(Train, OutOfMemoryLeavesACheckpointThatResumesBitForBit) {
     const test::TemporaryFolder tmp;
-    const TrainOptions whole = small_options(tmp.path() / "whole", "mcmc");
+    const TrainOptions whole = small_options(tmp.path() / "whole", Strategy::kMcmc);
     run(whole, small_scene());
-    TrainOptions part = small_options(tmp.path() / "part", "mcmc");
+    TrainOptions part = small_options(tmp.path() / "part", Strategy::kMcmc);
     const std::string checkpoint = RunFolder{part.model}.checkpoint(33).string();
     EXPECT_EQ(failure(part, 33, true), "out of device memory: asked for 8 MiB, free 3 MiB, checkpoint written to " + checkpoint +
                                            "; continue with --resume latest -m " + part.model);
@@ -364,7 +364,7 @@ TEST(Train, OutOfMemoryLeavesACheckpointThatResumesBitForBit) {
 TEST(Train, OutOfMemoryWithoutAModelToSaveKeepsItsMessage) {
     const test::TemporaryFolder tmp;
     const std::string message = "out of device memory: asked for 8 MiB, free 3 MiB";
-    const TrainOptions first = small_options(tmp.path() / "first", "none"), lost = small_options(tmp.path() / "lost", "none");
+    const TrainOptions first = small_options(tmp.path() / "first", Strategy::kNone), lost = small_options(tmp.path() / "lost", Strategy::kNone);
     EXPECT_EQ(failure(first, 0, true), message) << "nothing was trained yet";
     EXPECT_EQ(failure(lost, 33, false), message);
     EXPECT_FALSE(fs::exists(tmp.path() / "lost/checkpoints"));
@@ -405,8 +405,8 @@ class LaggingBackend : public test::ForwardingBackend {
 
 TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
     const test::TemporaryFolder tmp;
-    const TrainOptions direct = small_options(tmp.path() / "direct", "adc");
-    TrainOptions late = small_options(tmp.path() / "late", "adc");
+    const TrainOptions direct = small_options(tmp.path() / "direct", Strategy::kAdc);
+    TrainOptions late = small_options(tmp.path() / "late", Strategy::kAdc);
     run(direct, small_scene());
     LaggingBackend* backend = nullptr;
     std::size_t num_images = 0;
@@ -461,7 +461,7 @@ TEST(LearningRates, FollowTheTable) {
     EXPECT_NEAR(r.rates[0], 2 * 1.6e-6, 1e-12);
     TrainOptions adc;
     adc.source = "x";
-    adc.strategy = "adc";
+    adc.strategy = Strategy::kAdc;
     validate(adc);
     EXPECT_DOUBLE_EQ(adc.opacity_lr, 0.025);
     LearningRates(adc, appearance_spec(adc), scene).apply(0, r);
@@ -491,7 +491,7 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
 /// The degrees of the steps at the given iterations, all steps before them taken too; held at those of `held`.
 std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t> iterations, const std::set<std::int64_t>& held = {}) {
     TrainOptions o;
-    o.source = "x", o.appearance = appearance, o.strategy = "none";
+    o.source = "x", o.appearance = appearance, o.strategy = Strategy::kNone;
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
     const auto backend = make_cpu_backend(appearance_spec(o));
@@ -518,7 +518,7 @@ TEST(DegreeSchedule, WaitsWhileItIsHeld) {
 
 TEST(DegreeSchedule, GoesOnFromTheDegreeOfACheckpoint) {
     TrainOptions o;
-    o.source = "x", o.strategy = "none";
+    o.source = "x", o.strategy = Strategy::kNone;
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
     const auto backend = make_cpu_backend(appearance_spec(o));

@@ -41,18 +41,18 @@ TEST(AppearanceChoice, PassesOverTrialsThatFailed) {
 
 TEST(AppearanceChoice, SaysWhatRemains) {
     // photometric, direction, held-out direction
-    EXPECT_EQ(what_remains({0.05, 0.12, 0.08}, 0.1), Remainder::kReflectance);
-    EXPECT_EQ(what_remains({0.05, 0.12, 0.08}, 1), Remainder::kUnresolved) << "0.56 dB are less than what is allowed";
-    EXPECT_EQ(what_remains({0.05, 0.01, -0.02}, 0.1), Remainder::kUnresolved);
-    EXPECT_EQ(what_remains({0.05, 0.09, -0.4}, 0.1), Remainder::kInconsistency);
-    EXPECT_EQ(what_remains({0.7, 0.06, 0.09}, 0.1), Remainder::kPhotometric);
+    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 0.1), RemainingError::kReflectance);
+    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 1), RemainingError::kUnresolved) << "0.56 dB are less than what is allowed";
+    EXPECT_EQ(classify_remaining_error({0.05, 0.01, -0.02}, 0.1), RemainingError::kUnresolved);
+    EXPECT_EQ(classify_remaining_error({0.05, 0.09, -0.4}, 0.1), RemainingError::kInconsistency);
+    EXPECT_EQ(classify_remaining_error({0.7, 0.06, 0.09}, 0.1), RemainingError::kPhotometric);
 }
 
 TEST(AppearanceChoice, ValuesDirectionInDecibels) {
-    EXPECT_NEAR(worth(0.9), 10, 1e-9);
-    EXPECT_EQ(worth(0), 0);
-    EXPECT_LT(worth(-0.1), 0);
-    EXPECT_TRUE(std::isfinite(worth(1)));
+    EXPECT_NEAR(gain_in_decibels(0.9), 10, 1e-9);
+    EXPECT_EQ(gain_in_decibels(0), 0);
+    EXPECT_LT(gain_in_decibels(-0.1), 0);
+    EXPECT_TRUE(std::isfinite(gain_in_decibels(1)));
 }
 
 TrainOptions glossy(int width, std::int64_t iterations) {
@@ -60,7 +60,7 @@ TrainOptions glossy(int width, std::int64_t iterations) {
     options.source = "builtin:glossy";
     options.resolution = width;
     options.iterations = iterations;
-    options.device = "cpu";
+    options.device = Device::kCpu;
     validate(options);
     return options;
 }
@@ -123,13 +123,13 @@ TEST(Rehearsal, AStretchThatTakesTooLongHasNoResult) {
     options.source = "builtin:diffuse";
     options.resolution = 16;
     options.appearance = "none";
-    options.device = "cpu";
+    options.device = Device::kCpu;
     validate(options);
     const Scene scene = load_scene(scene_options(options));
     Rehearsal rehearsal(options, scene);
     const Gaussians begun = rehearsal.begin(2).backend->download(false);
-    EXPECT_FALSE(rehearsal.go_on(begun, begun.appearance, 1000000000, 0.05));
-    EXPECT_TRUE(rehearsal.go_on(begun, begun.appearance, 2, 1e9));
+    EXPECT_FALSE(rehearsal.continue_with(begun, begun.appearance, 1000000000, 0.05));
+    EXPECT_TRUE(rehearsal.continue_with(begun, begun.appearance, 2, 1e9));
 }
 
 }  // namespace

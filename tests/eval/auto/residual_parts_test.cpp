@@ -60,7 +60,7 @@ Gaussians ball() {
 ResidualParts parts_of(const std::function<double(int photograph, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean)>& color, const PpispState& ppisp = {}) {
     Gaussians plain = ball();
     plain.ppisp = ppisp;
-    const auto none = make_cpu_backend(plain.appearance, {}), places = make_cpu_backend(plain.appearance, {});
+    const auto colors = make_cpu_backend(plain.appearance, {}), positions = make_cpu_backend(plain.appearance, {});
     std::vector<Photograph> seen, held_out;
     constexpr int kCount = 48;
     for (int k = 0; k < kCount; ++k) {
@@ -70,14 +70,14 @@ ResidualParts parts_of(const std::function<double(int photograph, const Eigen::V
             const float* m = plain[Group::kMean].param.data() + 3 * i;
             for (int c = 0; c < 2; ++c) shown[Group::kBase].param[std::size_t(3 * i + c)] = float(color(k, p.camera.center(), {m[0], m[1], m[2]}));
         }
-        none->upload(shown);
+        colors->upload(shown);
         RenderedImage render;
-        none->render({.camera = camera_params(p.camera), .background = kBackground, .isp = {.mode = IspMode::kFrame}}, render);
+        colors->render({.camera = camera_params(p.camera), .background = kBackground, .isp = {.mode = IspMode::kFrame}}, render);
         p.colors.u8 = quantized_render(render).u8;
         (k % 8 == 4 ? held_out : seen).push_back(std::move(p));
     }
-    none->upload(plain);
-    return residual_parts(*none, *places, seen, held_out, kBackground);
+    colors->upload(plain);
+    return residual_parts(*colors, *positions, seen, held_out, kBackground);
 }
 
 double soft_highlight(int, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean) {
@@ -133,11 +133,11 @@ ResidualParts parts_of_nothing(std::uint8_t value) {
     Gaussians nothing = ball();
     nothing.count = 0;
     for (auto& group : nothing.groups) group.param.clear();
-    const auto none = make_cpu_backend(nothing.appearance, {}), places = make_cpu_backend(nothing.appearance, {});
-    none->upload(nothing);
+    const auto colors = make_cpu_backend(nothing.appearance, {}), positions = make_cpu_backend(nothing.appearance, {});
+    colors->upload(nothing);
     Photograph p = photograph_from(0, 1);
     p.colors.u8.assign(3 * p.pixels.size(), value);
-    return residual_parts(*none, *places, {p}, {p}, kBackground);
+    return residual_parts(*colors, *positions, {p}, {p}, kBackground);
 }
 
 TEST(ResidualParts, AreZeroWhereNothingIsThere) {

@@ -23,7 +23,7 @@ const AppearanceSpec kSh{"sh", 3, ColorActivation::kRelu};
 TrainOptions some_options() {
     TrainOptions options;
     options.source = "generated";
-    options.background = "0,0,1";
+    options.background = {.color = {0, 0, 1}};
     validate(options);
     return options;
 }

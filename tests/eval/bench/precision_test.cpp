@@ -20,7 +20,7 @@ namespace {
 
 TrainOptions small_run() {
     TrainOptions o;
-    o.source = "builtin:glossy", o.model = "unused", o.device = "cpu", o.resolution = 60, o.eval = true;
+    o.source = "builtin:glossy", o.model = "unused", o.device = Device::kCpu, o.resolution = 60, o.eval = true;
     validate(o);
     return o;
 }

@@ -36,8 +36,8 @@ TEST(Suite, DensificationVariesTheStrategyAndItsBudget) {
     EXPECT_EQ(mcmc.densify_until_iter, 24900);
     EXPECT_EQ(mcmc.opacity_lr, 0.05);
     EXPECT_EQ(cells[1].options.cap_max, 501) << "a tenth, rounded";
-    EXPECT_EQ(cells[1].options.strategy, "mcmc");
-    EXPECT_EQ(cells[2].options.strategy, "adc");
+    EXPECT_EQ(cells[1].options.strategy, Strategy::kMcmc);
+    EXPECT_EQ(cells[2].options.strategy, Strategy::kAdc);
     EXPECT_EQ(cells[2].options.densify_until_iter, 14900) << "decided by the cell's own strategy";
     EXPECT_EQ(cells[2].options.opacity_lr, 0.025);
     EXPECT_FALSE(cells[2].options.speedy_splat);
@@ -53,7 +53,7 @@ TEST(Suite, ActivationsVaryTheFunctionAndTheOpacityRate) {
     const auto cells = suite_cells("activations", {"sh"}, base_options());
     ASSERT_EQ(cells.size(), 12u);
     EXPECT_EQ(cells[4].row, "softplus, opacity rate 0.025");
-    EXPECT_EQ(cells[4].options.color_activation, "softplus");
+    EXPECT_EQ(cells[4].options.color_activation, ColorActivation::kSoftplus);
     EXPECT_EQ(cells[4].options.opacity_lr, 0.025);
     EXPECT_TRUE(std::isnan(cells[11].options.opacity_lr));
     EXPECT_EQ(cells[11].options.model, "out/hardsigmoid-auto-sh");

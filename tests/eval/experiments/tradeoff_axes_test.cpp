@@ -50,12 +50,12 @@ TEST(TradeoffAxes, AreNamesWithValuesOrWithDefaults) {
 
 TEST(TradeoffAxes, PrecisionHasNames) {
     TrainOptions base = base_options();
-    base.device = "cpu";
+    base.device = Device::kCpu;
     const auto axes = parse_axes({"precision"}, base);
     EXPECT_EQ(axes.at(0).values, (Words{"full", "cutoffs"}));
     const Configuration c = make_configuration(axes, {"cutoffs"}, base);
     EXPECT_EQ(c.options.alpha_cutoff, 2);
-    EXPECT_EQ(c.options.appearance_storage, "fp32");
+    EXPECT_EQ(c.options.appearance_storage, AppearanceStorage::kFp32);
     EXPECT_NE(error_of([&] { make_configuration(axes, {"fast"}, base); }).find("of the GPU"), std::string::npos);
     EXPECT_NE(error_of([&] { make_configuration(axes, {"fastest"}, base); }).find("'fastest' is not one of full"), std::string::npos);
 }

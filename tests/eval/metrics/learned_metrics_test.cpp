@@ -278,15 +278,15 @@ Lpips make_lpips(const EnginePointer& engine, LpipsNet kind, LpipsRange range) {
 Dists make_dists(const EnginePointer& engine) { return {load_vgg16(engine, weights().path("vgg16.safetensors")), weights().folder.path()}; }
 
 /// Of every engine there is.
-class Definition : public ::testing::TestWithParam<const char*> {
+class Definition : public ::testing::TestWithParam<Device> {
   protected:
     void SetUp() override {
-        if (GetParam() == std::string("cuda") && !cuda_available()) GTEST_SKIP() << "no CUDA device: " << cuda_unavailable_reason();
+        if (GetParam() == Device::kCuda && !cuda_available()) GTEST_SKIP() << "no CUDA device: " << cuda_unavailable_reason();
         engine_ = choose_tensor_engine(GetParam());
     }
     EnginePointer engine_;
 };
-INSTANTIATE_TEST_SUITE_P(Engines, Definition, ::testing::Values("cpu", "cuda"), [](const auto& info) { return std::string(info.param); });
+INSTANTIATE_TEST_SUITE_P(Engines, Definition, ::testing::Values(Device::kCpu, Device::kCuda), [](const auto& info) { return word(info.param); });
 
 void expect_relative(double value, double expected) { EXPECT_LT(std::abs(value - expected) / expected, 1e-5) << value << " " << expected; }
 
@@ -336,7 +336,7 @@ TEST_P(Definition, OfMilo) {
 TEST(LearnedMetrics, TheNumberOfThreadsChangesNoBit) {
     const Image a = noise_image(64, 49, 9), b = noise_image(64, 49, 10);
     MetricOptions options;
-    options.weights = weights().folder.path(), options.device = "cpu";
+    options.weights = weights().folder.path(), options.device = Device::kCpu;
     const auto scores = [&] {
         std::vector<std::optional<double>> values;
         for (const Metric& metric : make_metrics({"lpips-alex", "dists", "milo"}, options)) values.push_back(metric.compute(a, b).value);
@@ -353,7 +353,7 @@ TEST(LearnedMetrics, TheNumberOfThreadsChangesNoBit) {
 TEST(LearnedMetrics, OfOneNetAreThoseOfEachAlone) {
     const Image a = noise_image(20, 17, 13), b = noise_image(20, 17, 14);
     MetricOptions options;
-    options.weights = weights().folder.path(), options.device = "cpu";
+    options.weights = weights().folder.path(), options.device = Device::kCpu;
     const std::vector<Metric> both = make_metrics({"lpips-vgg", "dists"}, options);
     EXPECT_EQ(both[0].compute(a, b).value, make_lpips(make_cpu_tensor_engine(), LpipsNet::kVgg, LpipsRange::kSymmetric)(a, b));
     EXPECT_EQ(both[1].compute(a, b).value, make_dists(make_cpu_tensor_engine())(a, b));
@@ -361,7 +361,7 @@ TEST(LearnedMetrics, OfOneNetAreThoseOfEachAlone) {
 
 TEST(LearnedMetrics, SmallImagesAreAReason) {
     MetricOptions options;
-    options.weights = weights().folder.path(), options.device = "cpu";
+    options.weights = weights().folder.path(), options.device = Device::kCpu;
     const std::pair<const char*, int> nets[] = {{"lpips-vgg", 16}, {"lpips-alex", 31}, {"milo", 16}};
     for (const auto& [name, side] : nets) {
         const Metric metric = make_metrics({name}, options)[0];
@@ -381,7 +381,7 @@ std::string message(const WeightFile& broken) {
     weights().alex.write(folder.path() / "alexnet.safetensors");
     broken.write(folder.path() / "lpips_alex.safetensors");
     MetricOptions options;
-    options.weights = folder.path(), options.device = "cpu";
+    options.weights = folder.path(), options.device = Device::kCpu;
     try {
         make_metrics({"lpips-alex"}, options);
     } catch (const DataError& e) {

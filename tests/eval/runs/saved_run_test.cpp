@@ -36,7 +36,7 @@ struct RunOnDisk {
         options.resolution = 40;
         options.eval = true;
         options.appearance = "none";
-        options.background = "0,0,1";
+        options.background = {.color = {0, 0, 1}};
         validate(options);
         folder.write("config.yaml", options_to_yaml(options));
     }

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class GpuTraining : public ::testing::TestWithParam<const char*> {
+class GpuTraining : public ::testing::TestWithParam<Strategy> {
   protected:
     fs::path data_;
     void SetUp() override {
@@ -32,7 +32,7 @@ class GpuTraining : public ::testing::TestWithParam<const char*> {
         double psnr = 0, seconds = 0;
         std::int64_t count = 0;
     };
-    Result train_on(const std::string& device, std::uint64_t seed, const Scene& scene, const fs::path& folder) const {
+    Result train_on(Device device, std::uint64_t seed, const Scene& scene, const fs::path& folder) const {
         TrainOptions o;
         o.source = data_.string(), o.model = folder.string(), o.eval = true;
         o.iterations = 600, o.device = device, o.seed = seed;
@@ -51,7 +51,7 @@ class GpuTraining : public ::testing::TestWithParam<const char*> {
         return result;
     }
 };
-INSTANTIATE_TEST_SUITE_P(Strategies, GpuTraining, ::testing::Values("mcmc", "adc"));
+INSTANTIATE_TEST_SUITE_P(Strategies, GpuTraining, ::testing::Values(Strategy::kMcmc, Strategy::kAdc));
 
 TEST_P(GpuTraining, ReachesTheQualityOfTheCpu) {
     SceneOptions options;
@@ -65,7 +65,7 @@ TEST_P(GpuTraining, ReachesTheQualityOfTheCpu) {
     double cpu_psnr = 0, gpu_psnr = 0, gpu_seconds = 0;
     for (int seed = 0; seed < kSeeds; ++seed) {
         const std::string name = std::to_string(seed);
-        const Result cpu = train_on("cpu", seed, scene, tmp.path() / ("cpu" + name)), gpu = train_on("cuda", seed, scene, tmp.path() / ("cuda" + name));
+        const Result cpu = train_on(Device::kCpu, seed, scene, tmp.path() / ("cpu" + name)), gpu = train_on(Device::kCuda, seed, scene, tmp.path() / ("cuda" + name));
         std::printf("  seed %d: CPU %.3f dB, %lld Gaussians, %.2f s; CUDA %.3f dB, %lld Gaussians, %.2f s\n", seed, cpu.psnr, (long long)cpu.count, cpu.seconds, gpu.psnr,
                     (long long)gpu.count, gpu.seconds);
         cpu_psnr += cpu.psnr / kSeeds, gpu_psnr += gpu.psnr / kSeeds, gpu_seconds = std::max(gpu_seconds, gpu.seconds);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One triangle over the whole target.
 in vec3 position;
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a Gaussian's data lie, and how its geometry is packed: 16 bytes, an RGBA32UI texel (docs/formats.md).
 
 uniform highp usampler2D geometry;

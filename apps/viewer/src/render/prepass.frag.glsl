@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The colour that every Gaussian shows to one camera: a pixel for each. In front of this stand gaussian.glsl, the GS_
 // constants of the file, and behind it the model's own residual().
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the blended Gaussians to the picture: background, photometric correction, 8 bits.
 uniform highp sampler2D blended;
 uniform vec3 background;

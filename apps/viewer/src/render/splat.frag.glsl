@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One fragment of a Gaussian, premultiplied.
 flat in vec4 shown;
 in vec2 offset;

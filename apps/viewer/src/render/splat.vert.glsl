@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One corner of the quad around one Gaussian: projection as in kernels/preprocess/preprocess_device.h, with its constants. In front
 // of this stands gaussian.glsl.
 
