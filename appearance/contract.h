@@ -17,12 +17,15 @@
 //     Weights stay within +-kLargestSharedWeight. On CUDA such a model defines how a warp evaluates it
 //     (`<name>_cuda.cuh`, appearance/warp_appearance_cuda.cuh).
 //  2. `model.cpp`: `const ModelInfo& gs::appearance::<name>_info()`, the facts that the host needs (model_info.h). They
-//     include the degenerate cases for the stability measurement (stability_case.h) and the layout in viewers' files
-//     (packing.h).
+//     include the degenerate cases for the stability measurement (stability_case.h), the model's own training options
+//     (model_option.h) and the functions that write and read viewers' files (packing.h).
 //  3. `README.md` with equation, source and deviations, and `<name>_test.cpp` for the properties special to this model.
 //  4. `model.cmake`: the line `gs_add_appearance(<name> <StructName>)`. A folder may hold several models of one family.
-//     Each has such a line and an info function, and the header named like the folder holds all structs.
-//  5. `<name>.glsl` for the web viewer, which computes the residual from the file's texels (apps/viewer/README.md).
+//     Each has such a line and an info function, and the header named like the folder holds all structs. A model that
+//     only varies another one has `gs_add_appearance_variant` instead, and can be left out of a build.
+//  5. `packing.json`: number, header fields and textures in viewers' files, for the program and the viewer alike
+//     (packing_description.h), and `<name>.glsl`, which computes the residual from the file's texels
+//     (apps/viewer/README.md).
 //
 // CMake finds the folder and generates the registry. Command line, checkpoints, PLY columns, docs and the conformance
 // tests follow from it.

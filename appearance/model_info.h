@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "appearance/model_option.h"
 #include "appearance/stability_case.h"
+#include "kernels/core/appearance_spec.h"
 #include "kernels/core/schedule.h"
 #include "kernels/core/vec.h"
 
@@ -16,10 +18,10 @@ namespace gs {
 class Backend;
 struct Packing;
 
-/// Facts about the scene that some learning rates depend on.
+/// What some learning rates depend on beside the model.
 struct RateContext {
     double camera_spacing = 1; ///< mean distance of a training camera to its 3 nearest, world units
-    double lobe_rate = 0.0025; ///< of the lobes of nasg and nasgabor; NaN: from the camera spacing
+    ModelOptionValues options = default_model_options();
 };
 
 struct AppearanceRates {
@@ -32,6 +34,10 @@ struct ModelInfo {
     std::string name;          ///< as on the command line and in files
     std::string summary;       ///< one line for help and docs
     bool variant = false;      ///< of another model, for comparison: `--appearance auto` does not try it
+    /// Rows of residuals are the f_rest coefficients of 3DGS, three channels a basis function: other programs can read them.
+    bool plain_sh = false;
+    std::vector<ModelOption> options = {}; ///< its own training options
+    std::string degree_option = {};        ///< key of the one that sets max_degree; empty: default_max_degree it is
     int default_max_degree = 0;
     int max_degree_limit = 0;
     /// Degree active at iteration 0; raised by one at 1000, 2000, ... up to max_degree.
@@ -65,5 +71,9 @@ std::vector<std::string> appearance_names();
 
 /// Throws UsageError naming the known models.
 const ModelInfo& appearance_model(const std::string& name);
+
+/// The plain spherical harmonics that other programs read (ModelInfo::plain_sh) of `degree` bands, with relu; of degree 0 it is one colour
+/// from everywhere. Of several models that reach the degree it is the one that reaches least further. Throws UsageError where none does.
+AppearanceSpec plain_sh_appearance(int degree);
 
 }  // namespace gs

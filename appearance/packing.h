@@ -3,33 +3,30 @@
 // (docs/formats.md#scenengsplat). The container is lib/export/ngsplat.h.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
+#include "appearance/packing_description.h"
 #include "kernels/core/half.h"
 #include "kernels/core/vec.h"
 #include "kernels/model/gaussian_state.h"
 
 namespace gs {
 
-/// Models by their number in the file.
-enum class PackedModel : std::uint32_t { kNeural, kSh, kSv, kNasg, kNasgabor };
-
 /// What acts on a residual as stored; the lobes' amplitudes are stored behind it.
 enum class PackedResidualActivation : std::uint32_t { kNone, kTanh, kSoftplus };
 
-/// What the file says about its appearance.
+/// What the file says about its appearance. The fields are those of the format; a model uses those that its description names.
 struct PackedHeader {
-    PackedModel model = PackedModel::kSh;
-    std::uint32_t features = 0;     ///< sites, lobes, or inputs of the network that belong to the Gaussian
-    std::uint32_t frequencies = 0;  ///< of the network's encoding; for information, features are stored encoded
-    std::uint32_t bands = 0;        ///< bit l: band l is stored (sh), or an input of the network
+    std::uint32_t model = 0;        ///< PackingDescription::id
+    std::uint32_t features = 0;     ///< sites, lobes, or inputs of a network that belong to the Gaussian
+    std::uint32_t frequencies = 0;  ///< of a network's encoding; for information, features are stored encoded
+    std::uint32_t bands = 0;        ///< bit l: band l of spherical harmonics is stored, or an input of a network
     PackedResidualActivation activation = PackedResidualActivation::kNone;
     std::uint32_t neurons = 0, hidden_layers = 0;
     bool constant_input = true;     ///< the network has the constant Y_0 as an input
     bool folded = false;            ///< the first layer's sums over what does not depend on the view are stored, not the features
-    std::array<float, 3> band_scales{};  ///< of sh: coefficient of the largest code, bands 1 to 3
+    std::vector<float> floats = {}; ///< PackingDescription::num_floats of them
 };
 
 /// Sizes that follow from a header.
@@ -52,20 +49,17 @@ struct PackedAppearance {
 
 /// What a model's folder gives to put it into a file and to show what is in one.
 struct Packing {
-    PackedModel model;
+    const PackingDescription* description;
     /// Header, weights and zeroed textures; degrees above the active one are left out, or can have no effect. Parameters are finite.
     PackedAppearance (*prepare)(const Gaussians& gaussians);
     /// Fills the row of one Gaussian; different rows from different threads.
     void (*pack_row)(const Gaussians& gaussians, std::int64_t row, PackedAppearance& packed);
-    /// Throws DataError saying which field has a value that the model cannot have.
-    PackedLayout (*layout)(const PackedHeader& header);
-    /// Of one Gaussian as a viewer computes it, in double. `direction` is a unit vector from the camera to the Gaussian.
+    /// The residual of one Gaussian as a viewer computes it, in double. `direction` is a unit vector from the camera to the Gaussian.
     Vec3<double> (*residual)(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction);
 };
 
 /// Halves lie eight to a texel of four words, the first in the low half of a word; the last texel is filled up with zeros.
 inline constexpr int kHalvesPerTexel = 8, kMaxHalves = 64;
-inline std::vector<int> half_textures(int halves) { return std::vector<int>(std::size_t((halves + kHalvesPerTexel - 1) / kHalvesPerTexel), 4); }
 
 /// Half `k` of Gaussian `row`.
 inline void set_half(PackedAppearance& packed, std::int64_t row, int k, double value) {
@@ -78,16 +72,16 @@ inline double get_half(const PackedAppearance& packed, std::int64_t row, int k) 
     return half_value(std::uint16_t(word >> (k % 2 * 16)));
 }
 
-/// Zeroed textures of that header for `count` Gaussians.
-PackedAppearance make_packed(const PackedHeader& header, const PackedLayout& layout, std::int64_t count);
+/// The sizes that the description of the header's model gives. Throws DataError saying which field has a value that the model cannot have.
+PackedLayout packed_layout(const PackedHeader& header);
 
-/// Throws DataError "<field> <value>: <expected>" unless `ok`.
-void require_packed(bool ok, const char* field, std::uint32_t value, const char* expected);
+/// Zeroed weights and textures of that header for `count` Gaussians.
+PackedAppearance make_packed(const PackedHeader& header, std::int64_t count);
 
 /// alpha of a stored residual.
 Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x);
 
 /// The packing of the models with that number in the file.
-const Packing& packing_of(PackedModel model);
+const Packing& packing_of(std::uint32_t model);
 
 }  // namespace gs

@@ -12,10 +12,25 @@
 namespace gs::appearance {
 namespace {
 
+constexpr const char* kLobeRate = "lobe-lr";
+
+/// Shared by the models of the folder.
+ModelOption lobe_rate_option() {
+    return {.key = kLobeRate,
+            .default_value = 0.0025,
+            .min = 0,
+            .max = 10,
+            .is_rate = true,
+            .nan_word = "auto",
+            .help = "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 scene units apart, "
+                    "falling with the square of their distance"};
+}
+
 /// Where no rate is given, the rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its square. It
 /// depends on the scene's unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still trains.
 double lobe_rate(const RateContext& context) {
-    if (!std::isnan(context.lobe_rate)) return context.lobe_rate;
+    const double given = context.options.at(kLobeRate);
+    if (!std::isnan(given)) return given;
     return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
 }
 
@@ -24,6 +39,7 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
     ModelInfo m;
     m.name = name;
     m.summary = summary;
+    m.options = {lobe_rate_option()};
     const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0; // tanh and cosine; sine on the way back
     m.operations = num_lobes * 200 + carrier, m.operations_backward = num_lobes * 350 + 2 * carrier;
     m.default_max_degree = m.max_degree_limit = num_lobes;

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// NASG and NASGabor in the viewer: GS_UNITS lobes of half-precision numbers each: frame x and z, 2 lambda, a, with a carrier k,
+// NASG and NASGabor in the viewer: GS_LOBES lobes of half-precision numbers each: frame x and z, 2 lambda, a, with a carrier k,
 // N, amplitude (README.md has the equations; lobe.h the same in single precision).
-#pragma ngsplat 3 nasg 12
-#pragma ngsplat 4 nasgabor 13
 
-#if GS_MODEL == 4
+#if GS_CARRIER
 const int per_lobe = 13;
 #else
 const int per_lobe = 12;
@@ -32,13 +30,13 @@ float lobe_density(vec3 v, float t, float a, float n) {
 vec3 residual(vec3 d) {
     float p[GS_HALVES] = payload_halves();
     vec3 sum = vec3(0);
-    for (int lobe = 0; lobe < GS_UNITS; ++lobe) {
+    for (int lobe = 0; lobe < GS_LOBES; ++lobe) {
         int i = lobe * per_lobe;
         // Rounded to half precision, the frame is no longer orthonormal, and directions within 1.8 degrees of the axis would be beyond it.
         vec3 z = normalize(vec3(p[i + 3], p[i + 4], p[i + 5])), x = vec3(p[i], p[i + 1], p[i + 2]);
         x = normalize(x - z * dot(x, z));
         vec3 v = vec3(dot(d, x), dot(d, cross(z, x)), dot(d, z));
-#if GS_MODEL == 4
+#if GS_CARRIER
         float carrier = cos(0.5 * p[i + 8] * v.x);
         float value = lobe_density(v, p[i + 6], p[i + 7], p[i + 9]) * carrier * carrier;
 #else

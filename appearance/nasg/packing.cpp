@@ -11,23 +11,16 @@ namespace gs::appearance {
 namespace {
 
 template <class Model> constexpr bool kHasCarrier = Model::kAmplitude == 6;
-template <class Model> constexpr PackedModel kPackedModel = kHasCarrier<Model> ? PackedModel::kNasgabor : PackedModel::kNasg;
-/// Axes x and z (6), 2 lambda, a, with a carrier k, N, amplitude (3).
-template <class Model> constexpr int kPerPackedLobe = kHasCarrier<Model> ? 13 : 12;
-
-template <class Model> PackedLayout layout(const PackedHeader& header) {
-    constexpr int per_lobe = kPerPackedLobe<Model>;
-    require_packed(header.features <= kMaxHalves / per_lobe, "featureDim", header.features, per_lobe == 12 ? "at most 5 lobes" : "at most 4 lobes");
-    return {half_textures(per_lobe * int(header.features)), 0};
-}
+template <class Model> const PackingDescription& description() { return packing_description(kHasCarrier<Model> ? "nasgabor" : "nasg"); }
 
 template <class Model> PackedAppearance prepare(const Gaussians& g) {
     PackedHeader header;
-    header.model = kPackedModel<Model>;
+    header.model = description<Model>().id;
     header.features = std::uint32_t(g.active_degree);
-    return make_packed(header, layout<Model>(header), g.count);
+    return make_packed(header, g.count);
 }
 
+/// Per lobe: axes x and z (6), 2 lambda, a, with a carrier k, N, amplitude (3).
 template <class Model> void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
     using Density = LobeDensity<double>;
     const auto& residual = g[Group::kResidual];
@@ -76,7 +69,7 @@ template <class Model> Vec3<double> residual(const PackedAppearance& packed, std
 }  // namespace
 
 template <class Model> const Packing& lobe_packing() {
-    static const Packing packing{kPackedModel<Model>, prepare<Model>, pack_row<Model>, layout<Model>, residual<Model>};
+    static const Packing packing{&description<Model>(), prepare<Model>, pack_row<Model>, residual<Model>};
     return packing;
 }
 template const Packing& lobe_packing<Nasg>();

@@ -2,7 +2,6 @@
 // Neural in the viewer: GS_HIDDEN_LAYERS layers of GS_NEURONS, whose weights come four at a time (README.md has the network).
 // weights[base + j out + o] holds the weights from inputs 4j..4j+3 to output o. GS_FOLDED: what does not depend on the direction
 // is already multiplied by the first layer, and a Gaussian's numbers are its sums; otherwise they are the encoded features.
-#pragma ngsplat 0 neural
 
 const int quads = GS_NEURONS / 4;
 
@@ -11,7 +10,7 @@ void network_inputs(vec3 d, float p[GS_HALVES], out vec4 inputs[GS_INPUTS / 4]) 
     float flat_inputs[GS_INPUTS];
     int n = 0;
 #if !GS_FOLDED
-    for (int i = 0; i < GS_UNITS; ++i) flat_inputs[n++] = p[i];
+    for (int i = 0; i < GS_FEATURES; ++i) flat_inputs[n++] = p[i];
 #if GS_CONSTANT_INPUT
     flat_inputs[n++] = 0.28209479177387814;
 #endif

@@ -5,7 +5,7 @@
 #include "appearance/clamps.h"
 #include "appearance/contract.h"
 #include "appearance/neural/neurons.h"
-#include "appearance/sh/sh.h"
+#include "appearance/sh_basis.h"
 #include "kernels/core/spherical_harmonics.h"
 
 namespace gs::appearance {
@@ -50,7 +50,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         x[kEncoded] = T(kY0);
         GS_UNROLL
         for (int k = 1; k < kBases; ++k) x[kEncoded + k] = T(0);
-        Sh::basis(direction, degree, x + kEncoded + 1);
+        ShBasis::basis(direction, degree, x + kEncoded + 1);
     }
 
     /// Computes the gradient of the features from that of their encoding.
@@ -136,7 +136,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
             delta.add_to(dL_dshared + j * kNeurons, p.x[j]);
         }
         encode_backward(p.x, dL_dx, dL_dparams);
-        dL_ddirection = Sh::basis_gradient(direction, degree, dL_dx + kEncoded + 1);
+        dL_ddirection = ShBasis::basis_gradient(direction, degree, dL_dx + kEncoded + 1);
     }
 
   private:

@@ -102,7 +102,7 @@ template <int kFeatures, int kFrequencies, int kLayers, int kNeurons> class Warp
             const float4 v = of_bases[k];
             a[4 * k] = v.x, a[4 * k + 1] = v.y, a[4 * k + 2] = v.z, a[4 * k + 3] = v.w;
         }
-        dL_ddirection = appearance::Sh::basis_gradient(direction, degree, a + 1) * inverse;
+        dL_ddirection = appearance::ShBasis::basis_gradient(direction, degree, a + 1) * inverse;
     }
 
     static __device__ void prepare(unsigned* prepared, int k, float w) {

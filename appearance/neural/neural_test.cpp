@@ -108,11 +108,11 @@ TEST(Neural, VectorsEqualScalars) {
 
 TEST(Neural, VariantsHaveThePapersSizes) {
     EXPECT_EQ(appearance_model("neural").num_shared, 816);
-    EXPECT_EQ(appearance_model("neural_1layer").num_shared, 560);
-    EXPECT_EQ(appearance_model("neural_3layers").num_shared, 1072);
-    EXPECT_EQ(appearance_model("neural_wide").num_shared, 2144);
-    EXPECT_EQ(appearance_model("neural_plain").num_shared, 816);
-    EXPECT_EQ(appearance_model("neural_plain").residual_width(3), 16);
+    EXPECT_EQ(appearance::NeuralOneLayer::kNumShared, 560);
+    EXPECT_EQ(appearance::NeuralThreeLayers::kNumShared, 1072);
+    EXPECT_EQ(appearance::NeuralWide::kNumShared, 2144);
+    EXPECT_EQ(appearance::NeuralPlain::kNumShared, 816);
+    EXPECT_EQ(appearance::NeuralPlain::kFeatures, 16);
 }
 
 TEST(Neural, SaturatedOutputKeepsItsGradient) {

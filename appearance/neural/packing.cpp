@@ -9,7 +9,7 @@
 namespace gs::appearance {
 namespace {
 
-constexpr int kMaxBand = 3, kMaxNeurons = 256, kMaxHiddenLayers = 16;
+constexpr int kMaxBand = 3, kMaxNeurons = 256; // as in packing.json
 
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 
@@ -28,16 +28,6 @@ int num_inputs(const PackedHeader& header) {
 
 int num_halves(const PackedHeader& header) { return int(header.folded ? header.neurons : header.features); }
 
-PackedLayout layout(const PackedHeader& header) {
-    require_packed((header.bands & ~0xeu) == 0, "shBandMask", header.bands, "bands 1 to 3 only");
-    require_packed(header.neurons % 4 == 0 && header.neurons > 0 && header.neurons <= kMaxNeurons, "nNeurons", header.neurons, "a multiple of 4 up to 256");
-    require_packed(header.hidden_layers > 0 && header.hidden_layers <= kMaxHiddenLayers, "nHiddenLayers", header.hidden_layers, "1 to 16");
-    require_packed(header.features <= kMaxHalves, "featureDim", header.features, "at most 64");
-    require_packed(!header.folded || header.neurons <= kMaxHalves, "nNeurons", header.neurons, "at most 64 where the first layer is folded");
-    const std::int64_t neurons = header.neurons;
-    return {half_textures(num_halves(header)), (padded(num_inputs(header)) + (header.hidden_layers - 1) * neurons) * neurons + 3 * neurons};
-}
-
 /// Where W[output][input] of a layer with that many outputs lies in the layer's part of the stream: four inputs to a texel,
 /// texels of all outputs before the next four inputs.
 constexpr std::int64_t weight_at(int outputs, int output, int input) { return (std::int64_t(input / 4) * outputs + output) * 4 + input % 4; }
@@ -45,7 +35,7 @@ constexpr std::int64_t weight_at(int outputs, int output, int input) { return (s
 template <class Model> PackedAppearance prepare(const Gaussians& g) {
     constexpr int neurons = Model::kNeurons;
     PackedHeader header;
-    header.model = PackedModel::kNeural;
+    header.model = packing_description("neural").id;
     header.features = Model::kEncoded;
     header.frequencies = Model::kFrequencies;
     header.bands = 0xe;
@@ -53,7 +43,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
     header.neurons = neurons;
     header.hidden_layers = Model::kLayers;
     header.folded = neurons <= 16 && (neurons + 7) / 8 <= (Model::kEncoded + 7) / 8;
-    PackedAppearance packed = make_packed(header, layout(header), g.count);
+    PackedAppearance packed = make_packed(header, g.count);
 
     const float* shared = g.shared.param.data();
     std::uint16_t* out = packed.weights.data();
@@ -98,7 +88,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
     int inputs = 0;
     for (int k = 0; k < num_halves(header); ++k) (header.folded ? hidden[k] : x[inputs++]) = get_half(packed, row, k);
     if (!header.folded && header.constant_input) x[inputs++] = kY0;
-    Sh::basis(direction, kMaxBand, basis);
+    ShBasis::basis(direction, kMaxBand, basis);
     for (int band = 1; band <= kMaxBand; ++band) {
         if (header.bands >> band & 1) inputs = int(std::copy_n(basis + band * band - 1, 2 * band + 1, x + inputs) - x);
     }
@@ -122,7 +112,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
 }  // namespace
 
 template <class Model> const Packing& network_packing() {
-    static const Packing packing{PackedModel::kNeural, prepare<Model>, pack_row<Model>, layout, residual};
+    static const Packing packing{&packing_description("neural"), prepare<Model>, pack_row<Model>, residual};
     return packing;
 }
 template const Packing& network_packing<Neural>();

@@ -12,6 +12,7 @@ const ModelInfo& none_info() {
         ModelInfo m;
         m.name = "none";
         m.summary = "no view dependence: one colour per Gaussian";
+        m.plain_sh = true; // without any band
         m.residual_width = [](int) { return 0; };
         // The 3DGS rate of SH band 0, with the constant folded into the base colour.
         m.rates = [](int, const RateContext&) { return AppearanceRates{Schedule::constant(0.0025 * kY0), {}}; };

@@ -15,6 +15,9 @@ const ModelInfo& sh_info() {
         ModelInfo m;
         m.name = "sh";
         m.summary = "spherical harmonics of bands 1 to 3, as in 3DGS";
+        m.plain_sh = true;
+        m.degree_option = "sh-degree";
+        m.options = {{.key = m.degree_option, .default_value = 3, .min = 0, .max = 3, .is_whole = true, .help = "with appearance sh: highest band"}};
         m.operations = 85, m.operations_backward = 190;
         m.default_max_degree = 3;
         m.max_degree_limit = 3;

@@ -24,12 +24,6 @@ int degree_of(const PackedHeader& header) {
     return degree;
 }
 
-PackedLayout layout(const PackedHeader& header) {
-    const int degree = degree_of(header);
-    require_packed(header.bands == (2u << degree) - 2, "shBandMask", header.bands, "bands 1 to at most 3 without a gap");
-    return {{kPackedShWords, kPackedShWords + degree}, 0};
-}
-
 /// Largest code of a band.
 constexpr int code_limit(int band) { return (1 << (kPackedShBits[band - 1] - 1)) - 1; }
 
@@ -76,16 +70,17 @@ float find_band_scale(const Gaussians& g, int band) {
 PackedAppearance prepare(const Gaussians& g) {
     const int degree = g[Group::kResidual].width == 0 ? 0 : g.active_degree;
     PackedHeader header;
-    header.model = PackedModel::kSh;
+    header.model = packing_description("sh").id;
+    header.floats.assign(kBands, 0);
     header.bands = (2u << degree) - 2;
-    for (int band = 1; band <= degree; ++band) header.band_scales[std::size_t(band - 1)] = find_band_scale(g, band);
-    return make_packed(header, layout(header), g.count);
+    for (int band = 1; band <= degree; ++band) header.floats[std::size_t(band - 1)] = find_band_scale(g, band);
+    return make_packed(header, g.count);
 }
 
 void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
     const auto& residual = g[Group::kResidual];
     for (int band = 1; band <= degree_of(packed.header); ++band) {
-        const float scale = packed.header.band_scales[std::size_t(band - 1)];
+        const float scale = packed.header.floats[std::size_t(band - 1)];
         std::uint32_t* words = packed.textures[std::size_t(band - 1)].data() + row * kPackedShWords[band - 1];
         const float* coefficients = residual.param.data() + row * residual.width + first_field(band);
         for (int f = 0; f < num_fields(band); ++f)
@@ -99,7 +94,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
     for (int band = 1; band <= degree; ++band) {
         const int bits = kPackedShBits[band - 1];
         const std::uint32_t* words = packed.textures[std::size_t(band - 1)].data() + row * kPackedShWords[band - 1];
-        const double step = double(packed.header.band_scales[std::size_t(band - 1)]) / code_limit(band);
+        const double step = double(packed.header.floats[std::size_t(band - 1)]) / code_limit(band);
         for (int f = 0; f < num_fields(band); ++f) coefficients[first_field(band) + f] = step * get_field(words, bits, f);
     }
     return packed_activation(packed.header.activation, Sh::residual(coefficients, direction, degree));
@@ -125,7 +120,7 @@ int get_field(const std::uint32_t* words, int bits, int f) {
 }
 
 const Packing& sh_packing() {
-    static const Packing packing{PackedModel::kSh, prepare, pack_row, layout, residual};
+    static const Packing packing{&packing_description("sh"), prepare, pack_row, residual};
     return packing;
 }
 

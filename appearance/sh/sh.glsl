@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// SH in the viewer, from the coefficients as .ngsplat packs them: 7, 8 and 6 bits in degrees 1, 2 and 3 (README.md has the basis).
-#pragma ngsplat 1 sh
+// SH in the viewer, from the coefficients as .ngsplat packs them: 7, 8 and 6 bits in degrees 1, 2 and 3 (README.md has the basis),
+// times what the header says of each degree, by its largest code.
 
 // Field `index` of `bits` bits, two's complement, of words that are one number from the lowest bit on.
 float sh_field(uint words[4], int index, int bits) {
@@ -23,7 +23,7 @@ vec3 residual(vec3 d) {
     float y1[3] = float[3](-y, z, -x);
     vec3 band1 = vec3(0);
     for (int i = 0; i < 3; ++i) band1 += y1[i] * sh_coefficient(w1, i, 7);
-    sum += (sh_factors.x * 0.4886025119029199) * band1;
+    sum += (header_floats[0] / 63.0 * 0.4886025119029199) * band1;
 #endif
 #if GS_DEGREE >= 2
     uvec4 t2 = payload(0);
@@ -32,7 +32,7 @@ vec3 residual(vec3 d) {
                            -1.0925484305920792 * x * z, 0.5462742152960396 * (x * x - y * y));
     vec3 band2 = vec3(0);
     for (int i = 0; i < 5; ++i) band2 += y2[i] * sh_coefficient(w2, i, 8);
-    sum += sh_factors.y * band2;
+    sum += header_floats[1] / 127.0 * band2;
 #endif
 #if GS_DEGREE >= 3
     uvec4 t3 = payload(1);
@@ -42,7 +42,7 @@ vec3 residual(vec3 d) {
                            1.445305721320277 * z * (x * x - y * y), 0.5900435899266435 * x * (3.0 * y * y - x * x));
     vec3 band3 = vec3(0);
     for (int i = 0; i < 7; ++i) band3 += y3[i] * sh_coefficient(w3, i, 6);
-    sum += sh_factors.z * band3;
+    sum += header_floats[2] / 31.0 * band3;
 #endif
     return residual_activation(sum);
 }

@@ -11,16 +11,11 @@ namespace {
 
 constexpr int kPerSite = Sv::kPerSite;
 
-PackedLayout layout(const PackedHeader& header) {
-    require_packed(header.features <= kMaxHalves / kPerSite, "featureDim", header.features, "at most 9 sites");
-    return {half_textures(kPerSite * int(header.features)), 0};
-}
-
 PackedAppearance prepare(const Gaussians& g) {
     PackedHeader header;
-    header.model = PackedModel::kSv;
+    header.model = packing_description("sv").id;
     header.features = std::uint32_t(g.active_degree);
-    return make_packed(header, layout(header), g.count);
+    return make_packed(header, g.count);
 }
 
 void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
@@ -49,7 +44,7 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
 }  // namespace
 
 const Packing& sv_packing() {
-    static const Packing packing{PackedModel::kSv, prepare, pack_row, layout, residual};
+    static const Packing packing{&packing_description("sv"), prepare, pack_row, residual};
     return packing;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { readFileSync } from 'node:fs';
+import { fileURLToPath } from 'node:url';
 import { defineConfig } from 'vitest/config';
 import type { Plugin } from 'vite';
 
@@ -13,7 +14,11 @@ const licenses: Plugin = {
   },
 };
 
+/** A further folder of models' folders, for tests: each with packing.json and GLSL like those of appearance/. */
+const moreModels = process.env.GSAPP_MORE_MODELS ?? fileURLToPath(new URL('../../appearance', import.meta.url));
+
 export default defineConfig({
+  resolve: { alias: { '@more-models': moreModels } },
   base: './', // works below any path
   plugins: [licenses],
   build: { target: 'es2022', chunkSizeWarningLimit: 1000, assetsInlineLimit: 0, modulePreload: { polyfill: false } },

@@ -47,6 +47,9 @@ struct Stage {
     double pixels = 1;  ///< share of the pixels of the scene's images
 };
 
+/// Returns the name of the model whose Gaussians show one colour in every direction.
+std::string plain_model() { return plain_sh_appearance(0).model; }
+
 Stage make_stage(const TrainOptions& options, const Scene& scene) {
     Stage stage{scene, {}, options, 1};
     stage.scene.train.clear(), stage.scene.test.clear();
@@ -58,7 +61,7 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
         (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(std::move(view));
     }
     stage.pixels = small / full;
-    stage.options.appearance = "none";
+    stage.options.appearance = plain_model();
     stage.options.cap_max = std::max<std::int64_t>(1, std::llround(double(options.cap_max) * stage.pixels));
     if (options.ppisp == PpispMode::kAuto)
         stage.options.ppisp = PpispMode::kOn;  // harmless where images do not differ, and there is no time to find out
@@ -75,7 +78,7 @@ std::vector<AppearanceSpec> candidates(TrainOptions options) {
     for (const ModelInfo* model : appearance_models()) {
         options.appearance = model->name;
         const AppearanceSpec spec = appearance_spec(options);
-        if (!model->variant && (model->name == "none" || group_width(Group::kResidual, spec) > 0))
+        if (!model->variant && (model->name == plain_model() || group_width(Group::kResidual, spec) > 0))
             specs.push_back(spec);
     }
     std::stable_sort(specs.begin(), specs.end(),
@@ -133,7 +136,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
 AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene) {
     AppearanceMeasurements measured;
     measured.num_views = scene.train.size();
-    measured.plain_model = "none";
+    measured.plain_model = plain_model();
     if (scene.train.size() < kFewestViews) {
         measured.obstacle = Obstacle::kFewViews;
         return measured;
@@ -157,7 +160,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
         measured.seconds = now() - start;
         return measured;
     }
-    const auto positions = make_backend(options.device, {"none", 0, ColorActivation::kRelu}, backend_options(options));
+    const auto positions = make_backend(options.device, plain_sh_appearance(0), backend_options(options));
     measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, rehearsal.background());
     if (needs_trials(measured.parts, options.auto_tolerance)) {
         Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, start,

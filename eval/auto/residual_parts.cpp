@@ -8,7 +8,8 @@
 #include <cmath>
 #include <unordered_map>
 
-#include "appearance/sh/sh.h"
+#include "appearance/model_info.h"
+#include "appearance/sh_basis.h"
 #include "kernels/core/spherical_harmonics.h"
 #include "lib/core/median.h"
 #include "lib/model/center.h"
@@ -32,7 +33,7 @@ using Normal = Eigen::Matrix<double, kTerms, kTerms>;
 Basis basis(const Eigen::Vector3d& direction) {
     Basis y;
     y[0] = kY0;
-    appearance::Sh::basis(Vec3<double>{direction.x(), direction.y(), direction.z()}, kDegree, y.data() + 1);
+    appearance::ShBasis::basis(Vec3<double>{direction.x(), direction.y(), direction.z()}, kDegree, y.data() + 1);
     return y;
 }
 
@@ -73,7 +74,7 @@ class Measurement {
         : plain_(plain), positions_(positions), background_(background) {
         Gaussians g = plain.download(false);
         g.ppisp = {}; // would change places as it does colours
-        g.appearance = {"none", 0, ColorActivation::kRelu};
+        g.appearance = plain_sh_appearance(0);
         const Frame frame(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
             float* base = g[Group::kBase].param.data() + 3 * i;

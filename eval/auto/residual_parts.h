@@ -22,7 +22,7 @@ struct ResidualParts {
 /// Divides space into cells of some pixels' size (beyond the cameras in inverse distance), takes the mean residual of every cell in every photograph, and fits
 /// spherical harmonics of degree 3 to it over the directions a cell is seen from. Differences inside a cell, such as detail that is not resolved yet,
 /// cancel in its mean, unlike in the errors of a model that is trained. A share s of direction is worth -10 log10(1 - s) dB.
-/// `plain`: the backend of a model without view dependence. `positions`: another backend of the options {"none", 0, kRelu},
+/// `plain`: the backend of a model without view dependence. `positions`: another backend of plain_sh_appearance(0),
 /// which positions are rendered with. `seen`, `held_out`: at least one each. All zero where nothing is opaque.
 ResidualParts residual_parts(Backend& plain, Backend& positions, const std::vector<Photograph>& seen, const std::vector<Photograph>& held_out,
                              const Vec3<float>& background);

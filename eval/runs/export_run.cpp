@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "appearance/model_info.h"
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
 #include "lib/core/log.h"
@@ -40,7 +41,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
 
 /// Whether programs that know spherical harmonics alone show these colours as they are.
 bool is_plain_sh(const Gaussians& g) {
-    return (g.appearance.model == "sh" || g.appearance.model == "none") &&
+    return appearance_model(g.appearance.model).plain_sh &&
            g.appearance.activation == ColorActivation::kRelu;
 }
 

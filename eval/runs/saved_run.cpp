@@ -6,6 +6,7 @@
 
 #include <fstream>
 
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
@@ -92,14 +93,14 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     facts.dataset = dataset_name(options.source);
     facts.scene = scene_name(options.source);
     facts.model = options.appearance;
-    if (options.appearance == "sh") facts.model += fmt::format(" (degree {})", options.sh_degree);
+    const AppearanceSpec appearance = appearance_spec(options);
+    if (!appearance_model(options.appearance).degree_option.empty()) facts.model += fmt::format(" (degree {})", appearance.max_degree);
     facts.appearance_choice = read_appearance_choice(options.model);
     if (!facts.appearance_choice.is_null()) facts.model += " by auto";
     facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.background = background;
     facts.num_gaussians = num_gaussians;
-    const AppearanceSpec appearance = appearance_spec(options);
     facts.bytes_per_gaussian = std::int64_t(sizeof(float)) * (group_width(Group::kBase, appearance) + group_width(Group::kResidual, appearance));
     return facts;
 }

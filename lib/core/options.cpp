@@ -93,8 +93,8 @@ void check_choice(const Option& option, const std::string& value) {
 
 void check_value(const Option& option, const TrainOptions& options) {
     std::visit(
-        [&](auto member) {
-            const auto& value = options.*member;
+        [&](const auto& field) {
+            const auto& value = option_value(options, field);
             using T = std::decay_t<decltype(value)>;
             if constexpr (std::is_same_v<T, std::string>)
                 check_choice(option, value);
@@ -143,8 +143,8 @@ std::string option_range(const Option& option) {
 
 std::string option_text(const Option& option, const TrainOptions& options) {
     return std::visit(
-        [&](auto member) -> std::string {
-            const auto& value = options.*member;
+        [&](const auto& field) -> std::string {
+            const auto& value = option_value(options, field);
             using T = std::decay_t<decltype(value)>;
             if constexpr (std::is_same_v<T, std::string>)
                 return value;
@@ -166,22 +166,28 @@ std::string option_text(const Option& option, const TrainOptions& options) {
 
 void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values, const std::string& where) {
     std::visit(
-        [&](auto member) {
-            auto& field = options.*member;
-            using T = std::decay_t<decltype(field)>;
+        [&](const auto& field) {
+            auto& value = option_value(options, field);
+            using T = std::decay_t<decltype(value)>;
             if constexpr (is_list<T>) {
                 T list;
                 for (const std::string& text : values) parse_into(list.emplace_back(), text, where);
-                field = list;
+                value = list;
             } else {
                 if (values.size() != 1) throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
                 if constexpr (std::is_same_v<T, double>) {
                     if (!option.nan_word.empty() && values.front() == option.nan_word) {
-                        field = std::numeric_limits<double>::quiet_NaN();
+                        value = std::numeric_limits<double>::quiet_NaN();
                         return;
                     }
                 }
-                parse_into(field, values.front(), where);
+                if constexpr (std::is_same_v<std::decay_t<decltype(field)>, ModelOptionField>) {
+                    if (field.is_whole) {
+                        value = double(parse_number<std::int64_t>(values.front(), where));
+                        return;
+                    }
+                }
+                parse_into(value, values.front(), where);
             }
         },
         option.field);

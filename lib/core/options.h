@@ -13,12 +13,34 @@
 
 namespace gs {
 
+/// An option that an appearance model declares: a number in TrainOptions::model_options.
+struct ModelOptionField {
+    std::string key;
+    bool is_whole = false;
+};
+
 /// Where an option is stored; the alternative is its type.
 template <class... T>
-using FieldOf = std::variant<T TrainOptions::*...>;
+using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
 using OptionField =
     FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>, Background, Strategy,
             Device, PpispMode, MaskMode, AlphaMode, AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
+
+/// Returns the value that `field` names in `options`.
+template <class T>
+const T& option_value(const TrainOptions& options, T TrainOptions::*field) {
+    return options.*field;
+}
+template <class T>
+T& option_value(TrainOptions& options, T TrainOptions::*field) {
+    return options.*field;
+}
+inline double option_value(const TrainOptions& options, const ModelOptionField& field) {
+    return options.model_options.at(field.key);
+}
+inline double& option_value(TrainOptions& options, const ModelOptionField& field) {
+    return options.model_options.at(field.key);
+}
 
 /// One option. Its default is the value in a default-constructed TrainOptions.
 struct Option {

@@ -12,9 +12,10 @@ namespace gs {
 namespace {
 
 const char* type_word(const Option& option) {
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return of_model->is_whole ? "INTEGER" : "NUMBER";
     return std::visit(
-        [](auto member) {
-            using T = std::decay_t<decltype(TrainOptions{}.*member)>;
+        [](const auto& field) {
+            using T = std::decay_t<decltype(option_value(TrainOptions{}, field))>;
             if constexpr (std::is_same_v<T, double>) return "NUMBER";
             if constexpr (std::is_integral_v<T> || std::is_same_v<T, std::vector<std::int64_t>>) return "INTEGER";
             return "TEXT";

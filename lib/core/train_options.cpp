@@ -148,7 +148,19 @@ std::vector<Option> precision_options() {
     };
 }
 
-std::vector<Option> model_options() {
+/// The options that models declare: their learning rates, or all others.
+std::vector<Option> options_of_models(bool rates) {
+    std::vector<Option> table;
+    for (const ModelOption& option : all_model_options()) {
+        if (option.is_rate != rates) continue;
+        const Range range{option.min, option.max, option.unit};
+        table.push_back(
+            number(option.key, ModelOptionField{option.key, option.is_whole}, range, option.help).or_word(option.nan_word));
+    }
+    return table;
+}
+
+std::vector<Option> appearance_options() {
     std::vector<std::string> models = appearance_names();
     models.push_back(kAutoAppearance);
     return {
@@ -158,7 +170,11 @@ std::vector<Option> model_options() {
         number("auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
                "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
                "best one's"),
-        number("sh-degree", &O::sh_degree, {0, 3}, "with appearance sh: highest band"),
+    };
+}
+
+std::vector<Option> start_options() {
+    return {
         choice("color-activation", &O::color_activation, "function from raw to visible colour"),
         number("init-points", &O::init_points, {1, 1e8, "Gaussians"},
                "random initialisation only: number of points that are drawn"),
@@ -208,9 +224,6 @@ std::vector<Option> rate_options() {
         number("ppisp-lr", &O::ppisp_lr, {0, 1},
                "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; "
                "images that differ by stops are told apart better with 0.006"),
-        number("lobe-lr", &O::lobe_lr, {0, 10},
-               "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 "
-               "scene units apart, falling with the square of their distance").or_word("auto"),
     };
 }
 
@@ -259,10 +272,13 @@ const std::vector<Option>& train_option_table() {
         append(t, "Input and output", input_options());
         append(t, "Run", run_options());
         append(t, "Precision", precision_options());
-        append(t, "Model", model_options());
+        append(t, "Model", appearance_options());
+        append(t, "Model", options_of_models(false));
+        append(t, "Model", start_options());
         append(t, "Photometric correction", photometric_options());
         append(t, "Loss", loss_options());
         append(t, "Learning rates", rate_options());
+        append(t, "Learning rates", options_of_models(true));
         append(t, "Densification", densification_options());
         append(t, "Logging", logging_options());
         return t;

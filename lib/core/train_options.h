@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "appearance/model_option.h"
 #include "lib/core/background.h"
 #include "lib/core/choices.h"
 
@@ -48,7 +49,7 @@ struct TrainOptions {
     // Appearance
     std::string appearance = "sh";        ///< a model's name, or "auto" until it is chosen
     double auto_tolerance = 0.1;          ///< dB
-    int sh_degree = 3;
+    ModelOptionValues model_options = default_model_options(); ///< what models declare: sh-degree, lobe-lr, ...
     ColorActivation color_activation = ColorActivation::kRelu;
     // Photometric correction (PPISP)
     PpispMode ppisp = PpispMode::kOff;
@@ -68,7 +69,6 @@ struct TrainOptions {
     double scaling_lr = 0.005, rotation_lr = 0.001;
     double opacity_lr = 0;                ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
     double ppisp_lr = 0.002;              ///< of PPISP's parameters, after their warm-up
-    double lobe_lr = 0.0025;              ///< NASG, NASGabor; NaN = auto, from the camera spacing
     // Densification
     Strategy strategy = Strategy::kMcmc;
     bool speedy_splat = false;            ///< with adc: Speedy-Splat's pruning by score

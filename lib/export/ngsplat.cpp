@@ -125,7 +125,7 @@ class Reader {
 std::uint32_t flags_of(const PackedScene& scene) {
     const PackedHeader& a = scene.appearance.header;
     return (scene.antialiased ? flag::kAntialiased : 0) | (a.constant_input ? 0 : flag::kWithoutConstant) | (a.folded ? flag::kFolded : 0) |
-           flag::model_bits(std::uint32_t(a.model)) | (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0);
+           flag::model_bits(a.model) | (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0);
 }
 
 Header read_header(Reader& in) {
@@ -142,14 +142,12 @@ Header read_header(Reader& in) {
     if (h.residual_activation > std::uint32_t(PackedResidualActivation::kSoftplus))
         in.fail(fmt::format("residualActivation is {}, expected 0 to 2", h.residual_activation));
     if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}, but this program knows only {:#x}; the file is of a newer version", h.flags, flag::kKnown));
-    if (flag::model_of(h.flags) > std::uint32_t(PackedModel::kNasgabor))
-        in.fail(fmt::format("the model has number {}, expected 0 to 4", flag::model_of(h.flags)));
     return h;
 }
 
 PackedHeader appearance_header(const Header& h) {
     PackedHeader a;
-    a.model = PackedModel(flag::model_of(h.flags));
+    a.model = flag::model_of(h.flags);
     a.features = h.features, a.frequencies = h.frequencies, a.bands = h.bands;
     a.activation = PackedResidualActivation(h.residual_activation);
     a.neurons = h.neurons, a.hidden_layers = h.hidden_layers;
@@ -157,8 +155,6 @@ PackedHeader appearance_header(const Header& h) {
     a.folded = h.flags & flag::kFolded;
     return a;
 }
-
-PackedLayout layout_of(const PackedHeader& header) { return packing_of(header.model).layout(header); }
 
 PackedPpisp read_ppisp(Reader& in, std::size_t num_cameras) {
     PackedPpisp p;
@@ -188,18 +184,18 @@ std::string read_trailer(Reader& in) {
 
 }  // namespace
 
-int PackedScene::bytes_per_gaussian() const { return int(sizeof(GeometryWords)) + layout_of(appearance.header).bytes_per_gaussian(); }
+int PackedScene::bytes_per_gaussian() const { return int(sizeof(GeometryWords)) + packed_layout(appearance.header).bytes_per_gaussian(); }
 
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) {
     const PackedHeader& a = scene.appearance.header;
-    const PackedLayout layout = layout_of(a);
+    const PackedLayout layout = packed_layout(a);
     AtomicFile file(path);
     Writer out(file.stream());
     out.bytes(kMagic, sizeof kMagic);
     out.value(Header{std::uint32_t(scene.count()), kTextureWidth, std::uint32_t(padded_count(scene.count()) / kTextureWidth), a.features, a.frequencies, a.bands,
                      std::uint32_t(scene.activation), std::uint32_t(a.activation), a.neurons, a.hidden_layers, flags_of(scene)});
     out.value(scene.base_range);
-    if (a.model == PackedModel::kSh) out.value(a.band_scales);
+    out.values(a.floats);
     out.value(scene.center);
     out.value(scene.up);
     out.value(scene.distance);
@@ -234,13 +230,14 @@ PackedScene read_ngsplat(const std::filesystem::path& path) {
     scene.antialiased = h.flags & flag::kAntialiased;
     scene.exponential_base = h.flags & flag::kExponentialBase;
     scene.base_range = in.finite<BaseRange>("the base range");
-    if (packed.header.model == PackedModel::kSh) packed.header.band_scales = in.finite<std::array<float, 3>>("shLevelScales");
     PackedLayout layout;
     try {
-        layout = layout_of(packed.header);
+        layout = packed_layout(packed.header);
     } catch (const DataError& e) {
         in.fail(e.what());
     }
+    const PackingDescription& description = packing_description(packed.header.model);
+    for (int k = 0; k < description.num_floats; ++k) packed.header.floats.push_back(in.finite<float>(description.floats_name.c_str()));
     scene.center = in.finite<std::array<float, 3>>("camCenter");
     scene.up = in.finite<std::array<float, 3>>("camUp");
     scene.distance = in.finite<float>("camDistance");

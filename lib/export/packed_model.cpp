@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "appearance/contract.h"
+#include "appearance/model_info.h"
 #include "kernels/core/parallel.h"
 #include "lib/model/appearance_spec.h"
 
@@ -47,7 +48,7 @@ Vec3<double> packed_color(const PackedScene& scene, std::int64_t row, const Vec3
 Gaussians packed_geometry(const PackedScene& scene) {
     Gaussians g;
     g.count = scene.count();
-    g.appearance = {"none", 0, ColorActivation::kRelu};
+    g.appearance = plain_sh_appearance(0);
     for (int k = 0; k < kNumGroups; ++k) {
         g.groups[k].width = group_width(Group(k), g.appearance);
         g.groups[k].param.resize(std::size_t(g.count * g.groups[k].width));

@@ -10,7 +10,7 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "appearance/sh/sh.h"
+#include "appearance/sh_basis.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/core/spherical_harmonics.h"
@@ -35,7 +35,7 @@ Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
     Eigen::MatrixXd basis(std::ptrdiff_t(at.size()), (degree + 1) * (degree + 1));
     for (std::size_t i = 0; i < at.size(); ++i) {
         double y[16] = {kY0};
-        appearance::Sh::basis(at[i], degree, y + 1);
+        appearance::ShBasis::basis(at[i], degree, y + 1);
         for (int k = 0; k < basis.cols(); ++k) basis(std::ptrdiff_t(i), k) = y[k];
     }
     return basis;
@@ -78,7 +78,7 @@ ShProjection project_to_sh(const Gaussians& g, int degree) {
     Gaussians& sh = out.gaussians;
     sh = g;
     sh.shared = {};
-    sh.appearance = {degree == 0 ? "none" : "sh", degree, ColorActivation::kRelu};
+    sh.appearance = plain_sh_appearance(degree);
     sh.active_degree = degree;
     auto& rest = sh[Group::kResidual];
     rest.width = 3 * ((degree + 1) * (degree + 1) - 1);

@@ -7,7 +7,7 @@
 namespace gs {
 
 struct ShProjection {
-    Gaussians gaussians;  ///< sh (none if the degree is 0), relu, the colours' least-squares fit
+    Gaussians gaussians;  ///< plain_sh_appearance(degree): the colours' least-squares fit
     /// 10 log10(1/MSE) of the colours that a reader shows, weighted by opacity, over directions between those of the
     /// fit. Infinite when there is nothing to show.
     double psnr = 0;

@@ -26,7 +26,7 @@ AppearanceSpec appearance_spec(const TrainOptions& options) {
     const ModelInfo& info = appearance_model(options.appearance);
     AppearanceSpec spec;
     spec.model = info.name;
-    spec.max_degree = info.name == "sh" ? options.sh_degree : info.default_max_degree;
+    spec.max_degree = info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
     spec.activation = options.color_activation;
     return spec;
 }

@@ -10,9 +10,11 @@
 #include <string_view>
 #include <vector>
 
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
+#include "lib/model/appearance_spec.h"
 
 namespace gs {
 namespace {
@@ -188,7 +190,7 @@ void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
                       fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
                                   "source_path={}, white_background={})",
                                   flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())), options.resolution,
-                                  options.appearance == "sh" ? options.sh_degree : 0, quoted(absolute(options.source)),
+                                  appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0, quoted(absolute(options.source)),
                                   flag(options.background.always(1, 1, 1))));
 }
 

@@ -50,8 +50,8 @@ std::filesystem::path latest_checkpoint(const std::filesystem::path& run_folder)
 /// Returns the highest iteration with a point cloud in the folder. Throws DataError when there is none.
 std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);
 
-/// Writes cfg_args, the Namespace(...) text of the 3DGS trainer. sh_degree is that of the PLY: 0 for models other than
-/// sh.
+/// Writes cfg_args, the Namespace(...) text of the 3DGS trainer. sh_degree is that of the PLY: 0 for models that are
+/// not plain spherical harmonics.
 void write_cfg_args(const RunFolder& folder, const TrainOptions& options);
 
 /// Writes input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar).

@@ -23,7 +23,7 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0) {
     spacing_ = camera_spacing(scene.train);
     opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
-    appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.lobe_lr});
+    appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.model_options});
 }
 
 void LearningRates::log(const TrainOptions& options) const {

@@ -106,7 +106,7 @@ TEST(OptionsCli, A3dgsCommandLineRunsUnchanged) {
     EXPECT_EQ(options.source, "scene");
     EXPECT_EQ(background_text(options.background), "white");
     EXPECT_EQ(options.test_iterations, (std::vector<std::int64_t>{3000, 7000}));
-    EXPECT_EQ(options.sh_degree, 2);
+    EXPECT_EQ(options.model_options.at("sh-degree"), 2);
     EXPECT_EQ(options.cap_max, 50000);
     EXPECT_EQ(options.lambda_dssim, 0.3);
     EXPECT_EQ(options.densify_grad_threshold, 0.0004);

@@ -11,6 +11,7 @@
 #include <set>
 #include <sstream>
 
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 
 namespace gs {
@@ -81,12 +82,16 @@ TEST(Options, TableCoversTheWholeStruct) {
     std::vector<std::pair<std::size_t, std::size_t>> places;  // begin, end
     for (const Option& option : train_option_table()) {
         std::visit(
-            [&](auto member) {
-                const auto begin = std::size_t(reinterpret_cast<const char*>(&(options.*member)) - reinterpret_cast<const char*>(&options));
-                places.emplace_back(begin, begin + sizeof(options.*member));
+            [&](const auto& field) {
+                if constexpr (!std::is_same_v<std::decay_t<decltype(field)>, ModelOptionField>) {
+                    const auto begin = std::size_t(reinterpret_cast<const char*>(&(options.*field)) - reinterpret_cast<const char*>(&options));
+                    places.emplace_back(begin, begin + sizeof(options.*field));
+                }
             },
             option.field);
     }
+    const auto models = std::size_t(reinterpret_cast<const char*>(&options.model_options) - reinterpret_cast<const char*>(&options));
+    places.emplace_back(models, models + sizeof options.model_options); // all options of models together
     std::sort(places.begin(), places.end());
     places.emplace_back(sizeof(TrainOptions), 0);
     std::size_t end = 0;
@@ -95,6 +100,21 @@ TEST(Options, TableCoversTheWholeStruct) {
         EXPECT_LT(begin - end, alignof(TrainOptions)) << "no entry for the field at byte " << end;
         end = next_end;
     }
+}
+
+TEST(Options, ModelsDeclareTheirOwn) {
+    for (const ModelInfo* model : appearance_models()) {
+        for (const ModelOption& option : model->options) {
+            const auto& table = train_option_table();
+            const auto entry = std::find_if(table.begin(), table.end(), [&](const Option& o) { return o.key == option.key; });
+            ASSERT_NE(entry, table.end()) << option.key;
+            EXPECT_EQ(entry->help, option.help) << "two models that share a key declare the same option";
+            EXPECT_EQ(TrainOptions{}.model_options.at(option.key), option.default_value);
+        }
+        EXPECT_TRUE(model->degree_option.empty() || TrainOptions{}.model_options.count(model->degree_option)) << model->name;
+    }
+    const std::string text = complaint("sh-degree", "1.5");
+    EXPECT_NE(text.find("a whole number"), std::string::npos) << text;
 }
 
 TEST(Options, DefaultsAreValid) {
@@ -225,6 +245,8 @@ TEST(Options, AWordMayStandInPlaceOfANumber) {
 }
 
 TEST(Options, DocumentationPageIsTheGeneratedOne) {
+    const auto& models = appearance_models();
+    if (std::none_of(models.begin(), models.end(), [](const ModelInfo* m) { return m->variant; })) GTEST_SKIP() << "built without GSAPP_VARIANTS";
     std::ifstream file(std::filesystem::path(GSAPP_SOURCE_DIR) / "docs/options.md");
     ASSERT_TRUE(file) << "docs/options.md is missing";
     std::stringstream text;

@@ -31,6 +31,7 @@ std::vector<std::string> other_value(const Option& option) {
     if (!option.choices.empty()) return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};
     if (std::holds_alternative<std::string TrainOptions::*>(option.field)) return {"a: \"b\" #c"};
     if (std::holds_alternative<bool TrainOptions::*>(option.field)) return {"true"};
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return {of_model->is_whole ? "2" : "0.1234567890123456"};
     if (std::holds_alternative<std::uint64_t TrainOptions::*>(option.field)) return {"18446744073709551615"};
     if (std::holds_alternative<double TrainOptions::*>(option.field)) return {"0.1234567890123456"};
     if (std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field)) return {"7", "30000"};

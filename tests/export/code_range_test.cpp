@@ -61,10 +61,10 @@ TEST(BaseRange, BrightColoursOfManyFaintGaussiansAreKept) {
 
 TEST(BandScales, OutliersDoNotCoarsenTheOthers) {
     Gaussians g = dull_gaussians({"sh", 3, ColorActivation::kRelu});
-    const auto before = pack_gaussians(g).appearance.header.band_scales;
+    const auto before = pack_gaussians(g).appearance.header.floats;
     float* fields = g[Group::kResidual].param.data();
     fields[3] = 100, fields[45 + 14] = -100, fields[90 + 40] = 1e30f;  // of bands 1, 2, 3
-    const auto after = pack_gaussians(g).appearance.header.band_scales;
+    const auto after = pack_gaussians(g).appearance.header.floats;
     for (std::size_t band = 0; band < 3; ++band) EXPECT_LE(after[band], 1.2f * before[band]) << "band " << band + 1;
 }
 

@@ -83,7 +83,9 @@ TEST(Ngsplat, ChecksumIsOverAllBytesBeforeIt) {
 
 TEST(Ngsplat, BytesPerGaussianAreThePapers) {
     const std::pair<const char*, int> expected[] = {{"none", 16}, {"sh", 56}, {"sv", 128}, {"nasg", 48}, {"nasgabor", 48}, {"neural", 48}, {"neural_wide", 48}};
-    for (const auto& [model, bytes] : expected) EXPECT_EQ(packed(model, 1).bytes_per_gaussian(), bytes) << model;
+    for (const auto& [model, bytes] : expected) {
+        if (has_model(model)) { EXPECT_EQ(packed(model, 1).bytes_per_gaussian(), bytes) << model; }
+    }
 }
 
 TEST(Ngsplat, ComesBackExactly) {
@@ -98,7 +100,7 @@ TEST(Ngsplat, ComesBackExactly) {
                 EXPECT_EQ(back.geometry, scene.geometry);
                 EXPECT_EQ(back.appearance.textures, scene.appearance.textures);
                 EXPECT_EQ(back.appearance.weights, scene.appearance.weights);
-                EXPECT_EQ(back.appearance.header.band_scales, scene.appearance.header.band_scales);
+                EXPECT_EQ(back.appearance.header.floats, scene.appearance.header.floats);
                 EXPECT_EQ(back.cameras.size(), scene.cameras.size());
                 EXPECT_EQ(back.trailer, scene.trailer);
                 ASSERT_EQ(back.ppisp.has_value(), extras);

@@ -2,15 +2,23 @@
 // Random models of any appearance for tests of file formats.
 #pragma once
 
+#include <algorithm>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "appearance/model_info.h"
 #include "lib/model/appearance_spec.h"
 
 namespace gs::test {
 
-/// Returns Gaussians with standard-normal parameters (and moments on request). The rotations are not normalised.
+/// Whether the program was built with that model: without GSAPP_VARIANTS some are left out.
+inline bool has_model(const std::string& name) {
+    const std::vector<std::string> names = appearance_names();
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// Gaussians with standard-normal parameters (and moments on request); the rotations are not normalised.
 inline Gaussians random_gaussians(std::int64_t count, const AppearanceSpec& appearance, bool with_moments = false, unsigned seed = 1) {
     std::mt19937 random(seed);
     std::normal_distribution<float> normal;

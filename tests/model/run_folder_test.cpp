@@ -137,7 +137,7 @@ TEST(RunFolder, CfgArgsIsThePythonNamespace) {
     options.images = "images_4";
     options.resolution = 4;
     options.eval = true;
-    options.sh_degree = 2;
+    options.model_options["sh-degree"] = 2;
     options.background = Background::white();
     write_cfg_args(run, options);
     EXPECT_EQ(slurp(run.cfg_args()), "Namespace(data_device='cuda', eval=True, images='images_4', model_path='" + folder.path().string() +

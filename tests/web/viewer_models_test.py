@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares pictures of the web viewer with gsapp's own, for every appearance model.
 
-Usage: viewer_models_test.py GSAPP. Exit status 77: no Chromium, no GSAPP_TEST_DATA, or a gsapp without the viewer.
+Usage: viewer_models_test.py GSAPP. Exit status 77: no Chromium, or a gsapp without the viewer.
 """
 
 import json
-import os
 import pathlib
 import subprocess
 import sys
@@ -16,21 +15,21 @@ from browser import Browser, find_chromium, check
 from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer
 
 # Arguments of gsapp train. View dependence begins at iteration 1000; further degrees of sh and neural join at 2000 and 3000.
-LEGO = ["-s", os.environ.get("GSAPP_TEST_DATA", "") + "/tiny/lego", "--init-points", "2000", "--cap-max", "2000", "--iterations"]
+GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations"]
 CASES = {
-    "none": LEGO + ["300"],
-    "sh": LEGO + ["3200"],
-    "sv": LEGO + ["1200"],
-    "nasg": LEGO + ["1200"],
-    "nasgabor": LEGO + ["1200"],
-    "neural": LEGO + ["3200"],
-    "neural_wide": LEGO + ["1200"],
-    "neural_3layers": LEGO + ["1200"],
+    "none": GLOSSY + ["300"],
+    "sh": GLOSSY + ["3200"],
+    "sv": GLOSSY + ["1200"],
+    "nasg": GLOSSY + ["1200"],
+    "nasgabor": GLOSSY + ["1200"],
+    "neural": GLOSSY + ["3200"],
+    "neural_wide": GLOSSY + ["1200"],
+    "neural_3layers": GLOSSY + ["1200"],
     "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
 }
 VIEWS = (0, 3, 7)
 MODES = ("full", "base", "residual")
-# 49.9 and more were measured; 38 would still look the same.
+# 48.4 and more were measured; 38 would still look the same.
 LEAST_PSNR = 45
 
 
@@ -63,7 +62,7 @@ def compare(browser, url, case):
         for view in VIEWS:
             pixels = f"(await gsapp.testViewPixels({view}, '{mode}')).pixels"
             brightest = browser.evaluate(f"(async () => {pixels}.reduce((most, v, i) => i % 4 < 3 ? Math.max(most, v) : most, 0))()")
-            check(brightest > 20 or (case.startswith("none") and mode == "residual"), f"{case}: view {view} shows something in {mode}")
+            check(brightest > 10 or (case.startswith("none") and mode == "residual"), f"{case}: view {view} shows something in {mode}")
             values.append(browser.evaluate(PSNR % (pixels, f"reference/{mode}/{view:05}.png")))
         print(f"{case:17} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
         check(min(values) >= LEAST_PSNR, f"{case} {mode}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture")
@@ -74,19 +73,18 @@ def main():
     if program is None:
         print("skipped: no chromium on PATH (apt-get install chromium)")
         return 77
-    if "GSAPP_TEST_DATA" not in os.environ:
-        print("skipped: GSAPP_TEST_DATA is not set")
-        return 77
+    known = subprocess.run([sys.argv[1], "options", "--markdown"], check=True, capture_output=True, text=True).stdout
+    cases = [case for case in CASES if f" {case.split(',')[0]}," in known] # a build without GSAPP_VARIANTS lacks some
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        for case in CASES:
+        for case in cases:
             export(sys.argv[1], case, folder)
             if not (folder / case / "index.html").exists():
                 print("skipped: the viewer is not built (scripts/build-viewer)")
                 return 77
         site = Site(folder)
         with Browser(program, flags=SOFTWARE_WEBGL) as browser:
-            for case in CASES:
+            for case in cases:
                 compare(browser, site.url, case)
             check(browser.errors == [], f"the console is silent: {browser.errors}")
     print("passed")

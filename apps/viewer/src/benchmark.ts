@@ -73,7 +73,7 @@ export async function runBenchmark(renderer: Renderer, scene: Scene, file: strin
   }
   return {
     protocol: 'frame = colours of all Gaussians + blending into RGBA8 at 1280x720, native intrinsics, near plane 0.2, one pixel read after each; one untimed frame a view, sorting and photometric correction excluded',
-    file, appearance: scene.model.name, gaussians: scene.count, width: WIDTH, height: HEIGHT, framesPerView,
+    file, appearance: scene.model.packing.name, gaussians: scene.count, width: WIDTH, height: HEIGHT, framesPerView,
     frame: summarize(perView.frame), prepass: summarize(perView.prepass), perView, renderer: renderer.deviceName, userAgent: navigator.userAgent,
   };
 }

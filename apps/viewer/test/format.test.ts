@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { describe, expect, it } from 'vitest';
 import { crc32 } from '../src/format/crc32';
+import { evaluate } from '../src/format/expression';
 import { halfToFloat } from '../src/format/half';
 import { parseScene } from '../src/format/ngsplat';
 import { sceneCenters } from '../src/sort/sort_client';
@@ -22,6 +23,19 @@ describe('crc32', () => {
     expect(crc32(new TextEncoder().encode('123456789'))).toBe(0xcbf43926); // the polynomial's published check value
     for (let n = 0; n <= 40; ++n) expect(crc32(bytes.subarray(n), crc32(bytes.subarray(0, n)))).toBe(crc(bytes));
   });
+});
+
+describe('evaluate', () => {
+  it.each([
+    ['1 + 2 * 3 - 4', 3],
+    ['(1 + 2) * 3 % 4', 1],
+    ['(n + 7) / 8 * 8', 16],
+    ['n >= 9 && n != 10 || 0', 1],
+    ['!n ? 1 : n == 9 ? 2 : 3', 2],
+    ['bands / 2 % 2 + (bands >= 8)', 2],
+  ])('%s', (text, value) => expect(evaluate(text, { n: 9, bands: 14 })).toBe(value));
+
+  it.each(['', '1 +', '(1', '1 2', 'm', 'toString', '1 ? 2', '1.5'])('refuses "%s"', (text) => expect(() => evaluate(text, { n: 9 })).toThrow(/cannot be understood/));
 });
 
 describe('parseScene', () => {
@@ -93,14 +107,14 @@ describe('parseScene', () => {
     ['a count that is not true', changed(8, 5_000_000), /do not fill/],
     ['another width', changed(12, 1024), /width is 1024/],
     ['an unknown activation', changed(32, 9), /colour activation 9/],
-    ['bands with a gap', encode({ bandMask: 0b1010 }), /not 1 up to/],
-    ['bands beyond the third', encode({ bandMask: 0b11110 }), /outside degrees 1 to 3/],
+    ['bands with a gap', encode({ bandMask: 0b1010 }), /shBandMask is 10, expected bands 1 to at most 3/],
+    ['bands beyond the third', encode({ bandMask: 0b11110 }), /shBandMask is 30, expected/],
     ['a model of a newer version', encode({ model: 7 }), /number 7 is unknown/],
     ['flags of a newer version', changed(48, 8 | 1 << 9), /newer/],
     ['more cameras than bytes', changed(100, 0xffffffff), /truncated: 4294967295 test cameras/],
-    ['another number of weights', encode({ model: 0, featureDim: 16, bandMask: 2, neurons: 16, hiddenLayers: 1, flags: 4, payload: texels(4, 2) }), /0 texels of weights, its network 28/],
-    ['a network of no known size', encode({ model: 0, neurons: 0xfffffffc, hiddenLayers: 0x7fffffff }), /none that this format knows/],
-    ['more numbers per Gaussian than the format has', encode({ model: 2, featureDim: 1000 }), /more than 64/],
+    ['another number of weights', encode({ model: 0, featureDim: 16, bandMask: 2, neurons: 16, hiddenLayers: 1, flags: 4, payload: texels(4, 2) }), /0 texels of weights, its model 28/],
+    ['a network of no known size', encode({ model: 0, neurons: 0xfffffffc, hiddenLayers: 0x7fffffff }), /nNeurons is 4294967292, expected a multiple of 4 up to 256/],
+    ['more numbers per Gaussian than the format has', encode({ model: 2, featureDim: 1000 }), /featureDim is 1000, expected at most 9 sites/],
     ['a camera that is not finite', encode({ testCameras: [[NaN, ...CAMERA.slice(1)]] }), /not a finite number/],
     ['a camera without pixels', encode({ testCameras: [[...CAMERA.slice(0, 16), 0, 0]] }), /0 x 0 pixels/],
     ['a changed byte', changed(400, 1), /checksum is .* damaged/],

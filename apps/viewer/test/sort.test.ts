@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { describe, expect, it } from 'vitest';
-import type { Vector } from '../src/format/ngsplat';
+import type { Vector } from '../src/format/vector';
 import { DepthSorter, NEAR_PLANE } from '../src/sort/sort';
 
 /** Numbers in [0,1) that are the same every time. */

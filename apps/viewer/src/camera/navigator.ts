@@ -2,7 +2,8 @@
 // Which view is shown: a test view exactly, until the user moves; then the pose that moving led to.
 
 import { PerspectiveCamera, Vector3 } from 'three';
-import type { Scene, Vector } from '../format/ngsplat';
+import type { Scene } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 import { Fly, Orbit, type Movement } from './movement';
 import { dot, fitView, type View } from './view';
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a picture is taken with: a pose and pinhole intrinsics. OpenCV axes as in gsapp: x right, y down, z forward; pixel centres at .5.
 
-import type { TestCamera, Vector } from '../format/ngsplat';
+import type { TestCamera } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 
 export type View = TestCamera;
 

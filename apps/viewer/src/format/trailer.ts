@@ -3,7 +3,7 @@
 
 import { crc32 } from './crc32';
 import { FormatError, type Cursor } from './cursor';
-import type { Vector } from './ngsplat';
+import type { Vector } from './vector';
 
 const MAGIC = 'GSAPPEXT', VERSION = 1;
 

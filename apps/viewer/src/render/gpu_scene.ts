@@ -6,7 +6,7 @@ import {
   type WebGLRenderer,
 } from 'three';
 import { halfToFloat } from '../format/half';
-import { shFactors, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import { TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
 
 function integers<T extends Texture>(texture: T, internalFormat: 'RG32UI' | 'RGBA32UI'): T {
   texture.format = internalFormat === 'RG32UI' ? RGIntegerFormat : RGBAIntegerFormat;
@@ -33,7 +33,6 @@ export class GpuScene {
   readonly quads: DataArrayTexture;
   readonly pairs: DataTexture;
   readonly weights: UniformsGroup;
-  readonly shFactors: number[];
   /** Bytes of the textures. */
   readonly bytes: number;
 
@@ -47,7 +46,6 @@ export class GpuScene {
     this.quads = integers(quads ? new DataArrayTexture(quads.data, TEXTURE_WIDTH, height, quads.layers) : new DataArrayTexture(new Uint32Array(4), 1, 1, 1), 'RGBA32UI');
     this.pairs = integers(pairs ? new DataTexture(pairs.data, TEXTURE_WIDTH, height) : new DataTexture(new Uint32Array(2), 1, 1), 'RG32UI');
     this.weights = weightsBlock(scene.weights);
-    this.shFactors = shFactors(scene.shScales);
     this.bytes = scene.geometry.byteLength + 2 * scene.weights.byteLength + scene.payload.reduce((sum, block) => sum + block.data.byteLength, 0);
   }
 

@@ -2,7 +2,7 @@
 // PPISP without vignetting: exposure and colour of one view, ready for its pixels (isp_color and isp_frame in
 // kernels/ppisp/ppisp_device.h have the same).
 
-import type { Vector } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 
 /** Latents of the blue, red, green and neutral point are multiplied by these symmetric matrices (xx, xy, yy). */
 const LATENT_SCALES = [

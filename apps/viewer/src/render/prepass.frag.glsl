@@ -7,7 +7,9 @@ uniform highp usampler2D payload_pairs;
 #if GS_WEIGHTS > 0
 layout(std140) uniform Weights { vec4 weights[GS_WEIGHTS]; };
 #endif
-uniform vec3 sh_factors;
+#if GS_FLOATS > 0
+uniform float header_floats[GS_FLOATS];
+#endif
 uniform float base_scale, base_offset;
 uniform vec3 camera_position, camera_forward;
 uniform float center_depth;
@@ -19,7 +21,7 @@ out vec4 result;
 
 ivec2 texel;
 
-// What models read: texel k of four words, the texel of two words, half-precision numbers, and weights[t].
+// What models read: texel k of four words, the texel of two words, half-precision numbers, weights[t], and header_floats[k].
 uvec4 payload(int k) { return texelFetch(payload_quads, ivec3(texel, k), 0); }
 uvec2 payload_pair() { return texelFetch(payload_pairs, texel, 0).xy; }
 #if GS_HALVES > 0

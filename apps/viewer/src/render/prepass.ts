@@ -2,7 +2,7 @@
 // The colour of every Gaussian for one camera, into a texture of a pixel each.
 
 import type { WebGLRenderer, WebGLRenderTarget } from 'three';
-import { ColorActivation, storedInputs, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import { ColorActivation, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
 import { dot, type View } from '../camera/view';
 import type { GpuScene } from './gpu_scene';
 import { fullscreenPass, uniforms, type Defines, type Pass } from './pass';
@@ -16,10 +16,9 @@ export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth'];
 function defines(scene: Scene): Defines {
   const quads = scene.payload.find((block) => block.words === 4)?.layers ?? 0;
   return {
-    GS_MODEL: scene.model.id, GS_UNITS: scene.featureDim, GS_HALVES: 8 * quads, GS_DEGREE: scene.degree, GS_BANDS: scene.bandMask,
-    GS_INPUTS: storedInputs(scene), GS_NEURONS: scene.neurons, GS_HIDDEN_LAYERS: scene.hiddenLayers, GS_FOLDED: scene.foldedFirstLayer,
-    GS_CONSTANT_INPUT: scene.constantInput, GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation,
-    GS_WEIGHTS: scene.weights.length / 4, GS_EXPONENTIAL_BASE: scene.exponentialBase, GS_HAS_RESIDUAL: scene.payload.length > 0,
+    GS_HALVES: 8 * quads, GS_FLOATS: scene.floats.length, GS_WEIGHTS: scene.weights.length / 4, GS_HAS_RESIDUAL: scene.payload.length > 0,
+    GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation, GS_EXPONENTIAL_BASE: scene.exponentialBase,
+    ...scene.constants,
   };
 }
 
@@ -42,7 +41,7 @@ export class Prepass {
     // Without stored residual the model's code is not even compiled.
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
     this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
-      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, sh_factors: gpu.shFactors,
+      geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, ...(scene.floats.length > 0 ? { header_floats: scene.floats } : {}),
       base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count,
       camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
     }), defines(scene));

@@ -4,7 +4,8 @@
 
 import { WebGLRenderer, type WebGLRenderTarget } from 'three';
 import type { View } from '../camera/view';
-import type { Scene, Vector } from '../format/ngsplat';
+import type { Scene } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 import { GpuScene } from './gpu_scene';
 import { fullscreenPass, uniforms } from './pass';
 import { colorMix, gain } from './photometric';

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians by depth, farthest first.
 
-import type { Vector } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 
 /** Nearer Gaussians are not drawn; as in the rasterizer. */
 export const NEAR_PLANE = 0.2;

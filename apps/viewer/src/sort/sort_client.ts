@@ -2,7 +2,8 @@
 // The worker as the page sees it: at most one sort runs, and of the cameras that come meanwhile only the last is sorted for.
 
 import { halfToFloat } from '../format/half';
-import type { Scene, Vector } from '../format/ngsplat';
+import type { Scene } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 import type { SortRequest, SortResult } from './worker';
 
 /** x, y, z of every Gaussian, from its packed geometry. */

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sorts in a thread of its own. The first message brings the centres, every further one a camera and an array to fill.
 
-import type { Vector } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 import { DepthSorter } from './sort';
 
 export interface SortRequest {
