@@ -76,7 +76,7 @@ template <class Model> inline constexpr int kNumSharedOf = [] {
 template <class Model, class T> GS_HD Vec3<T> model_residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
     if constexpr (Model::kDirectional) {
         if (degree > 0) {
-            if constexpr (kNumSharedOf<Model> > 0)
+            if constexpr (kNumSharedOf<Model> != 0)
                 return Model::residual(shared, params, direction, degree);
             else
                 return Model::residual(params, direction, degree);
@@ -92,7 +92,7 @@ GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<
     dL_ddirection = {T(0), T(0), T(0)};
     if constexpr (Model::kDirectional) {
         if (degree <= 0) return;
-        if constexpr (kNumSharedOf<Model> > 0)
+        if constexpr (kNumSharedOf<Model> != 0)
             Model::residual_backward(shared, params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection, dL_dshared);
         else
             Model::residual_backward(params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection);

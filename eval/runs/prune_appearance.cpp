@@ -40,7 +40,7 @@ template <class Model> std::int64_t prune(Gaussians& g, const Cameras& cameras) 
     const ModelInfo& info = appearance_model(g.appearance.model);
     const int width = g[Group::kResidual].width;
     if (width == 0) throw UsageError(fmt::format("appearance {}: Gaussians have no view-dependent parameters that could be pruned", info.name));
-    if constexpr (kNumSharedOf<Model> > 0) {
+    if constexpr (kNumSharedOf<Model> != 0) {
         throw UsageError(fmt::format("appearance {}: view dependence comes from a network that all of them share, and no parameters of one Gaussian make it zero",
                                      info.name));
     } else {

@@ -249,7 +249,7 @@ template <class Model> constexpr int update_block() {
 }
 /// Returns the number of blocks that a multiprocessor should hold. They are 16 warps with 128 registers for shared
 /// weights, else 18 warps with 113.
-template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> > 0 ? 512 / update_block<Model>() : 9; }
+template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> != 0 ? 512 / update_block<Model>() : 9; }
 
 /// Adds up the warps' gradients of the shared weights in the order of the warps. Ends the use of `warps`.
 template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps, float* out) {
@@ -447,7 +447,7 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
         preprocess_backward<Model, false><<<blocks, kBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
         GS_CUDA_LAUNCHED("preprocess_backward");
     }
-    if constexpr (kNumSharedOf<Model> > 0) {
+    if constexpr (kNumSharedOf<Model> != 0) {
         if (!with_residual) return; // there is no gradient now, and was none before
         update_shared_weights<Model><<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(args.shared.sums, int(blocks), arrays,
                                                                                                                                  update.shared_step, args.shared.prepared, control);
@@ -462,7 +462,7 @@ template <class Model> void launch_prepare(const float* weights, unsigned* prepa
 
 template <class Model> ModelKernels model_kernels() {
     ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, {}};
-    if constexpr (kNumSharedOf<Model> > 0) kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>, update_block<Model>()};
+    if constexpr (kNumSharedOf<Model> != 0) kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>, update_block<Model>()};
     return kernels;
 }
 

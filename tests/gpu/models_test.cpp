@@ -15,7 +15,7 @@ namespace {
 constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
 /// True for models that compute in half precision. It rounds inputs, weights and activations of a network to 2^-11.
 /// Single precision rounds the rest to 2^-24, which sums over pixels and a lobe's exponential multiply by some hundred.
-template <class Model> constexpr bool kHalf = kNumSharedOf<Model> > 0;
+template <class Model> constexpr bool kHalf = kNumSharedOf<Model> != 0;
 
 /// Returns |a - b| / |b| in the Euclidean norm.
 double relative_distance(const std::vector<float>& a, const std::vector<double>& b, double factor = 1) {
