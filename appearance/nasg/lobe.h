@@ -51,7 +51,7 @@ template <class T, bool kWholeSphere> struct LobeFrame {
     static GS_HD LobeFrame of(const T* raw) {
         LobeFrame f;
         f.theta = LobeAngle<T>::of(raw[0]), f.phi = LobeAngle<T>::of(raw[1]), f.psi = LobeAngle<T>::of(raw[2]);
-        if (kWholeSphere) { // theta becomes 2 theta - pi/2, which is the same at raw 0
+        if (kWholeSphere) {  // theta becomes 2 theta - pi/2, which is the same at raw 0
             const T c = f.theta.cos, s = f.theta.sin;
             f.theta.cos = T(2) * s * c, f.theta.sin = (s - c) * (s + c);
         }
@@ -78,20 +78,24 @@ template <class T, bool kWholeSphere> struct LobeFrame {
 /// The density B = N K^kappa exp(2 lambda (K^(1+kappa) - 1)) in local direction v, and the terms that its derivatives
 /// share.
 template <class T> struct LobeDensity {
-    T t, a;        ///< 2 lambda, anisotropy
-    T s2, q;       ///< squared sine to the axis; squared cosine of the azimuth
+    T t, a;   ///< 2 lambda, anisotropy
+    T s2, q;  ///< squared sine to the axis; squared cosine of the azimuth
     T log_k, kappa;
-    T decay;       ///< K^(1+kappa) - 1, without cancellation
+    T decay;  ///< K^(1+kappa) - 1, without cancellation
     T value;
 
     static GS_HD LobeDensity of(const Vec3<T>& v, T raw_sharpness, T raw_anisotropy) {
         const T t = twice_sharpness(raw_sharpness), a = anisotropy(raw_anisotropy);
         return of_shape(v, t, a, norm(t, a));
     }
-    static GS_HD T twice_sharpness(T raw) { return T(2) * gs_exp(at_least(at_most(raw, T(kLargestRawShape)), T(kSmallestRawSharpness))); }
+    static GS_HD T twice_sharpness(T raw) {
+        return T(2) * gs_exp(at_least(at_most(raw, T(kLargestRawShape)), T(kSmallestRawSharpness)));
+    }
     static GS_HD T anisotropy(T raw) { return gs_exp(at_most(raw, T(kLargestRawShape))); }
     /// Returns N, the density at the axis.
-    static GS_HD T norm(T t, T a) { return gs_sqrt(T(1) + a) * T(0.07957747154594767) * t / -gs_expm1(-t); } // 1/(4 pi)
+    static GS_HD T norm(T t, T a) {
+        return gs_sqrt(T(1) + a) * T(0.07957747154594767) * t / -gs_expm1(-t);
+    }  // 1/(4 pi)
 
     static GS_HD LobeDensity of_shape(const Vec3<T>& v, T t, T a, T norm) {
         LobeDensity b;
@@ -120,7 +124,8 @@ template <class T> struct LobeDensity {
     static GS_HD T norm_slope(T t) {
         if (!(t < T(0.25))) return T(1) - t / gs_expm1(t);
         const T x = t * t;
-        return t * (T(0.5) - t * (T(1. / 12) - x * (T(1. / 720) - x * (T(1. / 30240) - x * (T(1. / 1209600) - x * T(1. / 47900160))))));
+        return t * (T(0.5) - t * (T(1. / 12) - x * (T(1. / 720) - x * (T(1. / 30240) -
+                                                                       x * (T(1. / 1209600) - x * T(1. / 47900160))))));
     }
     /// Returns d ln B / d ln a.
     GS_HD T slope_anisotropy() const { return a * (q * slope_kappa() + T(0.5) / (T(1) + a)); }

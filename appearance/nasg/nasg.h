@@ -13,9 +13,9 @@ inline constexpr double kCarrierScale = 20;
 /// The carrier (1 + cos(k v_x))/2 with k = 20 (1 + tanh(raw)). It is computed as cos^2 of half the phase, because the
 /// sum would cancel at its zeros.
 template <class T> struct Carrier {
-    T frequency, cos, sin; ///< k; cosine and sine of k v_x / 2
+    T frequency, cos, sin;  ///< k; cosine and sine of k v_x / 2
     static GS_HD Carrier of(T raw, T v_x) {
-        const T k = T(2 * kCarrierScale) * sigmoid(T(2) * raw); // 1 + tanh(x) = 2 sigmoid(2x), without cancellation
+        const T k = T(2 * kCarrierScale) * sigmoid(T(2) * raw);  // 1 + tanh(x) = 2 sigmoid(2x), without cancellation
         const T half = T(0.5) * k * v_x;
         return {k, gs_cos(half), gs_sin(half)};
     }
@@ -35,8 +35,12 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
     template <class T> using Frame = LobeFrame<T, kWholeSphere>;
     // With kWholeSphere the circle that theta runs along lies in the plane of y and z, where every convention has its
     // up. The poles of the angles, where they learn badly, are then off to the sides.
-    template <class T> static GS_HD Vec3<T> to_lobe(const Vec3<T>& d) { return kWholeSphere ? Vec3<T>{d.z, d.y, -d.x} : d; }
-    template <class T> static GS_HD Vec3<T> from_lobe(const Vec3<T>& v) { return kWholeSphere ? Vec3<T>{-v.z, v.y, v.x} : v; }
+    template <class T> static GS_HD Vec3<T> to_lobe(const Vec3<T>& d) {
+        return kWholeSphere ? Vec3<T>{d.z, d.y, -d.x} : d;
+    }
+    template <class T> static GS_HD Vec3<T> from_lobe(const Vec3<T>& v) {
+        return kWholeSphere ? Vec3<T>{-v.z, v.y, v.x} : v;
+    }
 
     template <class T> static GS_HD Vec3<T> amplitude(const T* raw) {
         return {gs_tanh(raw[kAmplitude]), gs_tanh(raw[kAmplitude + 1]), gs_tanh(raw[kAmplitude + 2])};
@@ -57,8 +61,8 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
     }
 
     template <class T>
-    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection) {
+    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection) {
         dL_ddirection = {T(0), T(0), T(0)};
         GS_UNROLL
         for (int lobe = 0; lobe < kLobes; ++lobe) {
@@ -68,7 +72,8 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
             const Frame<T> frame = Frame<T>::of(raw);
             const Vec3<T> v = frame.local(to_lobe(direction));
             const LobeDensity<T> density = LobeDensity<T>::of(v, raw[3], raw[4]);
-            const T g_density = dot(amplitude(raw), dL_dresidual) * density.value; // times the carrier: dL/d ln density
+            const T g_density =
+                dot(amplitude(raw), dL_dresidual) * density.value;  // times the carrier: dL/d ln density
             T carrier = T(1), dL_dphase_x = T(0);
             if constexpr (kWithCarrier) {
                 const Carrier<T> c = Carrier<T>::of(raw[5], v.x);

@@ -31,7 +31,8 @@ double peak(double raw_sharpness, double raw_anisotropy) {
 }
 
 template <class Model> void add_poles(StabilityPlan& plan) {
-    const double shapes[][2] = {{std::log(0.5), std::log(0.5)}, {-1e4, -1e4}, {-16, 1}, {std::log(100), 2}, {2, 1e4}, {1e4, -3}, {1e4, 1e4}};
+    const double shapes[][2] = {
+        {std::log(0.5), std::log(0.5)}, {-1e4, -1e4}, {-16, 1}, {std::log(100), 2}, {2, 1e4}, {1e4, -3}, {1e4, 1e4}};
     for (const auto& [sharpness, anisotropy] : shapes)
         for (const double distance : {0., 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 4e-4, 1e-3})
             for (const double azimuth : {0., 0.7, 1.5, 2.5}) {
@@ -39,9 +40,11 @@ template <class Model> void add_poles(StabilityPlan& plan) {
                 StabilityCase axis{"on the axis", lobe<Model>(0, sharpness, anisotropy), unturned(vx, vy, 1), {}, {}};
                 StabilityCase antipode{"at the antipode", axis.residual, unturned(vx, vy, -1), {}, {}};
                 if (distance == 0) {
-                    const double n = peak(sharpness, anisotropy), bottom = n * std::exp(-2 * std::min(std::exp(sharpness), 1e4));
+                    const double n = peak(sharpness, anisotropy),
+                                 bottom = n * std::exp(-2 * std::min(std::exp(sharpness), 1e4));
                     axis.limit = {n, -n, n * std::tanh(kAmplitudes[2])}, axis.limit_name = "N";
-                    antipode.limit = {bottom, -bottom, bottom * std::tanh(kAmplitudes[2])}, antipode.limit_name = "N exp(-2 lambda)";
+                    antipode.limit = {bottom, -bottom, bottom * std::tanh(kAmplitudes[2])},
+                    antipode.limit_name = "N exp(-2 lambda)";
                 }
                 plan.cases.push_back(axis);
                 plan.cases.push_back(antipode);
@@ -87,7 +90,8 @@ template <class Model> StabilityPlan lobe_stability() {
     add_around<Model>(plan, 4, {kLargestRawShape, -15, -17});
     // From 9.01 on tanh is 1 in float, so that a slope computed from it would be 0; from 43 to 50 the slope itself
     // underflows.
-    for (int k = 5; k < int(plan.column_kinds.size()); ++k) add_around<Model>(plan, k, {-50, -44, -43, -12, -9.01, 9.01, 12, 43, 44, 50});
+    for (int k = 5; k < int(plan.column_kinds.size()); ++k)
+        add_around<Model>(plan, k, {-50, -44, -43, -12, -9.01, 9.01, 12, 43, 44, 50});
     return plan;
 }
 

@@ -26,26 +26,32 @@ struct ExactSinCos {
 /// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as
 /// (3, kNeurons). Every row belongs to all neurons of a layer.
 template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
-    static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers, kNeurons = kNeuronCount;
+    static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers,
+                         kNeurons = kNeuronCount;
     static constexpr int kMaxResidual = kFeatures;
     static constexpr bool kDirectional = true;
-    static constexpr int kEncoded = kFrequencies > 0 ? 2 * kFrequencies * kFeatures : kFeatures;
+    static constexpr int kEncoded = kFrequencies > 0 ? 2 * kFrequencies* kFeatures : kFeatures;
     static constexpr int kBases = 16;
     static constexpr int kInputs = kEncoded + kBases;
     static constexpr int kFirstOutput = kInputs * kNeurons + (kLayers - 1) * kNeurons * kNeurons;
     static constexpr int kNumShared = kFirstOutput + 3 * kNeurons;
 
     /// Returns where the matrix into hidden layer `layer` begins.
-    static GS_HD constexpr int matrix(int layer) { return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons; }
+    static GS_HD constexpr int matrix(int layer) {
+        return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons;
+    }
     /// Returns the number of inputs in use; bands of the direction above `degree` are 0.
     static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
 
-    template <class T, class SinCos = ExactSinCos> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x, SinCos sin_cos = {}) {
+    template <class T, class SinCos = ExactSinCos>
+    static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x, SinCos sin_cos = {}) {
         GS_UNROLL
         for (int i = 0; i < kFeatures; ++i) {
-            if constexpr (kFrequencies == 0) x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
+            if constexpr (kFrequencies == 0)
+                x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
             GS_UNROLL
-            for (int j = 0; j < kFrequencies; ++j) sin_cos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
+            for (int j = 0; j < kFrequencies; ++j)
+                sin_cos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
         }
         x[kEncoded] = T(kY0);
         GS_UNROLL
@@ -76,7 +82,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         using Layer = Neurons<T, kNeurons>;
         T x[kInputs];
         Layer hidden[kLayers];
-        Vec3<T> output; ///< before tanh
+        Vec3<T> output;  ///< before tanh
 
         GS_HD Pass(const T* shared, const T* features, const Vec3<T>& direction, int degree) {
             encode(features, direction, degree, x);
@@ -97,21 +103,24 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         }
     };
 
-    template <class T> static GS_HD Vec3<T> residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
+    template <class T>
+    static GS_HD Vec3<T> residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
         if (degree <= 0) return {T(0), T(0), T(0)};
         const Vec3<T> o = Pass<T>(shared, params, direction, degree).output;
         return {gs_tanh(o.x), gs_tanh(o.y), gs_tanh(o.z)};
     }
 
     template <class T>
-    static GS_HD void residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection, T* dL_dshared) {
+    static GS_HD void residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection,
+                                        T* dL_dshared) {
         dL_ddirection = {T(0), T(0), T(0)};
         if (degree <= 0) return;
         const Pass<T> p(shared, params, direction, degree);
         using Layer = Neurons<T, kNeurons>;
         const Vec3<T>& o = p.output;
-        const T delta_out[3] = {tanh_derivative(o.x) * dL_dresidual.x, tanh_derivative(o.y) * dL_dresidual.y, tanh_derivative(o.z) * dL_dresidual.z};
+        const T delta_out[3] = {tanh_derivative(o.x) * dL_dresidual.x, tanh_derivative(o.y) * dL_dresidual.y,
+                                tanh_derivative(o.z) * dL_dresidual.z};
         Layer delta = Layer::zero();
         for (int c = 0; c < 3; ++c) {
             delta.add(shared + kFirstOutput + c * kNeurons, delta_out[c]);
@@ -124,7 +133,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
             Layer before = Layer::zero();
             for (int j = 0; j < kNeurons; ++j) {
                 const T h = p.hidden[layer - 1][j];
-                if (!(h > T(0))) continue; // an inactive neuron neither passes on a gradient nor receives one
+                if (!(h > T(0))) continue;  // an inactive neuron neither passes on a gradient nor receives one
                 before.set(j, delta.dot(w + j * kNeurons));
                 delta.add_to(dw + j * kNeurons, h);
             }

@@ -37,7 +37,7 @@ template <class T, int kWidth> struct ScalarNeurons {
     }
     GS_HD void relu() {
         GS_UNROLL
-        for (int i = 0; i < kWidth; ++i) v[i] = gs_max(T(0), v[i]); // NaN stays NaN in this order
+        for (int i = 0; i < kWidth; ++i) v[i] = gs_max(T(0), v[i]);  // NaN stays NaN in this order
     }
     GS_HD T operator[](int i) const { return v[i]; }
     GS_HD void set(int i, T x) { v[i] = x; }
@@ -66,7 +66,8 @@ template <class T, int kWidth> struct LaneNeurons {
         return sum_lanes(s);
     }
     GS_HD void add_to(T* row, T x) const {
-        for (int k = 0; k < kVectors; ++k) gs_fma(v[k], Lanes<T>(x), Lanes<T>::load(row + kLanes * k)).store(row + kLanes * k);
+        for (int k = 0; k < kVectors; ++k)
+            gs_fma(v[k], Lanes<T>(x), Lanes<T>::load(row + kLanes * k)).store(row + kLanes * k);
     }
     GS_HD void relu() {
         for (int k = 0; k < kVectors; ++k) v[k] = lane_max(Lanes<T>(T(0)), v[k]);
@@ -76,7 +77,8 @@ template <class T, int kWidth> struct LaneNeurons {
 };
 
 template <class T, int kWidth>
-using Neurons = std::conditional_t<(std::is_same_v<T, float> || std::is_same_v<T, double>) && kWidth % kLanes == 0, LaneNeurons<T, kWidth>, ScalarNeurons<T, kWidth>>;
+using Neurons = std::conditional_t<(std::is_same_v<T, float> || std::is_same_v<T, double>)&&kWidth % kLanes == 0,
+                                   LaneNeurons<T, kWidth>, ScalarNeurons<T, kWidth> >;
 
 #endif
 

@@ -24,7 +24,8 @@ __device__ inline void multiply(float (&c)[4], const unsigned (&a)[4], unsigned 
 
 /// Returns two values as halves, `low` in the lower bits. Values beyond the range of half saturate.
 __device__ inline unsigned pack(float low, float high) {
-    const __half2 h = __floats2half2_rn(fminf(fmaxf(low, -kSaturation), kSaturation), fminf(fmaxf(high, -kSaturation), kSaturation));
+    const __half2 h =
+        __floats2half2_rn(fminf(fmaxf(low, -kSaturation), kSaturation), fminf(fmaxf(high, -kSaturation), kSaturation));
     return *reinterpret_cast<const unsigned*>(&h);
 }
 __device__ inline float2 unpack(unsigned x) { return __half22float2(*reinterpret_cast<const __half2*>(&x)); }
@@ -33,13 +34,19 @@ __device__ inline float2 unpack(unsigned x) { return __half22float2(*reinterpret
 __device__ inline void load(unsigned (&r)[4], const __half* piece, int stride) {
     const int lane = threadIdx.x & 31;
     const unsigned at = unsigned(__cvta_generic_to_shared(piece + (lane & 15) * stride + (lane >> 4) * 8));
-    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0,%1,%2,%3}, [%4];" : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3]) : "r"(at) : "memory");
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0,%1,%2,%3}, [%4];"
+                 : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3])
+                 : "r"(at)
+                 : "memory");
 }
 /// Loads such a piece as two B operands: its columns 0 to 7 (registers 0, 1) and 8 to 15 (2, 3).
 __device__ inline void load_columns(unsigned (&r)[4], const __half* piece, int stride) {
     const int lane = threadIdx.x & 31;
     const unsigned at = unsigned(__cvta_generic_to_shared(piece + (lane & 15) * stride + (lane >> 4) * 8));
-    asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0,%1,%2,%3}, [%4];" : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3]) : "r"(at) : "memory");
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0,%1,%2,%3}, [%4];"
+                 : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3])
+                 : "r"(at)
+                 : "memory");
 }
 /// Loads a 16x8 piece as registers 0 and 1 of A.
 __device__ inline void load_half(unsigned& r0, unsigned& r1, const __half* piece, int stride) {

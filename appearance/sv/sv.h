@@ -22,15 +22,15 @@ template <int kSites> struct SphericalVoronoi {
 
     /// One site seen from one direction d.
     template <class T> struct Site {
-        Vec3<T> unit, offset; ///< the unit site s; s - d
-        T length, distance;   ///< of the raw site; |s - d| (2 - 2 s.d would cancel)
+        Vec3<T> unit, offset;  ///< the unit site s; s - d
+        T length, distance;    ///< of the raw site; |s - d| (2 - 2 s.d would cancel)
         T temperature, logit;
 
         static GS_HD Site of(const T* raw, const Vec3<T>& d) {
             Site site;
             Vec3<T> r{raw[0], raw[1], raw[2]};
             T norm2 = dot(r, r), shrink = T(1);
-            if (norm2 > T(1e30)) { // float's squares would overflow and put the site at the origin
+            if (norm2 > T(1e30)) {  // float's squares would overflow and put the site at the origin
                 shrink = T(1e-20);
                 r = r * shrink;
                 norm2 = dot(r, r);
@@ -52,7 +52,7 @@ template <int kSites> struct SphericalVoronoi {
 
         /// The change that a new logit makes to the sums.
         struct Change {
-            bool likelier; ///< true: `factor` multiplies the sums so far; false: it multiplies the new term
+            bool likelier;  ///< true: `factor` multiplies the sums so far; false: it multiplies the new term
             T factor;
         };
         /// Adds a logit with one exponential. Its argument is kept from being positive, because fused multiply-add may
@@ -108,8 +108,8 @@ template <int kSites> struct SphericalVoronoi {
     };
 
     template <class T>
-    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection) {
+    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection) {
         dL_ddirection = {T(0), T(0), T(0)};
         if (degree <= 0) return;
         const MeanExcess<T> all = MeanExcess<T>::of(params, direction, degree, dL_dresidual);

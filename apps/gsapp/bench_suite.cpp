@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp bench suite`: trains the runs of an experiment and tabulates them.
+#include <fmt/ranges.h>
+
 #include <cstdio>
 #include <memory>
 
 #include "apps/gsapp/bench.h"
 #include "eval/experiments/suite_run.h"
 #include "eval/experiments/train_run.h"
+#include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/options_cli.h"
@@ -19,6 +22,8 @@ struct SuiteArguments {
 };
 
 void bench_suite(const TrainOptions& base, const SuiteArguments& arguments) {
+    if (arguments.suite.empty())
+        throw UsageError(fmt::format("bench suite: name one of {}", fmt::join(suite_names(), ", ")));
     setup_log(shown_messages(base));
     catch_interrupts();
     const SuiteRun done = run_suite(arguments.suite, arguments.appearances, base);
@@ -35,9 +40,7 @@ void add_bench_suite_command(CLI::App& bench, Command& selected) {
         "finished ones in -m FOLDER are kept");
     const auto arguments = std::make_shared<SuiteArguments>();
     // --suite is the old spelling. The name is declared before the scene, which may stand without a flag, too.
-    command->add_option("name,--suite", arguments->suite, "The experiment")
-        ->check(CLI::IsMember(suite_names()))
-        ->required();
+    command->add_option("name,--suite", arguments->suite, "The experiment")->check(CLI::IsMember(suite_names()));
     const auto train = std::make_shared<TrainArguments>(*command);
     command
         ->add_option("--appearances", arguments->appearances,

@@ -27,8 +27,8 @@ struct EvalArguments {
     bool decompose = false;
 };
 
-void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
-              const EvalArguments& arguments) {
+void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol,
+              const std::vector<Metric>& metrics, const EvalArguments& arguments) {
     SavedRun run = open_saved_run(folder, iteration, {.source = arguments.source, .device = arguments.metrics.device});
     EvalOptions options;
     options.protocol = protocol;
@@ -47,7 +47,8 @@ void run_eval(const EvalArguments& arguments) {
     Protocol protocol = find_protocol(arguments.protocol);
     if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);
     std::vector<std::string> further = parse_metric_names(arguments.metrics.names);
-    std::erase_if(further, [](const std::string& name) { return name == "psnr" || name == "ssim"; });  // always computed
+    std::erase_if(further,
+                  [](const std::string& name) { return name == "psnr" || name == "ssim"; });  // always computed
     const std::vector<Metric> metrics = make_metrics(further, metric_options(arguments.metrics, protocol.lpips_range));
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
@@ -57,9 +58,11 @@ void run_eval(const EvalArguments& arguments) {
         read_training(rows.back(), run);
         if (!arguments.source.empty()) rows.back().run = run;
     }
-    const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
+    const auto corrected = std::find_if(rows.begin(), rows.end(),
+                                        [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
-        log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
+        log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)",
+                    rows[0].run, corrected->run);
     const Comparison comparison = compare_runs(rows);
     std::fputs(format_comparison(comparison, format).c_str(), stdout);
     if (arguments.html.empty()) return;
@@ -71,31 +74,49 @@ void run_eval(const EvalArguments& arguments) {
 
 void add_eval_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<EvalArguments>();
-    CLI::App* command = app.add_subcommand("eval", "Render and score the test views of finished runs; print one table over all of them");
+    CLI::App* command = app.add_subcommand(
+        "eval", "Render and score the test views of finished runs; print one table over all of them");
     command->add_option("runs", arguments->runs, "Run folders")->required()->type_name("RUN");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to evaluate (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_option("--format", arguments->format, "Tables as markdown, csv, latex or json")->capture_default_str();
-    CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render,
+                                          "Only print the table of results that are already stored");
     add_metric_options(*command, arguments->metrics);
-    for (const char* option : {"--metrics", "--metric-weights", "--device"}) command->get_option(option)->excludes(skip);
-    command->add_option("--protocol", arguments->protocol, "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
+    for (const char* option : {"--metrics", "--metric-weights", "--device"})
+        command->get_option(option)->excludes(skip);
+    command
+        ->add_option("--protocol", arguments->protocol,
+                     "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
         ->capture_default_str()
         ->excludes(skip);
-    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero, instead of the protocol's")
+    command
+        ->add_option("--ssim-border", arguments->ssim_border,
+                     "SSIM at the image border: valid, reflect or zero, instead of the protocol's")
         ->excludes(skip);
-    command->add_option("--time-frames", arguments->frame_rounds, "Rounds through the test views in which frames are timed, for the column FPS")
+    command
+        ->add_option("--time-frames", arguments->frame_rounds,
+                     "Rounds through the test views in which frames are timed, for the column FPS")
         ->check(CLI::Range(0, 100000))
         ->excludes(skip);
-    command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
+    command
+        ->add_flag("--decompose", arguments->decompose,
+                   "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
-    command->add_option("--html", arguments->html, "Also write the tables with plots and a comparison of pictures as one HTML page")->type_name("FILE");
-    command->add_option("--ppisp-eval", arguments->ppisp_eval,
-                        "How views are corrected photometrically: controller (default where the model has one), none, colour-aligned (fits each view to its "
-                        "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
+    command
+        ->add_option("--html", arguments->html,
+                     "Also write the tables with plots and a comparison of pictures as one HTML page")
+        ->type_name("FILE");
+    command
+        ->add_option(
+            "--ppisp-eval", arguments->ppisp_eval,
+            "How views are corrected photometrically: controller (default where the model has one), none, "
+            "colour-aligned (fits each view to its "
+            "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
         ->excludes(skip);
-    command->add_option("-s,--source", arguments->source,
-                        "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");
+    command->add_option(
+        "-s,--source", arguments->source,
+        "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");
     command->callback([arguments, &selected] { selected = [arguments] { run_eval(*arguments); }; });
 }
 

@@ -26,7 +26,8 @@ std::vector<std::string> known_words(const CLI::App& app) {
         for (const std::string& name : option->get_lnames()) words.push_back("--" + name);
         for (const std::string& name : option->get_snames()) words.push_back("-" + name);
     }
-    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) words.push_back(sub->get_name());
+    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+        words.push_back(sub->get_name());
     return words;
 }
 
@@ -38,7 +39,8 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
         if (word.empty() || (word[0] != '-' && command != &app)) continue;
         const std::string name = word.substr(0, word.find('='));
         const char* kind = word[0] == '-' ? "option" : "command";
-        return "unknown " + std::string(kind) + " '" + name + "'; did you mean '" + nearest_key(name, known_words(*command)) + "'?";
+        return "unknown " + std::string(kind) + " '" + name + "'; did you mean '" +
+               nearest_key(name, known_words(*command)) + "'?";
     }
     return error.what();
 }
@@ -56,7 +58,7 @@ std::string version_report() {
 
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
-    app.set_version_flag("--version", version_report); // asked only then: waking the GPU takes a while
+    app.set_version_flag("--version", version_report);  // asked only then: waking the GPU takes a while
     app.require_subcommand(1);
     Command selected;
     add_train_command(app, selected);

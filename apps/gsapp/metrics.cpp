@@ -29,16 +29,21 @@ void run_metrics(const CompareArguments& arguments) {
 }  // namespace
 
 void add_metric_options(CLI::App& command, MetricArguments& arguments) {
-    command.add_option("--metrics", arguments.names, "Any of psnr, ssim, lpips-vgg, lpips-alex, flip, dists, milo, with commas between; or all")
+    command
+        .add_option("--metrics", arguments.names,
+                    "Any of psnr, ssim, lpips-vgg, lpips-alex, flip, dists, milo, with commas between; or all")
         ->capture_default_str()
         ->type_name("LIST");
-    command.add_option("--metric-weights", arguments.weights,
-                       "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: $GSAPP_METRIC_WEIGHTS)")
+    command
+        .add_option("--metric-weights", arguments.weights,
+                    "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: "
+                    "$GSAPP_METRIC_WEIGHTS)")
         ->type_name("DIR");
     command
         .add_option_function<std::string>(
             "--device", [&arguments](const std::string& text) { arguments.device = choice_of<Device>(text); },
-            "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, "
+            "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): "
+            "auto, "
             "cpu or cuda")
         ->check(CLI::IsMember(words<Device>()));
 }
@@ -53,16 +58,21 @@ MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_
 
 void add_metrics_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<CompareArguments>();
-    CLI::App* command = app.add_subcommand("metrics", "Compare two images, as 8 bits and with alpha on black, by the metrics of eval");
+    CLI::App* command =
+        app.add_subcommand("metrics", "Compare two images, as 8 bits and with alpha on black, by the metrics of eval");
     command->add_option("render", arguments->render, "The image to judge")->required()->type_name("RENDER");
     command->add_option("truth", arguments->truth, "The image it should equal")->required()->type_name("TRUTH");
     add_metric_options(*command, arguments->metrics);
-    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
+    command
+        ->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
         ->capture_default_str();
-    command->add_option("--lpips-range", arguments->lpips_range,
-                        "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit (left in [0,1], 3DGS)")
+    command
+        ->add_option("--lpips-range", arguments->lpips_range,
+                     "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit "
+                     "(left in [0,1], 3DGS)")
         ->capture_default_str();
-    command->add_flag("--json", arguments->json, "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
+    command->add_flag("--json", arguments->json,
+                      "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
     command->callback([arguments, &selected] { selected = [arguments] { run_metrics(*arguments); }; });
 }
 

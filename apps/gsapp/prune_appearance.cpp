@@ -23,8 +23,10 @@ struct PruneArguments {
 
 void run_prune(const PruneArguments& arguments) {
     const fs::path output = arguments.output.empty() ? pruned_folder(arguments.run) : fs::path(arguments.output);
-    if (fs::exists(output) && !fs::is_empty(output)) throw UsageError(fmt::format("{} is not empty; choose another folder with -o", output.string()));
-    SavedRun run = open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
+    if (fs::exists(output) && !fs::is_empty(output))
+        throw UsageError(fmt::format("{} is not empty; choose another folder with -o", output.string()));
+    SavedRun run =
+        open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
     std::fputs(format_prune_report(prune_run(run, output)).c_str(), stdout);
     log_info("the pruned run: {}", output.string());
 }
@@ -33,11 +35,14 @@ void run_prune(const PruneArguments& arguments) {
 
 void add_prune_appearance_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<PruneArguments>();
-    CLI::App* command = app.add_subcommand("prune-appearance",
-                                           "Take the view-dependent parameters from Gaussians of a finished run where they do not show");
+    CLI::App* command = app.add_subcommand(
+        "prune-appearance",
+        "Take the view-dependent parameters from Gaussians of a finished run where they do not show");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
-    command->add_option("-o,--output", arguments->output, "Folder of the pruned run (default: RUN-pruned)")->type_name("FOLDER");
-    command->add_option("--iteration", arguments->iteration, "Saved iteration to prune (default: the last)")->check(CLI::NonNegativeNumber);
+    command->add_option("-o,--output", arguments->output, "Folder of the pruned run (default: RUN-pruned)")
+        ->type_name("FOLDER");
+    command->add_option("--iteration", arguments->iteration, "Saved iteration to prune (default: the last)")
+        ->check(CLI::NonNegativeNumber);
     command->callback([arguments, &selected] { selected = [arguments] { run_prune(*arguments); }; });
 }
 

@@ -23,9 +23,10 @@ struct Photograph {
 /// Returns the image of view k, which is in memory already. Called from several threads.
 using ImageOf = std::function<std::shared_ptr<const ViewImage>(std::size_t k)>;
 
-/// Reads the photographs through `image`, or from their files where there is none. Views whose mask lets no pixel count are
-/// left out. Throws what View::load throws.
-std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background, const ImageOf& image = {});
+/// Reads the photographs through `image`, or from their files where there is none. Views whose mask lets no pixel count
+/// are left out. Throws what View::load throws.
+std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background,
+                                         const ImageOf& image = {});
 
 /// Renders the pixels that count, in one row, with neutral exposure and colour. `alpha` is filled as well.
 RenderedImage render_pixels(Backend& backend, const Photograph& photograph, const Vec3<float>& background);
@@ -36,8 +37,9 @@ double mean_squared_error(const RenderedImage& pixels, const Photograph& photogr
 /// Applies the affine map of colours that brings the render closest to the photograph.
 void align_colours(RenderedImage& pixels, const Photograph& photograph);
 
-/// Returns the mean PSNR over the photographs, dB, with the colours of each render aligned first if `aligned`. A render that
-/// is as near as the 8 bits of a photograph can tell counts 58.9 dB. NaN without photographs.
-double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background, bool aligned);
+/// Returns the mean PSNR over the photographs, dB, with the colours of each render aligned first if `aligned`. A render
+/// that is as near as the 8 bits of a photograph can tell counts 58.9 dB. NaN without photographs.
+double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
+                 bool aligned);
 
 }  // namespace gs

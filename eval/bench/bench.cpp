@@ -24,7 +24,9 @@ constexpr double kFrozen = 1e-6;
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
-        : backend_(backend), composer_(options, model.appearance, scene, nullptr, kFrozen), background_(options.background.color) {
+        : backend_(backend),
+          composer_(options, model.appearance, scene, nullptr, kFrozen),
+          background_(options.background.color) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
             views_.push_back(k * all / used);  // spreads them over the scene
@@ -84,13 +86,17 @@ double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<St
     return seconds;
 }
 
-FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
+FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background,
+                      int repeats) {
     std::vector<RenderRequest> requests(cameras.size());
-    for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background, requests[k].isp.mode = IspMode::kController;
+    for (std::size_t k = 0; k < cameras.size(); ++k)
+        requests[k].camera = camera_params(cameras[k]), requests[k].background = background,
+        requests[k].isp.mode = IspMode::kController;
     return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.timer().time_frames(requests, repeats)};
 }
 
-std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background, int repeats) {
+std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background,
+                                       int repeats) {
     std::vector<Camera> own, resized;
     for (const View& view : scene.test.empty() ? scene.train : scene.test) {
         own.push_back(view.camera);
@@ -98,7 +104,8 @@ std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, con
     }
     std::vector<FrameTime> frames = {time_frames(backend, own, background, repeats)};
     const auto same = [](const Camera& c) { return c.width == kFrameWidth && c.height == kFrameHeight; };
-    if (!std::all_of(own.begin(), own.end(), same)) frames.push_back(time_frames(backend, resized, background, repeats));
+    if (!std::all_of(own.begin(), own.end(), same))
+        frames.push_back(time_frames(backend, resized, background, repeats));
     return frames;
 }
 
@@ -111,7 +118,8 @@ Gaussians initial_model(const TrainOptions& options, const Scene& scene) {
     return model;
 }
 
-BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                      const BenchOptions& bench) {
     BenchResult result;
     result.device = backend.describe();
     result.ceilings = backend.timer().measure_ceilings();
@@ -140,7 +148,8 @@ double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec
     return time_frames(backend, cameras, background, repeats).seconds;
 }
 
-double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                         const BenchOptions& bench) {
     backend.upload(model);
     return Steps(backend, options, scene, model, bench.repeat).in_a_row(bench.repeat);
 }

@@ -36,13 +36,13 @@ struct BenchResult {
     std::int64_t num_gaussians = 0;
     int width = 0, height = 0;  ///< size of the first training view, px
     int repeat = 0;
-    std::vector<FrameTime> frames;              ///< times at the views' own size, and at 1280x720 where that differs
-    double iteration_seconds = 0;               ///< mean of steps in a row, without densification
-    double iteration_seconds_median = 0;        ///< median of steps that are each waited for
-    double marked_iteration_seconds = 0;        ///< mean of steps in a row while stages are timed
-    std::vector<StageCost> stages;              ///< costs per iteration in the marked steps
-    std::vector<StageCost> without_residual;    ///< costs at degree 0; empty for a model without a residual
-    MemoryUse memory;                           ///< use at the end
+    std::vector<FrameTime> frames;            ///< times at the views' own size, and at 1280x720 where that differs
+    double iteration_seconds = 0;             ///< mean of steps in a row, without densification
+    double iteration_seconds_median = 0;      ///< median of steps that are each waited for
+    double marked_iteration_seconds = 0;      ///< mean of steps in a row while stages are timed
+    std::vector<StageCost> stages;            ///< costs per iteration in the marked steps
+    std::vector<StageCost> without_residual;  ///< costs at degree 0; empty for a model without a residual
+    MemoryUse memory;                         ///< use at the end
     std::optional<double> default_seconds, deterministic_seconds;  ///< mean of an iteration, if both were measured
 };
 
@@ -53,13 +53,15 @@ Gaussians initial_model(const TrainOptions& options, const Scene& scene);
 /// where there are none), iterations on training views in turn, spread over the scene. Images are decoded, and the
 /// device has seen each of them once, before the clock starts. Learning rates and noise are a millionth of those of
 /// `options`, so that the work is the same and the model stays what it was.
-BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench);
+BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                      const BenchOptions& bench);
 
 /// Returns the mean seconds of a frame over `repeats` rounds through the views at their own size.
 double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, int repeats);
 
 /// Uploads `model` and measures BenchResult::iteration_seconds alone.
-double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench);
+double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                         const BenchOptions& bench);
 
 /// Returns the camera with another image size, the same pose and focal lengths in pixels, and the image's centre where
 /// it was: cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene at the same scale.

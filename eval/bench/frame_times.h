@@ -29,7 +29,8 @@ extern const char* const kFrameProtocol;
 /// focal lengths and the centre of its image, so that the picture is cropped or extended. Renders every view once to
 /// warm up, then each view once untimed and `frames_per_view` times in a row. Sorting is part of a frame; PPISP and the
 /// copy to the host are not.
-FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int frames_per_view);
+FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background,
+                               int frames_per_view);
 
 /// One line of the table: the run and its times.
 struct FrameTimesLine {

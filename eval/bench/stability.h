@@ -27,9 +27,9 @@ namespace gs {
 struct StabilityRow {
     std::string model, kind;
     std::int64_t cases = 0;
-    double forward_error = 0, backward_error = 0;  ///< largest relative error of the float evaluation
-    double ulp = 0;                                ///< largest error of the float evaluation in ULP
-    double double_error = 0;                       ///< largest error of the double evaluation in the scale of the ULP
+    double forward_error = 0, backward_error = 0;    ///< largest relative error of the float evaluation
+    double ulp = 0;                                  ///< largest error of the float evaluation in ULP
+    double double_error = 0;                         ///< largest error of the double evaluation in the scale of the ULP
     std::int64_t num_values = 0, num_nonfinite = 0;  ///< values in float, and how many are not finite
     /// Gradients of the wrong sign in float (zero has none), while the reference is larger than rounding can explain.
     std::int64_t num_sign_flips = 0;

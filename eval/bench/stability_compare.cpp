@@ -35,7 +35,8 @@ template <class T> StabilityInputs<T> widened(const StabilityInputs<float>& in) 
 StabilityInputs<Real> perturbed(StabilityInputs<Real> in, int sample, std::mt19937& signs) {
     const auto turn = [&] { return sample == 0 || (sample > 1 && signs() % 2) ? kRounding : -kRounding; };
     Real length = 0;
-    if (in.view >= 0 && sample > 1) length = std::hypot(in.numbers[in.view], in.numbers[in.view + 1], in.numbers[in.view + 2]);
+    if (in.view >= 0 && sample > 1)
+        length = std::hypot(in.numbers[in.view], in.numbers[in.view + 1], in.numbers[in.view + 2]);
     for (int k = 0; k < int(in.numbers.size()); ++k) {
         const bool of_view = in.view >= 0 && k >= in.view && k < in.view + 3;
         in.numbers[k] += turn() * (of_view && sample > 1 ? length : std::abs(in.numbers[k]));
@@ -56,7 +57,8 @@ Results response(const StabilitySubject& subject, const StabilityInputs<Real>& i
 
 Results group_maxima(const Results& values, const std::vector<int>& groups) {
     Results largest(1 + *std::max_element(groups.begin(), groups.end()), 0);
-    for (std::size_t c = 0; c < values.size(); ++c) largest[groups[c]] = std::max(largest[groups[c]], std::abs(values[c]));
+    for (std::size_t c = 0; c < values.size(); ++c)
+        largest[groups[c]] = std::max(largest[groups[c]], std::abs(values[c]));
     Results out;
     for (const int g : groups) out.push_back(largest[g]);
     return out;
@@ -69,11 +71,13 @@ Real spacing(Real x, int digits) { return std::ldexp(Real(1), std::ilogb(x) + 1 
 
 Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs, StabilityRow& row) {
     const StabilityInputs<Real> wide = widened<Real>(inputs);
-    const Results exact = subject.reference(wide), in_float = subject.in_float(inputs), in_double = subject.in_double(widened<double>(inputs));
+    const Results exact = subject.reference(wide), in_float = subject.in_float(inputs),
+                  in_double = subject.in_double(widened<double>(inputs));
     const Results noise = response(subject, wide, exact), largest = group_maxima(exact, subject.groups);
     ++row.cases;
     for (int c = 0; c < subject.num_compared; ++c) {
-        const Real error = std::abs(in_float[c] - exact[c]), scale = std::abs(exact[c]) + largest[c] + kFloor, condition = scale + noise[c] / kRounding;
+        const Real error = std::abs(in_float[c] - exact[c]), scale = std::abs(exact[c]) + largest[c] + kFloor,
+                   condition = scale + noise[c] / kRounding;
         ++row.num_values;
         if (!std::isfinite(in_float[c])) {
             ++row.num_nonfinite;
@@ -104,7 +108,9 @@ std::span<const float> stability_sweep() {
     return values;
 }
 
-std::string ends_text(double at_lowest, double at_highest) { return fmt::format("{:.3g} at -max, {:.3g} at +max", at_lowest, at_highest); }
+std::string ends_text(double at_lowest, double at_highest) {
+    return fmt::format("{:.3g} at -max, {:.3g} at +max", at_lowest, at_highest);
+}
 
 std::vector<StabilityRow> measure_stability() { return measure_stability(appearance_names()); }
 

@@ -27,7 +27,8 @@ struct StabilitySubject {
 };
 
 /// Evaluates one case and adds it to the row. Returns the float results.
-StabilitySubject::Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs, StabilityRow& row);
+StabilitySubject::Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs,
+                                       StabilityRow& row);
 
 /// Returns the values that every raw parameter is swept over: 0, and with both signs the smallest float, the smallest
 /// normal one, the decades 1e-6 ... 1e4, 1e10, 1e30 and the largest one.

@@ -43,7 +43,8 @@ std::vector<Row> activation_rows() {
     std::vector<Row> rows;
     for (const std::string& activation : words<ColorActivation>())
         for (const Rate& rate : kRates)
-            rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name), fmt::format("{}-{}", activation, rate.name),
+            rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name),
+                            fmt::format("{}-{}", activation, rate.name),
                             [kind = *choice_of<ColorActivation>(activation), value = rate.value](TrainOptions& o) {
                                 o.color_activation = kind, o.opacity_lr = value;
                             }});
@@ -70,7 +71,8 @@ std::vector<std::string> suite_names() {
     return names;
 }
 
-std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances, const TrainOptions& base) {
+std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances,
+                                   const TrainOptions& base) {
     std::vector<SuiteLine> lines;
     for (const std::string& appearance : appearances)
         for (const Row& row : rows_of(suite)) {

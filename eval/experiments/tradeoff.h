@@ -39,13 +39,13 @@ double quality_of(const CellResult& result, Quality quality);
 
 /// Indices of the finished runs, each list by falling quality.
 struct Ranking {
-    std::vector<std::size_t> frontier;   ///< no other dominates these in quality, training time, frame time and bytes
+    std::vector<std::size_t> frontier;  ///< no other dominates these in quality, training time, frame time and bytes
     std::vector<std::size_t> dominated;
 };
 Ranking rank_runs(const Tradeoff& tradeoff);
 
-/// Returns those of these finished runs that are worth a longer training: better_half over quality, training time, frame
-/// time and bytes.
+/// Returns those of these finished runs that are worth a longer training: better_half over quality, training time,
+/// frame time and bytes.
 std::vector<std::size_t> promoted(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs);
 
 /// One of best, smallest, fastest.
@@ -55,9 +55,9 @@ struct Recommendation {
     std::string text;  ///< what it is, and what it gives up
 };
 
-/// Returns the recommendations in the order best, smallest, fastest; none when nothing is finished. best has the highest
-/// quality. smallest and fastest have the fewest bytes and the shortest frame among the part of the frontier that is at
-/// most `give_up` worse; a better one is preferred where it costs at most 5 % more.
+/// Returns the recommendations in the order best, smallest, fastest; none when nothing is finished. best has the
+/// highest quality. smallest and fastest have the fewest bytes and the shortest frame among the part of the frontier
+/// that is at most `give_up` worse; a better one is preferred where it costs at most 5 % more.
 std::vector<Recommendation> recommend(const Tradeoff& tradeoff);
 
 /// Returns Markdown: the table, the recommendations, and what was not trained and why.

@@ -18,7 +18,8 @@ constexpr int kImageChannels = 3;
 double channel_distance(const ChannelComparison& c, double alpha, double beta) {
     // This form of one minus the similarity does not cancel: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb +
     // c).
-    const double texture = (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kC1);
+    const double texture =
+        (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kC1);
     const double structure = c.difference / (c.variance_a + c.variance_b + kC2);
     return alpha * texture + beta * structure;
 }
@@ -33,7 +34,8 @@ Dists::Dists(std::shared_ptr<const FeatureNet> vgg16, const std::filesystem::pat
     alpha_ = weights.read("alpha", {1, channels, 1, 1});
     beta_ = weights.read("beta", {1, channels, 1, 1});
     for (int i = 0; i < channels; ++i) weight_sum_ += double(alpha_[std::size_t(i)]) + beta_[std::size_t(i)];
-    if (!(weight_sum_ > 0)) throw DataError(path.string() + ": tensors 'alpha' and 'beta' do not add up to more than 0");
+    if (!(weight_sum_ > 0))
+        throw DataError(path.string() + ": tensors 'alpha' and 'beta' do not add up to more than 0");
 }
 
 double Dists::operator()(const Image& a, const Image& b) const {

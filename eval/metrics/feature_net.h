@@ -38,16 +38,19 @@ struct FeatureNet {
 /// metrics differ in the pooling between them. The file (59 MB) holds features.N.{weight,bias} as torchvision numbers
 /// them. An image of 800x800 pixels takes 196 billion multiply-adds. Throws DataError as MetricWeights does.
 /// Source: Simonyan and Zisserman 2015, configuration D.
-std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file);
+std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine,
+                                             const std::filesystem::path& file);
 
 /// Loads AlexNet. Its stages end with the five ReLUs (64, 192, 384, 256, 256 channels); its pooling is kMax3. File and
 /// errors are as for load_vgg16. Source: Krizhevsky 2014, "One weird trick for parallelizing convolutional neural
 /// networks", as torchvision lays it out.
-std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file);
+std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine,
+                                               const std::filesystem::path& file);
 
 /// Returns (value - offset) / scale of an image as a tensor (3,H,W), with one offset and scale for each channel. Throws
 /// UsageError unless the image has 3 channels.
-Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset, const std::array<double, 3>& scale);
+Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset,
+                        const std::array<double, 3>& scale);
 
 /// Throws UsageError unless both images have one size and at least `min_side` pixels in each direction.
 void require_net_size(const Image& a, const Image& b, int min_side);

@@ -152,7 +152,8 @@ std::array<Plane, 3> opponent_planes(const Image& image) {
     parallel_for(image.height, [&](std::int64_t y) {
         for (int x = 0; x < image.width; ++x) {
             Colour rgb{};
-            for (int c = 0; c < 3; ++c) rgb[c] = linear_from_srgb(std::clamp(double(image.value(x, int(y), c)), 0.0, 1.0));
+            for (int c = 0; c < 3; ++c)
+                rgb[c] = linear_from_srgb(std::clamp(double(image.value(x, int(y), c)), 0.0, 1.0));
             const Colour opponent = ycxcz_from_rgb(rgb);
             for (int c = 0; c < 3; ++c) planes[c].values[std::size_t(y) * image.width + x] = opponent[c];
         }
@@ -162,7 +163,8 @@ std::array<Plane, 3> opponent_planes(const Image& image) {
 
 /// Returns what the colour pipeline compares: filtered colours, clamped to displayable ones, in scaled CIELAB.
 std::vector<Colour> perceived_colours(const std::array<Plane, 3>& opponent, double ppd) {
-    const Plane y = seen(opponent[0], kCsf[0], ppd), cx = seen(opponent[1], kCsf[1], ppd), cz = seen(opponent[2], kCsf[2], ppd);
+    const Plane y = seen(opponent[0], kCsf[0], ppd), cx = seen(opponent[1], kCsf[1], ppd),
+                cz = seen(opponent[2], kCsf[2], ppd);
     std::vector<Colour> colours(y.values.size());
     parallel_for_rows(std::int64_t(colours.size()), [&](std::int64_t p) {
         Colour rgb = rgb_from_ycxcz({y.values[p], cx.values[p], cz.values[p]});
@@ -200,7 +202,8 @@ Features features(const Plane& y, double ppd) {
         return taps;
     };
     const Taps edge = balanced(taps(radius, [&](double x) { return -x * gaussian(x); }));
-    const Taps point = balanced(taps(radius, [&](double x) { return (x * x / (deviation * deviation) - 1) * gaussian(x); }));
+    const Taps point =
+        balanced(taps(radius, [&](double x) { return (x * x / (deviation * deviation) - 1) * gaussian(x); }));
     return {strength(luminance, edge, across), strength(luminance, point, across)};
 }
 
@@ -220,7 +223,8 @@ std::vector<double> flip_map(const Image& a, const Image& b, double pixels_per_d
     if (!(pixels_per_degree >= 1 && pixels_per_degree <= 1000))
         throw UsageError(fmt::format("FLIP at {} pixels per degree: not in [1, 1000]", pixels_per_degree));
     const std::array<Plane, 3> oa = opponent_planes(a), ob = opponent_planes(b);
-    const std::vector<Colour> ca = perceived_colours(oa, pixels_per_degree), cb = perceived_colours(ob, pixels_per_degree);
+    const std::vector<Colour> ca = perceived_colours(oa, pixels_per_degree),
+                              cb = perceived_colours(ob, pixels_per_degree);
     const Features fa = features(oa[0], pixels_per_degree), fb = features(ob[0], pixels_per_degree);
     // Green and blue differ more than any other two displayable colours.
     const double largest = std::pow(hyab(hunt_lab_from_rgb({0, 1, 0}), hunt_lab_from_rgb({0, 0, 1})), kColourExponent);

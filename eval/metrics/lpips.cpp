@@ -31,12 +31,14 @@ LpipsRange parse_lpips_range(const std::string& name) {
     throw UsageError(fmt::format("--lpips-range: '{}' is not one of symmetric, unit", name));
 }
 
-Lpips::Lpips(std::shared_ptr<const FeatureNet> net, LpipsNet kind, const std::filesystem::path& folder, LpipsRange range)
+Lpips::Lpips(std::shared_ptr<const FeatureNet> net, LpipsNet kind, const std::filesystem::path& folder,
+             LpipsRange range)
     : net_(std::move(net)), kind_(kind), range_(range) {
     const MetricWeights heads(folder / files(kind)[1]);
     for (std::size_t i = 0; i < net_->stages.size(); ++i) {
         const int channels = net_->stages[i].channels();
-        heads_.push_back(net_->engine->upload(channels, 1, 1, heads.read(fmt::format("lin{}.weight", i), {1, channels, 1, 1})));
+        heads_.push_back(
+            net_->engine->upload(channels, 1, 1, heads.read(fmt::format("lin{}.weight", i), {1, channels, 1, 1})));
     }
 }
 

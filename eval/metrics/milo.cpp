@@ -16,11 +16,13 @@ constexpr int kHalvings = 3;
 
 }  // namespace
 
-Milo::Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& folder) : engine_(std::move(engine)) {
+Milo::Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& folder)
+    : engine_(std::move(engine)) {
     const MetricWeights weights(folder / files()[0]);
     int in = 7, index = 0;  // two images and a mask
     for (const int out : {32, 64, 32, 16, 1}) {
-        layers_.push_back(weights.read_layer(*engine_, fmt::format("mask_finder_1.netBasic.{}", index), {in, out, 3, 1, 1}));
+        layers_.push_back(
+            weights.read_layer(*engine_, fmt::format("mask_finder_1.netBasic.{}", index), {in, out, 3, 1, 1}));
         in = out;
         index += 2;  // the ReLU counts as a layer
     }

@@ -33,7 +33,9 @@ class Milo {
     /// Names the files that the constructor reads.
     static std::vector<std::string> files() { return {"milo.safetensors"}; }
     /// Returns one sentence for the protocol in results.json.
-    static std::string describe() { return "MILO raw error (mean of mask times absolute difference), images at their size in [0,1]"; }
+    static std::string describe() {
+        return "MILO raw error (mean of mask times absolute difference), images at their size in [0,1]";
+    }
 
   private:
     std::shared_ptr<const TensorEngine> engine_;

@@ -14,8 +14,7 @@ std::uint8_t quantize(float v) {
 float clamped(float v) { return v > 0 ? gs_min(v, 1.0f) : 0.0f; }
 
 /// Returns an rgb image of sample(x, y, c), rounded to 8 bits where `eight_bit`.
-template <class Sample>
-Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
+template <class Sample> Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
     Image image{width, height, 3, {}, {}};
     const std::size_t size = std::size_t(width) * height * 3;
     if (eight_bit)
@@ -61,6 +60,8 @@ Image quantized_target(const Image& image, const Vec3<float>& background) {
 
 Image float_render(const RenderedImage& render) { return comparable_render(render, false); }
 
-Image float_target(const Image& image, const Vec3<float>& background) { return comparable_target(image, background, false); }
+Image float_target(const Image& image, const Vec3<float>& background) {
+    return comparable_target(image, background, false);
+}
 
 }  // namespace gs

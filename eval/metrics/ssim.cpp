@@ -53,7 +53,8 @@ Plane padded_channel(const Image& image, int channel, SsimBorder border) {
 double ssim_of_moments(const double m[5]) {
     const double variance_a = std::max(m[2] - m[0] * m[0], 0.0), variance_b = std::max(m[3] - m[1] * m[1], 0.0);
     const double covariance = m[4] - m[0] * m[1];
-    return (2 * m[0] * m[1] + kC1) * (2 * covariance + kC2) / ((m[0] * m[0] + m[1] * m[1] + kC1) * (variance_a + variance_b + kC2));
+    return (2 * m[0] * m[1] + kC1) * (2 * covariance + kC2) /
+           ((m[0] * m[0] + m[1] * m[1] + kC1) * (variance_a + variance_b + kC2));
 }
 
 /// Returns the sum of the SSIM map over all windows that lie inside the planes.
@@ -66,7 +67,8 @@ double ssim_sum(const Plane& a, const Plane& b) {
         for (int x = 0; x < width; ++x) {
             double* m = &rows[(std::size_t(y) * width + x) * 5];
             for (int k = 0; k < kTaps; ++k) {
-                const double va = a.values[std::size_t(y) * a.width + x + k], vb = b.values[std::size_t(y) * a.width + x + k];
+                const double va = a.values[std::size_t(y) * a.width + x + k],
+                             vb = b.values[std::size_t(y) * a.width + x + k];
                 m[0] += taps[k] * va, m[1] += taps[k] * vb;
                 m[2] += taps[k] * va * va, m[3] += taps[k] * vb * vb, m[4] += taps[k] * va * vb;
             }

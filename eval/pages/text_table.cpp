@@ -40,12 +40,14 @@ std::string markdown_table(const TextTable& table) {
         text += "|";
         for (std::size_t c = 0; c < widths.size(); ++c) {
             const std::string padding(widths[c] - width_of(lines[i][c]), ' ');
-            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding) : fmt::format(" {}{} |", padding, lines[i][c]);
+            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding)
+                                         : fmt::format(" {}{} |", padding, lines[i][c]);
         }
         text += "\n";
         if (i > 0) continue;
         text += "|";
-        for (std::size_t c = 0; c < widths.size(); ++c) text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
+        for (std::size_t c = 0; c < widths.size(); ++c)
+            text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
         text += "\n";
     }
     return text;

@@ -18,7 +18,7 @@ struct Column {
     std::string key;    ///< name in CSV and JSON; a metric's name in results.json
     std::string title;  ///< heading for readers
     Better better = Better::kNeither;
-    std::string (*text)(double) = nullptr;  ///< value rounded for readers, with its unit
+    std::string (*text)(double) = nullptr;                     ///< value rounded for readers, with its unit
     std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< value of a cost; null for a metric
 };
 

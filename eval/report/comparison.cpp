@@ -18,7 +18,8 @@ namespace {
 using Sample = std::vector<std::optional<double>>;  ///< one value per column
 
 bool same_experiment(const TableRow& a, const TableRow& b) {
-    return !a.training.empty() && a.scene == b.scene && a.iteration == b.iteration && a.correction == b.correction && a.training == b.training;
+    return !a.training.empty() && a.scene == b.scene && a.iteration == b.iteration && a.correction == b.correction &&
+           a.training == b.training;
 }
 
 std::string label_of(const std::vector<TableRow>& rows) {
@@ -40,13 +41,15 @@ std::vector<Sample> samples_of(const ComparisonLine& line, const std::vector<Col
 
 /// Returns the statistics of every column. A column that one run lacks is empty, since readers would take the mean of
 /// the others for that of all.
-std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples, const std::vector<Column>& columns) {
+std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples,
+                                                 const std::vector<Column>& columns) {
     std::vector<std::optional<ColumnStats>> stats;
     for (std::size_t c = 0; c < columns.size(); ++c) {
         std::vector<double> values;
         for (const Sample& sample : samples)
             if (sample[c]) values.push_back(*sample[c]);
-        stats.push_back(values.size() == samples.size() ? std::optional(column_stats(values, columns[c].better)) : std::nullopt);
+        stats.push_back(values.size() == samples.size() ? std::optional(column_stats(values, columns[c].better))
+                                                        : std::nullopt);
     }
     return stats;
 }
@@ -55,7 +58,9 @@ std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samp
 Sample mean_sample(const std::vector<Sample>& samples) {
     Sample mean(samples[0].size(), 0.0);
     for (const Sample& sample : samples)
-        for (std::size_t c = 0; c < mean.size(); ++c) mean[c] = mean[c] && sample[c] ? std::optional(*mean[c] + *sample[c] / double(samples.size())) : std::nullopt;
+        for (std::size_t c = 0; c < mean.size(); ++c)
+            mean[c] =
+                mean[c] && sample[c] ? std::optional(*mean[c] + *sample[c] / double(samples.size())) : std::nullopt;
     return mean;
 }
 
@@ -70,7 +75,8 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     ComparisonLine line = *scenes[0];
     line.num_scenes = scenes.size();
     line.label = fmt::format("mean of {} scenes", scenes.size());
-    const bool paired = std::all_of(scenes.begin(), scenes.end(), [&](const ComparisonLine* s) { return seeds_of(*s) == seeds_of(line); });
+    const bool paired = std::all_of(scenes.begin(), scenes.end(),
+                                    [&](const ComparisonLine* s) { return seeds_of(*s) == seeds_of(line); });
     const std::size_t num_runs = paired ? line.rows.size() : 1;
     std::vector<Sample> runs;
     for (std::size_t k = 0; k < num_runs; ++k) {
@@ -84,12 +90,15 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     line.num_runs = num_runs;
     if (num_runs > 1) line.label += fmt::format(", {} runs each", num_runs);
     line.values = stats_of(runs, columns);
-    for (std::size_t k = 1; k < scenes.size(); ++k) line.rows.insert(line.rows.end(), scenes[k]->rows.begin(), scenes[k]->rows.end());
+    for (std::size_t k = 1; k < scenes.size(); ++k)
+        line.rows.insert(line.rows.end(), scenes[k]->rows.begin(), scenes[k]->rows.end());
     return line;
 }
 
 /// Returns what readers see of a line: lines of one look seem to be the same experiment.
-std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) { return {line.model, line.strategy, line.correction}; }
+std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) {
+    return {line.model, line.strategy, line.correction};
+}
 
 /// Writes on every line the options in which lines of the same look differ.
 void name_options(ComparisonTable& table) {
@@ -118,7 +127,8 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
         for (ComparisonLine& line : table.lines)
             if (line.values[c] && line.num_scenes == table.num_scenes) stats.push_back(&*line.values[c]);
         const double sign = columns[c].better == Better::kHigher ? -1 : 1;
-        std::stable_sort(stats.begin(), stats.end(), [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
+        std::stable_sort(stats.begin(), stats.end(),
+                         [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
         const auto text = [&](const ColumnStats* s) { return columns[c].text(s->mean); };
         // There is no best where all lines read the same, or only one line is there.
         if (stats.empty() || text(stats.front()) == text(stats.back())) continue;
@@ -134,7 +144,8 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
 std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
     std::vector<ComparisonLine> lines;
     for (const TableRow& row : rows) {
-        const auto same = std::find_if(lines.begin(), lines.end(), [&](const ComparisonLine& line) { return same_experiment(line.rows[0], row); });
+        const auto same = std::find_if(lines.begin(), lines.end(),
+                                       [&](const ComparisonLine& line) { return same_experiment(line.rows[0], row); });
         if (same == lines.end()) {
             ComparisonLine line;
             line.rows = {row};
@@ -145,7 +156,8 @@ std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
         }
     }
     for (ComparisonLine& line : lines) {
-        std::stable_sort(line.rows.begin(), line.rows.end(), [](const TableRow& a, const TableRow& b) { return a.seed < b.seed; });
+        std::stable_sort(line.rows.begin(), line.rows.end(),
+                         [](const TableRow& a, const TableRow& b) { return a.seed < b.seed; });
         line.label = label_of(line.rows);
         line.num_runs = line.rows.size();
     }
@@ -153,7 +165,8 @@ std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
 }
 
 /// Returns the tables of the datasets that have several scenes.
-std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes, const std::vector<Column>& columns) {
+std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes,
+                                            const std::vector<Column>& columns) {
     std::vector<std::string> order;
     for (const ComparisonTable& scene : scenes)
         if (std::find(order.begin(), order.end(), scene.dataset) == order.end()) order.push_back(scene.dataset);
@@ -167,7 +180,9 @@ std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& 
             std::set<std::size_t> taken;  // matches of this scene; a second line of one look and options starts its own
             for (const ComparisonLine& line : scene.lines) {
                 std::size_t k = 0;
-                while (k < matches.size() && (taken.count(k) > 0 || look_of(*matches[k][0]) != look_of(line) || matches[k][0]->options != line.options)) ++k;
+                while (k < matches.size() && (taken.count(k) > 0 || look_of(*matches[k][0]) != look_of(line) ||
+                                              matches[k][0]->options != line.options))
+                    ++k;
                 if (k == matches.size()) matches.emplace_back();
                 matches[k].push_back(&line);
                 taken.insert(k);
@@ -189,7 +204,8 @@ ColumnStats column_stats(const std::vector<double>& values, Better better) {
     for (const double v : values) stats.mean += v / n;
     stats.worst = stats.mean;
     if (better != Better::kNeither) {
-        const auto worst = better == Better::kHigher ? std::min_element(values.begin(), values.end()) : std::max_element(values.begin(), values.end());
+        const auto worst = better == Better::kHigher ? std::min_element(values.begin(), values.end())
+                                                     : std::max_element(values.begin(), values.end());
         stats.worst = *worst;
         stats.worst_run = std::size_t(worst - values.begin());
     }
@@ -216,7 +232,9 @@ Comparison compare_runs(const std::vector<TableRow>& rows) {
         line.values = stats_of(samples_of(line, comparison.columns), comparison.columns);
         const TableRow& row = line.rows[0];
         auto& tables = comparison.tables;
-        auto table = std::find_if(tables.begin(), tables.end(), [&](const ComparisonTable& t) { return t.dataset == row.dataset && t.scene == row.scene; });
+        auto table = std::find_if(tables.begin(), tables.end(), [&](const ComparisonTable& t) {
+            return t.dataset == row.dataset && t.scene == row.scene;
+        });
         if (table == tables.end()) table = tables.insert(tables.end(), {row.dataset, row.scene, 1, {}});
         table->lines.push_back(std::move(line));
     }

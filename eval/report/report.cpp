@@ -30,7 +30,8 @@ std::vector<const TableRow*> rows_of(const Comparison& comparison) {
 
 std::string report_tables(const Comparison& comparison) {
     std::string html;
-    for (const ComparisonTable& table : comparison.tables) html += html_table(text_table(table, comparison.columns), comparison.protocol);
+    for (const ComparisonTable& table : comparison.tables)
+        html += html_table(text_table(table, comparison.columns), comparison.protocol);
     return html;
 }
 
@@ -50,14 +51,17 @@ std::string report_frame_times(const Comparison& comparison) {
         html = html_table(table, kFrameProtocol);
     }
     if (!unmeasured.empty())
-        html += fmt::format("<p class=\"note\">Not measured: {}. <code>gsapp bench frames RUN</code> measures runs, and the next page shows it.</p>\n",
-                            html_escaped(fmt::format("{}", fmt::join(unmeasured, ", "))));
+        html += fmt::format(
+            "<p class=\"note\">Not measured: {}. <code>gsapp bench frames RUN</code> measures runs, and the next page "
+            "shows it.</p>\n",
+            html_escaped(fmt::format("{}", fmt::join(unmeasured, ", "))));
     return html;
 }
 
 std::string report_stability(const Comparison& comparison) {
     std::vector<std::string> models;
-    for (const TableRow* row : rows_of(comparison)) models.push_back(row->model.substr(0, row->model.find(' ')));  // no degree
+    for (const TableRow* row : rows_of(comparison))
+        models.push_back(row->model.substr(0, row->model.find(' ')));  // no degree
     TextTable table = stability_table(measure_stability(models));
     table.title = "Largest errors of single precision at the extremes of every input";
     return html_table(table, "");

@@ -11,8 +11,8 @@ namespace gs {
 
 /// Limits of the pictures on the page.
 struct ReportOptions {
-    int max_views = 3;   ///< most views of a scene that are shown, evenly spread
-    int max_width = 800; ///< px; wider pictures are shrunk
+    int max_views = 3;    ///< most views of a scene that are shown, evenly spread
+    int max_width = 800;  ///< px; wider pictures are shrunk
 };
 
 /// Writes the page: tables, frame times, plots (PSNR over training time and over bytes), pictures with a slider, and

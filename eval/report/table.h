@@ -20,13 +20,13 @@ struct TableRow {
     std::string run, dataset, scene, model, strategy;
     std::int64_t iteration = 0;
     std::optional<std::int64_t> num_gaussians;
-    double psnr = 0, ssim = 0;  ///< psnr in dB, may be infinite
-    std::map<std::string, double> further_metrics;  ///< scores by their names in results.json
+    double psnr = 0, ssim = 0;                        ///< psnr in dB, may be infinite
+    std::map<std::string, double> further_metrics;    ///< scores by their names in results.json
     std::map<std::string, std::string> not_measured;  ///< reason by name, for metrics that were asked for
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;
-    std::optional<FrameTimes> frame_times;  ///< of `gsapp bench frames`
-    std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
+    std::optional<FrameTimes> frame_times;           ///< of `gsapp bench frames`
+    std::optional<std::int64_t> peak_device_bytes;   ///< of training on a GPU
     std::optional<std::int64_t> bytes_per_gaussian;  ///< of the appearance
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string protocol_name;  ///< one of protocols(); empty: the file does not say

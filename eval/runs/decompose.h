@@ -20,7 +20,8 @@ inline constexpr std::array<PicturePart, 3> kPictureParts = {
 /// Gaussian's |c - phi(c0)| with the weights of the full picture. It is a difference and stands before black, so that
 /// it bounds |full - base| in every pixel and channel, and equals it where all Gaussians of the pixel move the same
 /// way. Both hold before the photometric correction `isp`, which full and base get and the residual does not.
-RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>& background, RenderMode mode, const IspView& isp = {});
+RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>& background, RenderMode mode,
+                           const IspView& isp = {});
 
 /// Returns the mean over pixels and channels of the picture as rendered, neither clamped nor rounded; 0 for an empty
 /// one. The mean of a residual says how much of the picture depends on the view, in units of the full colour range.

@@ -23,7 +23,7 @@ struct EvalOptions {
     std::int64_t iteration = 0;
     std::string split = "test";
     EvalCorrection correction;
-    bool decompose = false;  ///< also renders base and residual of each view, to folders of these names
+    bool decompose = false;            ///< also renders base and residual of each view, to folders of these names
     std::vector<Metric> metrics = {};  ///< metrics beside PSNR and SSIM, which are always computed
 };
 
@@ -33,15 +33,15 @@ struct ViewScore {
     double psnr = 0;   ///< dB; infinity for identical images
     double ssim = 0;
     double render_seconds = 0;
-    std::optional<double> residual_mean = {};  ///< mean_value of the residual picture, when decomposed
+    std::optional<double> residual_mean = {};        ///< mean_value of the residual picture, when decomposed
     std::map<std::string, MetricScore> scores = {};  ///< scores of options.metrics by MetricInfo::key
 };
 
 /// The scores of all views and their means.
 struct EvalResult {
     std::vector<ViewScore> views;
-    double psnr = 0, ssim = 0;  ///< means over views
-    double render_seconds = 0;  ///< sum over views, without loading, metrics, writing and decomposition
+    double psnr = 0, ssim = 0;                 ///< means over views
+    double render_seconds = 0;                 ///< sum over views, without loading, metrics, writing and decomposition
     std::optional<double> residual_mean = {};  ///< mean over views, when decomposed
     std::map<std::string, MetricScore> scores = {};  ///< means over views, or the first reason that a view has
 };
@@ -51,11 +51,12 @@ struct EvalResult {
 /// base of a decomposed picture is corrected like the picture (a controller predicts from the base itself), the
 /// residual never. Throws UsageError without views, and DataError when an image cannot be read, has another size than
 /// its camera, or a picture cannot be written.
-EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, const EvalOptions& options);
+EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
+                          const EvalOptions& options);
 
 /// Writes one image of up to `max_views` views, evenly spread and below one another: the photograph on the left, the
 /// corrected render on the right. Throws UsageError without views, and otherwise what evaluate_views throws.
-void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                      int max_views, const EvalCorrection& correction = {});
+void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views,
+                      const Vec3<float>& background, int max_views, const EvalCorrection& correction = {});
 
 }  // namespace gs

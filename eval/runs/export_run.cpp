@@ -41,8 +41,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
 
 /// Whether programs that know spherical harmonics alone show these colours as they are.
 bool is_plain_sh(const Gaussians& g) {
-    return appearance_model(g.appearance.model).plain_sh &&
-           g.appearance.activation == ColorActivation::kRelu;
+    return appearance_model(g.appearance.model).plain_sh && g.appearance.activation == ColorActivation::kRelu;
 }
 
 }  // namespace

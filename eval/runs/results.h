@@ -25,10 +25,11 @@ struct RunFacts {
     std::int64_t num_gaussians = 0;
     std::int64_t bytes_per_gaussian = 0;  ///< size of base and residual, as trained
     std::optional<double> train_seconds;  ///< absent: the file keeps an earlier value
-    std::optional<double> controller_seconds;  ///< time of the controllers' training, not in train_seconds; absent: as above
+    std::optional<double>
+        controller_seconds;   ///< time of the controllers' training, not in train_seconds; absent: as above
     std::string photometric;  ///< decision of --ppisp auto; empty: as above
-    nlohmann::ordered_json appearance_choice;  ///< the run's auto.json; null where the model was named
-    std::optional<double> frame_seconds;  ///< mean of a frame without the copy to the host; absent: as above
+    nlohmann::ordered_json appearance_choice;       ///< the run's auto.json; null where the model was named
+    std::optional<double> frame_seconds;            ///< mean of a frame without the copy to the host; absent: as above
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training; absent: as above
 };
 
@@ -42,7 +43,8 @@ struct RunFacts {
 /// says why a metric gave no number. "decomposition" is there when views were decomposed. The infinite PSNR of
 /// identical images is written as null, because JSON knows no infinity. Each file is replaced atomically. Throws
 /// DataError when an existing file is no JSON object or cannot be written.
-void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts);
+void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result,
+                   const RunFacts& facts);
 
 /// Adds "frame_times": {"ours_N": {..}} to results.json, which need not exist. Atomic; throws as write_results does.
 void write_frame_times(const RunFolder& folder, std::int64_t iteration, const FrameTimes& times);

@@ -21,7 +21,7 @@ struct SavedRun {
     std::int64_t iteration = 0;
     std::unique_ptr<Backend> backend;  ///< holds the model
     Scene scene;
-    EvalCorrection correction;  ///< the best that the model can do
+    EvalCorrection correction;        ///< the best that the model can do
     Vec3<float> background{0, 0, 0};  ///< colour for evaluation; black where training drew random ones
 };
 
@@ -47,13 +47,15 @@ struct RunChanges {
 
 /// Opens a model as read_saved_model does, and the scene that the run was trained on, or the one that `instead` names.
 /// Throws what read_saved_model and load_scene throw.
-SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead = {});
+SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration,
+                        const RunChanges& instead = {});
 
 /// Reads the record of how `--appearance auto` chose the run's model; null where the model was named. Throws DataError
 /// for a file that is no JSON object.
 nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_folder);
 
 /// Returns the facts that results.json states about a run with these options.
-RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians);
+RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
+                   std::int64_t num_gaussians);
 
 }  // namespace gs

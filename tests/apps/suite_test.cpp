@@ -10,7 +10,8 @@ namespace {
 using test::Outcome;
 using test::Program;
 
-constexpr const char* kTiny = " --appearances none -s builtin:diffuse --device cpu -r 8 --init-points 500 --cap-max 1000 ";
+constexpr const char* kTiny =
+    " --appearances none -s builtin:diffuse --device cpu -r 8 --init-points 500 --cap-max 1000 ";
 
 std::size_t occurrences(const std::string& text, const std::string& part) {
     std::size_t n = 0;
@@ -23,7 +24,8 @@ TEST(Suite, TrainsWhatIsMissingAndTabulatesAll) {
     const std::string command = std::string("bench suite densification") + kTiny + "--iterations 4 -m out";
     const Outcome first = program.run(command);
     ASSERT_EQ(first.exit_code, 0) << first.err;
-    for (const char* row : {"| MCMC | none |", "| MCMC 0.1x | none |", "| ADC | none |", "| ADC + Speedy-Splat | none |"})
+    for (const char* row :
+         {"| MCMC | none |", "| MCMC 0.1x | none |", "| ADC | none |", "| ADC + Speedy-Splat | none |"})
         EXPECT_NE(first.out.find(row), std::string::npos) << first.out;
     EXPECT_EQ(program.read("out/suite.md"), first.out);
     EXPECT_EQ(occurrences(program.read("out/suite.json"), "\"status\": \"finished\""), 4u);
@@ -62,7 +64,8 @@ TEST(Suite, AFailedRunIsReportedAndTheOthersGoOn) {
 
 TEST(Suite, InterruptKeepsFinishedRuns) {
     const Program program;
-    const Outcome stopped = program.run(std::string("bench suite activations") + kTiny + "--iterations 10000000 -m out", "timeout --preserve-status -s INT 3");
+    const Outcome stopped = program.run(std::string("bench suite activations") + kTiny + "--iterations 10000000 -m out",
+                                        "timeout --preserve-status -s INT 3");
     EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_EQ(occurrences(stopped.out, "| not trained |"), 12u) << stopped.out;
     EXPECT_NE(stopped.err.find("the same command"), std::string::npos) << stopped.err;

@@ -56,7 +56,8 @@ TEST(BaseRange, BrightColoursOfManyFaintGaussiansAreKept) {
         std::fill_n(g[Group::kBase].param.begin() + 3 * i, 3, 4.0f);
     }
     const PackedScene scene = pack_gaussians(g);
-    for (std::int64_t i = 0; i < g.count; i += 20) EXPECT_NEAR(packed_color(scene, i, {0, 0, 1}).x, 4.5, 0.51 * scene.base_range.scale);
+    for (std::int64_t i = 0; i < g.count; i += 20)
+        EXPECT_NEAR(packed_color(scene, i, {0, 0, 1}).x, 4.5, 0.51 * scene.base_range.scale);
 }
 
 TEST(BandScales, OutliersDoNotCoarsenTheOthers) {

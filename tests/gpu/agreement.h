@@ -30,9 +30,12 @@ class Agreement {
         std::vector<double> sorted = bounds_;
         std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
         const double median = sorted[sorted.size() / 2];
-        std::printf("  %-22s worst error/bound %.4f (error %.1e); largest value %.1e, half of the bounds below %.1e; %lld of %zu beyond\n",
-                    what_.c_str(), ratio_, error_, scale_, median, (long long)beyond_, bounds_.size());
-        EXPECT_LE(beyond_, std::int64_t(beyond * double(bounds_.size()))) << what_ << ": of " << bounds_.size() << " numbers, the first at " << first_;
+        std::printf(
+            "  %-22s worst error/bound %.4f (error %.1e); largest value %.1e, half of the bounds below %.1e; %lld of "
+            "%zu beyond\n",
+            what_.c_str(), ratio_, error_, scale_, median, (long long)beyond_, bounds_.size());
+        EXPECT_LE(beyond_, std::int64_t(beyond * double(bounds_.size())))
+            << what_ << ": of " << bounds_.size() << " numbers, the first at " << first_;
         EXPECT_LE(beyond_error_, 0.01 * scale_) << what_;
         if (scale_ > 0) {
             EXPECT_LE(median, informative * scale_) << what_ << ": bounds that say nothing";

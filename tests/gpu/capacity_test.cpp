@@ -20,7 +20,8 @@ class GpuCapacity : public Gpu {
         return "";
     }
     static void expect_too_many_instances(const std::string& message) {
-        for (const char* part : {"2147483647", "instances", "--cap-max", "--resolution"}) EXPECT_NE(message.find(part), std::string::npos) << message;
+        for (const char* part : {"2147483647", "instances", "--cap-max", "--resolution"})
+            EXPECT_NE(message.find(part), std::string::npos) << message;
     }
 };
 
@@ -72,7 +73,7 @@ TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
 TEST_F(GpuCapacity, StepsThatDidNotFitAreRepeated) {
     const TestScene scene = random_scene(3000, 3, 640, 480, -0.5, 5);
     const CameraParams<float> few = cast<float>(test_camera(48, 36)), many = scene.camera;
-    constexpr std::int64_t kFirstRoom = 65536; // what a backend has room for at first
+    constexpr std::int64_t kFirstRoom = 65536;  // what a backend has room for at first
     for (const char* order : {"fmfm", "mfmf", "ffmmmmff", "fffffmf"}) {
         SCOPED_TRACE(order);
         Gaussians after[2];
@@ -116,7 +117,8 @@ TEST_F(GpuCapacity, AnImageThatDidNotFitIsRenderedAgain) {
     RenderRequest r;
     r.camera = scene.camera;
     first->render(r, a);
-    second->render(r, b), second->render({cast<float>(test_camera(48, 36)), {}, RenderMode::kFull}, small), second->render(r, b);
+    second->render(r, b), second->render({cast<float>(test_camera(48, 36)), {}, RenderMode::kFull}, small),
+        second->render(r, b);
     EXPECT_TRUE(same_bits(a.rgb, b.rgb));
     EXPECT_TRUE(same_bits(a.alpha, b.alpha));
 }

@@ -44,7 +44,8 @@ class GpuDeterministic : public Gpu {
             gpu->step(views_.request(k, with_ids));
             if (k % 10 != 9) continue;
             const DensifyStats stats = k == 19 ? gpu->densify({adc, k, 7}) : gpu->densify({mcmc, k, 7});
-            EXPECT_GT(stats.added + stats.relocated + stats.cloned + stats.split, 0) << "a densification that changed nothing";
+            EXPECT_GT(stats.added + stats.relocated + stats.cloned + stats.split, 0)
+                << "a densification that changed nothing";
         }
         return gpu->download(true);
     }
@@ -91,7 +92,9 @@ TEST_F(GpuDeterministic, ImagesKeptOrUploadedForEveryStepGiveTheSameBits) {
 }
 
 TEST_F(GpuDeterministic, TheImageBudgetIsKept) {
-    for (const auto& [budget, num_kept] : {std::pair{std::int64_t(0), 0}, {std::int64_t(3 * kWidth * kHeight + 1000), 1}, {std::int64_t(1) << 30, kViews}}) {
+    for (const auto& [budget, num_kept] : {std::pair{std::int64_t(0), 0},
+                                           {std::int64_t(3 * kWidth * kHeight + 1000), 1},
+                                           {std::int64_t(1) << 30, kViews}}) {
         const auto gpu = make_cuda_backend(scene_.model.appearance, {.image_budget = budget});
         gpu->upload(scene_.model);
         for (int k = 0; k < 2 * kViews; ++k) gpu->step(views_.request(k, true));

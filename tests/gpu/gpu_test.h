@@ -26,7 +26,8 @@ struct RandomTarget {
     std::vector<std::uint8_t> u8, mask;
     std::vector<float> f32;
 
-    RandomTarget(int w, int h, int c, bool masked = false, bool floats = false, std::uint32_t seed = 5) : width(w), height(h), channels(c) {
+    RandomTarget(int w, int h, int c, bool masked = false, bool floats = false, std::uint32_t seed = 5)
+        : width(w), height(h), channels(c) {
         std::mt19937 rng(seed);
         const std::size_t pixels = std::size_t(w) * h;
         if (floats) {
@@ -40,7 +41,13 @@ struct RandomTarget {
         for (auto& x : mask) x = rng() % 4 ? std::uint8_t(rng()) : 0;
     }
     TargetImage image(std::int64_t id = -1) const {
-        return {width, height, channels, u8.empty() ? nullptr : u8.data(), f32.empty() ? nullptr : f32.data(), mask.empty() ? nullptr : mask.data(), id};
+        return {width,
+                height,
+                channels,
+                u8.empty() ? nullptr : u8.data(),
+                f32.empty() ? nullptr : f32.data(),
+                mask.empty() ? nullptr : mask.data(),
+                id};
     }
 };
 

@@ -57,7 +57,8 @@ TEST_F(GpuRender, OfAMillionGaussiansIsTheOneOfTheCpu) {
         ASSERT_TRUE(std::isfinite(b.rgb[i]));
         sum += difference, off += difference > 1e-3;
     }
-    std::printf("  mean difference %.1e, %zu of %zu values off by more than 1e-3\n", sum / double(a.rgb.size()), off, a.rgb.size());
+    std::printf("  mean difference %.1e, %zu of %zu values off by more than 1e-3\n", sum / double(a.rgb.size()), off,
+                a.rgb.size());
     // Parameters moved by an ulp give 1e-6 and 8 values.
     EXPECT_LE(sum / double(a.rgb.size()), 1e-5);
     EXPECT_LE(off, a.rgb.size() / 10000);

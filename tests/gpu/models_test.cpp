@@ -12,7 +12,8 @@
 namespace gs::test {
 namespace {
 
-constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus,
+                                            ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
 /// True for models that compute in half precision. It rounds inputs, weights and activations of a network to 2^-11.
 /// Single precision rounds the rest to 2^-24, which sums over pixels and a lobe's exponential multiply by some hundred.
 template <class Model> constexpr bool kHalf = kNumSharedOf<Model> != 0;
@@ -20,7 +21,8 @@ template <class Model> constexpr bool kHalf = kNumSharedOf<Model> != 0;
 /// Returns |a - b| / |b| in the Euclidean norm.
 double relative_distance(const std::vector<float>& a, const std::vector<double>& b, double factor = 1) {
     double difference = 0, size = 0;
-    for (std::size_t i = 0; i < b.size(); ++i) difference += (a[i] * factor - b[i]) * (a[i] * factor - b[i]), size += b[i] * b[i];
+    for (std::size_t i = 0; i < b.size(); ++i)
+        difference += (a[i] * factor - b[i]) * (a[i] * factor - b[i]), size += b[i] * b[i];
     return size > 0 ? std::sqrt(difference / size) : std::sqrt(difference);
 }
 
@@ -89,7 +91,8 @@ TYPED_TEST(GpuModel, ShowsTheSameColors) {
                     RenderedImage image;
                     gpu->render(r, image);
                     Pipeline<double, TypeParam> pipe;
-                    pipe.render(cast<double>(t.model), cast<double>(t.camera), {t.background.x, t.background.y, t.background.z}, mode);
+                    pipe.render(cast<double>(t.model), cast<double>(t.camera),
+                                {t.background.x, t.background.y, t.background.z}, mode);
                     // A fragment at the alpha threshold counts on one side only; it may show as much as 1/255 of a
                     // colour.
                     const double limit = kHalf<TypeParam> ? 4e-3 : 2e-4;
@@ -115,9 +118,10 @@ TYPED_TEST(GpuModel, LearnsTheSame) {
         for (const bool separate : {false, true}) {
             const Gaussians now = this->after_step(t, r, {.separate_appearance = separate});
             std::printf("  activation %d%s:", int(activation), separate ? ", separate" : "");
-            const auto check = [&](const std::vector<float>& m, const std::vector<double>& g, const char* name, double limit) {
+            const auto check = [&](const std::vector<float>& m, const std::vector<double>& g, const char* name,
+                                   double limit) {
                 if (g.empty()) return;
-                const double error = relative_distance(m, g, 10); // after one step m = 0.1 g
+                const double error = relative_distance(m, g, 10);  // after one step m = 0.1 g
                 std::printf(" %s %.1e", name, error);
                 EXPECT_LE(error, limit) << name;
             };
@@ -135,7 +139,8 @@ TYPED_TEST(GpuModel, SeparatePassEqualsFusedKernels) {
     const RandomTarget target(160, 120, 3);
     const TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kRelu);
     const StepRequest r = this->request(t, target);
-    const Gaussians fused = this->after_step(t, r, {.deterministic = true}), separate = this->after_step(t, r, {.deterministic = true, .separate_appearance = true});
+    const Gaussians fused = this->after_step(t, r, {.deterministic = true}),
+                    separate = this->after_step(t, r, {.deterministic = true, .separate_appearance = true});
     for (int g = 0; g < kNumGroups; ++g) {
         const std::vector<double> want(fused.groups[g].m.begin(), fused.groups[g].m.end());
         EXPECT_LE(relative_distance(separate.groups[g].m, want), 1e-5) << kGroupNames[g];
@@ -159,7 +164,8 @@ TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {
     gpu->synchronize();
     EXPECT_NEAR(gpu->take_stats().loss, cpu->take_stats().loss, 2e-4);
     const Gaussians a = cpu->download(true), b = gpu->download(true);
-    const auto compare = [&](const std::vector<float>& before, const std::vector<float>& x, const std::vector<float>& y, const char* name) {
+    const auto compare = [&](const std::vector<float>& before, const std::vector<float>& x, const std::vector<float>& y,
+                             const char* name) {
         double difference = 0, moved = 0;
         for (std::size_t i = 0; i < before.size(); ++i) {
             ASSERT_TRUE(std::isfinite(y[i])) << name;
@@ -169,7 +175,8 @@ TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {
         EXPECT_LE(std::sqrt(difference), (kHalf<TypeParam> ? 0.3 : 0.1) * std::sqrt(moved)) << name;
         if (!before.empty()) std::printf("  %s %.1e", name, std::sqrt(difference / moved));
     };
-    for (int g = 0; g < kNumGroups; ++g) compare(t.model.groups[g].param, a.groups[g].param, b.groups[g].param, kGroupNames[g]);
+    for (int g = 0; g < kNumGroups; ++g)
+        compare(t.model.groups[g].param, a.groups[g].param, b.groups[g].param, kGroupNames[g]);
     compare(t.model.shared.param, a.shared.param, b.shared.param, "shared");
     std::printf("\n");
 }
@@ -195,7 +202,8 @@ TYPED_TEST(GpuModel, StaysFiniteAtTheExtremes) {
         TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kSoftplus);
         std::mt19937 rng(5);
         for (float& x : t.model[Group::kResidual].param) x = rng() % 2 ? size : -size;
-        for (float& x : t.model.shared.param) x = std::min(size, float(kLargestSharedWeight)) * (rng() % 2 ? 1.0f : -1.0f);
+        for (float& x : t.model.shared.param)
+            x = std::min(size, float(kLargestSharedWeight)) * (rng() % 2 ? 1.0f : -1.0f);
         const Gaussians now = this->after_step(t, this->request(t, target), {});
         for (int g = 0; g < kNumGroups; ++g) {
             expect_finite(now.groups[g].param, kGroupNames[g]);

@@ -18,7 +18,9 @@ namespace gs::test {
 /// The noise of this thread. It starts anew for each item of work, so that results do not depend on the thread.
 class Noise {
   public:
-    static void start(std::uint64_t sample, std::uint64_t item) { state() = (sample * 0x9e3779b97f4a7c15 + item * 0xbf58476d1ce4e5b9) | 1; }
+    static void start(std::uint64_t sample, std::uint64_t item) {
+        state() = (sample * 0x9e3779b97f4a7c15 + item * 0xbf58476d1ce4e5b9) | 1;
+    }
     /// Returns a uniform number in [-1, 1].
     static double next() {
         std::uint64_t& s = state();
@@ -37,7 +39,7 @@ struct Noisy {
     double v;
 
     Noisy() = default;
-    explicit Noisy(double x) : v(double(float(x))) {} ///< constants are those of float
+    explicit Noisy(double x) : v(double(float(x))) {}  ///< constants are those of float
     /// Returns x with the noise of an operation of `units` roundings, as in rounding.h.
     static Noisy of(double x, double units) {
         Noisy r;

@@ -27,15 +27,16 @@ inline constexpr double kSpread = 64;
 inline constexpr double kBeyond = 2e-3;
 
 struct RenderReference {
-    std::vector<Rounded> rgb, alpha;   ///< planar (3,H,W), (H,W)
-    std::vector<char> seen;            ///< a pixel shows the Gaussian, whatever rounding does
-    std::int64_t undecided_pixels = 0; ///< with a fragment that may be blended or not
+    std::vector<Rounded> rgb, alpha;    ///< planar (3,H,W), (H,W)
+    std::vector<char> seen;             ///< a pixel shows the Gaussian, whatever rounding does
+    std::int64_t undecided_pixels = 0;  ///< with a fragment that may be blended or not
 };
 
 /// The results of a step, as values with their allowances.
 struct StepReference {
-    std::array<std::vector<Rounded>, kNumGroups> gradient; ///< of the loss with its regularisers, rows as in GaussianState
-    std::vector<Rounded> statistic;                        ///< of densification: norm of the screen-space gradient
+    std::array<std::vector<Rounded>, kNumGroups>
+        gradient;                    ///< of the loss with its regularisers, rows as in GaussianState
+    std::vector<Rounded> statistic;  ///< of densification: norm of the screen-space gradient
     Rounded l1, ssim, loss;
 };
 

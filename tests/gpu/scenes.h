@@ -17,7 +17,7 @@ struct TestScene {
     bool masked = false, floats = false;
     /// Half of the error bounds must lie below this share of the largest value, or they would not say anything.
     double informative = 2e-3;
-    bool round = false; ///< Gaussians are spheres: gradients of rotations are nothing but rounding
+    bool round = false;  ///< Gaussians are spheres: gradients of rotations are nothing but rounding
 };
 
 struct NamedScene {
@@ -28,7 +28,8 @@ struct NamedScene {
 
 /// Returns the point in the world that a pixel shows at this depth.
 inline Vec3<double> unproject(const CameraParams<double>& c, double x, double y, double depth) {
-    return c.rotation.transposed_times(Vec3<double>{(x - c.cx) / c.fx * depth, (y - c.cy) / c.fy * depth, depth} - c.translation);
+    return c.rotation.transposed_times(Vec3<double>{(x - c.cx) / c.fx * depth, (y - c.cy) / c.fy * depth, depth} -
+                                       c.translation);
 }
 inline void place(GaussianState<double>& s, std::int64_t i, const Vec3<double>& p) {
     double* m = &s[Group::kMean].param[3 * i];
@@ -38,7 +39,10 @@ inline void place(GaussianState<double>& s, std::int64_t i, const Vec3<double>& 
 /// Moves Gaussians in front of the camera along its axis until their depths differ by 1e-5: ten times what the sort
 /// resolves and far above rounding, so that there is one order of blending.
 inline void separate_depths(GaussianState<double>& s, const CameraParams<double>& c) {
-    const auto mean = [&](std::int64_t i) { return Vec3<double>{s[Group::kMean].param[3 * i], s[Group::kMean].param[3 * i + 1], s[Group::kMean].param[3 * i + 2]}; };
+    const auto mean = [&](std::int64_t i) {
+        return Vec3<double>{s[Group::kMean].param[3 * i], s[Group::kMean].param[3 * i + 1],
+                            s[Group::kMean].param[3 * i + 2]};
+    };
     std::vector<std::pair<double, std::int64_t>> order;
     for (std::int64_t i = 0; i < s.count; ++i)
         if (const double z = dot(c.rotation.r2, mean(i)) + c.translation.z; z > 0) order.push_back({z, i});
@@ -74,7 +78,7 @@ inline TestScene one_tile_scene(double spread, double raw_opacity) {
     std::normal_distribution<double> normal;
     for (std::int64_t i = 0; i < s.count; ++i) {
         place(s, i, unproject(camera, 8.4 + spread * normal(rng), 5.7 + spread * normal(rng), 3 + 0.0004 * double(i)));
-        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.5 * k; // less than a pixel
+        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.5 * k;  // less than a pixel
         s[Group::kOpacity].param[i] = raw_opacity;
     }
     return finished(std::move(s), camera);
@@ -84,7 +88,8 @@ inline TestScene one_tile_scene(double spread, double raw_opacity) {
 inline TestScene behind_scene() {
     const auto camera = test_camera(50, 40);
     auto s = random_gaussians(300, 3, 41);
-    for (std::int64_t i = 0; i < s.count; ++i) place(s, i, unproject(camera, double(i % 50), double(i % 40), -0.5 - 0.01 * double(i)));
+    for (std::int64_t i = 0; i < s.count; ++i)
+        place(s, i, unproject(camera, double(i % 50), double(i % 40), -0.5 - 0.01 * double(i)));
     return finished(std::move(s), camera);
 }
 
@@ -117,8 +122,11 @@ inline TestScene border_scene() {
         place(s, i, unproject(camera, 8.0 * double(i % 13), 4.0 * double(i / 13), 4 + 0.01 * double(i)));
         s[Group::kOpacity].param[i] = i % 3 - 1.0;
         // The outline is reach sigma from the mean: 4, 8, 12 or 16 pixels.
-        const double reach = std::sqrt(2 * std::log(255 / (1 + std::exp(-s[Group::kOpacity].param[i])))), sigma = (4 + 4.0 * double(i % 4)) / reach;
-        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = 0.5 * std::log(sigma * sigma - 0.3) - std::log(64 / (4 + 0.01 * double(i)));
+        const double reach = std::sqrt(2 * std::log(255 / (1 + std::exp(-s[Group::kOpacity].param[i])))),
+                     sigma = (4 + 4.0 * double(i % 4)) / reach;
+        for (int k = 0; k < 3; ++k)
+            s[Group::kScale].param[3 * i + k] =
+                0.5 * std::log(sigma * sigma - 0.3) - std::log(64 / (4 + 0.01 * double(i)));
     }
     TestScene t = finished(std::move(s), camera);
     t.round = true;
@@ -141,9 +149,11 @@ inline std::vector<NamedScene> test_scenes() {
     };
     return {
         {"Empty", [] { return random_scene(0, 3, 33, 25, 0, 1); }},
-        {"OnePixelOneGaussian", [] { return with(random_scene(1, 3, 1, 1, 0, 1), [](TestScene& s) { s.informative = 0.1; }); }},
+        {"OnePixelOneGaussian",
+         [] { return with(random_scene(1, 3, 1, 1, 0, 1), [](TestScene& s) { s.informative = 0.1; }); }},
         {"OnePixelFortyGaussians", [] { return random_scene(40, 3, 1, 1, 0.5, 6); }},
-        {"OneGaussian", [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
+        {"OneGaussian",
+         [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
         {"SmallerThanTheWindow", [] { return random_scene(60, 3, 17, 13, 0, 2); }},
         {"Lego", [] { return random_scene(10000, 3, 800, 800, -2.5, 3); }},
         {"Large", [] { return random_scene(60, 3, 3840, 2160, -1, 4); }},
@@ -155,13 +165,16 @@ inline std::vector<NamedScene> test_scenes() {
         {"ShortNeedles", [] { return with(needle_scene(240, -2), [](TestScene& s) { s.informative = 0.02; }); }},
         {"LongNeedles", [] { return with(needle_scene(60, -0.8), [](TestScene& s) { s.informative = 0.3; }); }},
         {"Borders", [] { return border_scene(); }},
-        {"DegreeZero", [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
+        {"DegreeZero",
+         [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
         {"DegreeOneAlpha", [=] { return target(1, 4, false, false); }},
         {"DegreeTwoMask", [=] { return target(2, 3, true, false); }},
         {"DegreeThreeFloatAlpha", [=] { return target(3, 4, false, true); }},
         {"FloatMask", [=] { return target(3, 3, true, true); }},
-        {"InactiveBands", [=] { return with(target(3, 4, true, false), [](TestScene& s) { s.model.active_degree = 1; }); }},
-        {"NoBandActive", [=] { return with(target(3, 3, false, true), [](TestScene& s) { s.model.active_degree = 0; }); }},
+        {"InactiveBands",
+         [=] { return with(target(3, 4, true, false), [](TestScene& s) { s.model.active_degree = 1; }); }},
+        {"NoBandActive",
+         [=] { return with(target(3, 3, false, true), [](TestScene& s) { s.model.active_degree = 0; }); }},
     };
 }
 

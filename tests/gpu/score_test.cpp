@@ -31,7 +31,8 @@ void expect_near(const std::vector<float>& cpu, const std::vector<float>& gpu, d
         beyond += error > bound;
         worst = std::max(worst, largest > 0 ? error / largest : error);
     }
-    std::printf("  worst difference %.1e of the largest score %.3g; %zu of %zu beyond their bounds\n", worst, double(largest), beyond, cpu.size());
+    std::printf("  worst difference %.1e of the largest score %.3g; %zu of %zu beyond their bounds\n", worst,
+                double(largest), beyond, cpu.size());
     EXPECT_LE(beyond, cpu.size() / 100);
     EXPECT_LE(worst, std::max(1e-2, rounding));
 }
@@ -79,7 +80,8 @@ TEST_F(GpuScores, RepeatThemselvesWithAFixedOrder) {
 /// The first view of a backend rarely fits (see capacity_test.cpp).
 TEST_F(GpuScores, OfViewsThatDoNotFitAreWhole) {
     const TestScene scene = random_scene(3000, 3, 640, 480, -0.5, 5);
-    const auto cold = make_cuda_backend(scene.model.appearance, {.deterministic = true}), warm = make_cuda_backend(scene.model.appearance, {.deterministic = true});
+    const auto cold = make_cuda_backend(scene.model.appearance, {.deterministic = true}),
+               warm = make_cuda_backend(scene.model.appearance, {.deterministic = true});
     cold->upload(scene.model), warm->upload(scene.model);
     RenderedImage image;
     warm->render(views_of(scene)[0], image);
@@ -108,7 +110,8 @@ TEST_F(GpuScores, OfBrokenColoursAreFinite) {
 /// Steps in flight are done first, residuals catch up, and training goes on with the rows that are left.
 TEST_F(GpuScores, ArePrunedByBetweenSteps) {
     const TestScene scene = random_scene(2000, 3, 160, 120, -1, 8);
-    const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true}), waiting = make_cuda_backend(scene.model.appearance, {.deterministic = true});
+    const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true}),
+               waiting = make_cuda_backend(scene.model.appearance, {.deterministic = true});
     const RandomTarget target(160, 120, 3);
     for (Backend* backend : {gpu.get(), waiting.get()}) {
         backend->upload(scene.model);

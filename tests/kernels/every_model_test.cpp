@@ -15,8 +15,8 @@
 namespace gs::test {
 namespace {
 
-constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
-                                            ColorActivation::kHardSigmoid};
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus,
+                                            ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
 
 /// Returns whether phi has a kink so near to y that the step of a finite difference may cross it.
 bool near_kink(ColorActivation activation, double y) {
@@ -26,8 +26,7 @@ bool near_kink(ColorActivation activation, double y) {
     return (low && std::abs(y + 0.5) < kMargin) || (high && std::abs(y - 0.5) < kMargin);
 }
 
-template <class Model>
-class EveryModel : public ::testing::Test {
+template <class Model> class EveryModel : public ::testing::Test {
   protected:
     const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
 
@@ -47,7 +46,8 @@ class EveryModel : public ::testing::Test {
         for (std::int64_t i = 0; i < n; ++i) {
             const double* mean = &s[Group::kMean].param[3 * i];
             const auto direction = view_direction(Vec3<double>{mean[0], mean[1], mean[2]}, camera.position);
-            const Vec3<double> r = model_residual<Model>(s.shared.param.data(), s[Group::kResidual].param.data() + i * width, direction.unit, s.active_degree);
+            const Vec3<double> r = model_residual<Model>(
+                s.shared.param.data(), s[Group::kResidual].param.data() + i * width, direction.unit, s.active_degree);
             const double residual[3] = {r.x, r.y, r.z};
             for (int c = 0; c < 3; ++c) {
                 double& base = s[Group::kBase].param[3 * i + c];
@@ -89,7 +89,8 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
     for (const ColorActivation activation : kActivations) {
         std::vector<std::unique_ptr<Backend>> backends;
         backends.push_back(make_cpu_backend({this->info.name, this->info.max_degree_limit, activation}));
-        if (cuda_available()) backends.push_back(make_cuda_backend({this->info.name, this->info.max_degree_limit, activation}));
+        if (cuda_available())
+            backends.push_back(make_cuda_backend({this->info.name, this->info.max_degree_limit, activation}));
         for (auto& backend : backends) {
             SCOPED_TRACE(backend->describe() + ", activation " + std::to_string(int(activation)));
             // One opaque Gaussian over the whole picture: the same weight everywhere, so equality.
@@ -112,7 +113,8 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
             backend->set_active_degree(0);
             full = part(*backend, camera, RenderMode::kFull);
             for (std::size_t i = 0; i < full.size(); ++i) EXPECT_EQ(full[i], base[i]);
-            for (const float x : part(*backend, camera, RenderMode::kResidualOnly)) EXPECT_EQ(x, 0) << "degree 0 has no residual";
+            for (const float x : part(*backend, camera, RenderMode::kResidualOnly))
+                EXPECT_EQ(x, 0) << "degree 0 has no residual";
         }
     }
     EXPECT_EQ(moved > 0.01, TypeParam::kDirectional);
@@ -127,11 +129,11 @@ TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
     for (auto& backend : backends) {
         SCOPED_TRACE(backend->describe());
         Gaussians s = cast<float>(this->random_model(60, ColorActivation::kRelu, camera));
-        s.gradient_sum.assign(60, 1.0f), s.gradient_count.assign(60, 1.0f); // all grow
+        s.gradient_sum.assign(60, 1.0f), s.gradient_count.assign(60, 1.0f);  // all grow
         for (float& x : s[Group::kOpacity].param) x = std::abs(x);
         backend->upload(s);
         AdcParams p;
-        p.extent = 40; // clones and splits, about as many
+        p.extent = 40;  // clones and splits, about as many
         const DensifyStats stats = backend->densify({p, 600, 1});
         EXPECT_GT(stats.cloned, 0);
         EXPECT_GT(stats.split, 0);
@@ -141,12 +143,13 @@ TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
         EXPECT_GE(backend->prune(LowestScores{{view}, 0.3}).removed, 36);
         const Gaussians after = backend->download(false);
         const int width = s[Group::kResidual].width;
-        for (std::int64_t i = 0; i < after.count; ++i) { // the base colour names the parent
+        for (std::int64_t i = 0; i < after.count; ++i) {  // the base colour names the parent
             std::int64_t parent = 0;
             while (parent < 60 && after[Group::kBase].param[3 * i] != s[Group::kBase].param[3 * parent]) ++parent;
             ASSERT_LT(parent, 60) << i;
             for (int c = 0; c < width; ++c)
-                EXPECT_EQ(after[Group::kResidual].param[i * width + c], s[Group::kResidual].param[parent * width + c]) << "row " << i << " column " << c;
+                EXPECT_EQ(after[Group::kResidual].param[i * width + c], s[Group::kResidual].param[parent * width + c])
+                    << "row " << i << " column " << c;
         }
         EXPECT_EQ(after.shared.param, s.shared.param);
     }

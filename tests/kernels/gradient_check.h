@@ -16,7 +16,8 @@ struct GradientCheck {
     double worst = 0;
 
     template <class Model>
-    void run(GaussianState<double> s, const CameraParams<double>& camera, const Vec3<double>& background, const std::vector<double>& weights) {
+    void run(GaussianState<double> s, const CameraParams<double>& camera, const Vec3<double>& background,
+             const std::vector<double>& weights) {
         Pipeline<double, Model> pipe;
         pipe.render(s, camera, background);
         const GaussianState<double> analytic = pipe.gradients(s, weights);
@@ -37,7 +38,8 @@ struct GradientCheck {
                     const double down = pipe.weighted_sum(weights);
                     values[k] = x;
                     const double fd = (up - down) / (2 * h);
-                    error = std::min(error, std::abs(fd - expected[k]) / std::max({std::abs(expected[k]), 1e-2 * scale, 1e-4}));
+                    error = std::min(
+                        error, std::abs(fd - expected[k]) / std::max({std::abs(expected[k]), 1e-2 * scale, 1e-4}));
                     if (error <= tolerance) break;
                 }
                 EXPECT_LE(error, tolerance) << name << "[" << k << "] analytic " << expected[k];

@@ -16,8 +16,7 @@ namespace gs::test {
 /// Appends values as they lie in memory.
 class Bytes {
   public:
-    template <class T>
-    Bytes& put(T value) {
+    template <class T> Bytes& put(T value) {
         data_.append(reinterpret_cast<const char*>(&value), sizeof(T));
         return *this;
     }
@@ -86,8 +85,8 @@ inline std::string points_bin(const std::vector<TestPoint>& points) {
     return out.data();
 }
 
-inline void write_model(const std::filesystem::path& folder, const std::vector<TestCamera>& cameras, const std::vector<TestImage>& images,
-                        const std::vector<TestPoint>& points) {
+inline void write_model(const std::filesystem::path& folder, const std::vector<TestCamera>& cameras,
+                        const std::vector<TestImage>& images, const std::vector<TestPoint>& points) {
     spit(folder / "cameras.bin", cameras_bin(cameras));
     spit(folder / "images.bin", images_bin(images));
     spit(folder / "points3D.bin", points_bin(points));
@@ -99,7 +98,10 @@ inline Image gradient_image(int width, int height, int channels = 3) {
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x)
             for (int c = 0; c < channels; ++c)
-                image.u8.push_back(static_cast<std::uint8_t>(c == 3 ? 255 : (c == 0 ? x * 255 / width : c == 1 ? y * 255 / height : 90)));
+                image.u8.push_back(static_cast<std::uint8_t>(c == 3 ? 255
+                                                                    : (c == 0   ? x * 255 / width
+                                                                       : c == 1 ? y * 255 / height
+                                                                                : 90)));
     return image;
 }
 

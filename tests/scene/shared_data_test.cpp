@@ -49,7 +49,8 @@ double color_error(const Scene& scene, double shift) {
         const View& view = scene.train[v];
         const Image image = view.load().color;
         for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
-            const Eigen::Vector3d p = view.camera.rotation * scene.points.positions[i].cast<double>() + view.camera.translation;
+            const Eigen::Vector3d p =
+                view.camera.rotation * scene.points.positions[i].cast<double>() + view.camera.translation;
             if (p.z() <= 0) continue;
             const int x = int(std::floor(view.camera.fx * p.x() / p.z() + view.camera.cx + shift)),
                       y = int(std::floor(view.camera.fy * p.y() / p.z() + view.camera.cy));
@@ -126,13 +127,15 @@ TEST(SharedData, FoxDistortedBecomesTheSamePinholeAsColmapMadeOfIt) {
     EXPECT_EQ(image.color.width, camera.width);
     EXPECT_FALSE(image.mask);
     bool told = false;
-    for (const std::string& note : scene.notes) told = told || note.find("50 images with lens distortion") != std::string::npos;
+    for (const std::string& note : scene.notes)
+        told = told || note.find("50 images with lens distortion") != std::string::npos;
     EXPECT_TRUE(told);
 
     GS_REQUIRE_DATA(pinhole, "fox");
     const Scene reference = load(pinhole, false);
     const Image theirs = reference.train[0].load().color;
-    ASSERT_EQ(std::filesystem::path(reference.train[0].name).filename(), std::filesystem::path(scene.train[0].name).filename());
+    ASSERT_EQ(std::filesystem::path(reference.train[0].name).filename(),
+              std::filesystem::path(scene.train[0].name).filename());
     double difference = 0, shifted = 0;
     int count = 0;
     for (int y = 40; y < 900; y += 3)

@@ -72,8 +72,14 @@ using Prunings = std::vector<std::pair<std::int64_t, double>>;
 TEST(SpeedySchedule, IsTheOneOfTheSpec) {
     Watched backend;
     EXPECT_EQ(walk(speedy_options(), backend), (std::pair<std::int64_t, std::int64_t>{6, 10}));
-    EXPECT_EQ(backend.prunings,
-              (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.8}, {15000, 0.3}, {18000, 0.3}, {21000, 0.3}, {24000, 0.3}, {27000, 0.3}}));
+    EXPECT_EQ(backend.prunings, (Prunings{{6000, 0.8},
+                                          {9000, 0.8},
+                                          {12000, 0.8},
+                                          {15000, 0.3},
+                                          {18000, 0.3},
+                                          {21000, 0.3},
+                                          {24000, 0.3},
+                                          {27000, 0.3}}));
     EXPECT_EQ(backend.num_views, 3u);
     EXPECT_EQ(backend.at_9000, (std::vector<std::string>{"densify", "prune", "reset"}));
 }

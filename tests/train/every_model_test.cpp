@@ -95,7 +95,8 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
 }
 
 class TrainEveryModel : public ::testing::TestWithParam<const ModelInfo*> {};
-INSTANTIATE_TEST_SUITE_P(All, TrainEveryModel, ::testing::ValuesIn(appearance_models()), [](const auto& info) { return info.param->name; });
+INSTANTIATE_TEST_SUITE_P(All, TrainEveryModel, ::testing::ValuesIn(appearance_models()),
+                         [](const auto& info) { return info.param->name; });
 
 TEST_P(TrainEveryModel, LossFallsAndEverythingStaysFiniteWithEachActivation) {
     spdlog::set_level(spdlog::level::err);  // the runs' messages would bury the results

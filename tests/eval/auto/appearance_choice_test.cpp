@@ -42,7 +42,8 @@ TEST(AppearanceChoice, PassesOverTrialsThatFailed) {
 TEST(AppearanceChoice, SaysWhatRemains) {
     // photometric, direction, held-out direction
     EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 0.1), RemainingError::kReflectance);
-    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 1), RemainingError::kUnresolved) << "0.56 dB are less than what is allowed";
+    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 1), RemainingError::kUnresolved)
+        << "0.56 dB are less than what is allowed";
     EXPECT_EQ(classify_remaining_error({0.05, 0.01, -0.02}, 0.1), RemainingError::kUnresolved);
     EXPECT_EQ(classify_remaining_error({0.05, 0.09, -0.4}, 0.1), RemainingError::kInconsistency);
     EXPECT_EQ(classify_remaining_error({0.7, 0.06, 0.09}, 0.1), RemainingError::kPhotometric);
@@ -110,7 +111,7 @@ TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
     TrainOptions options = glossy(16, 60);
     options.auto_tolerance = 0;
     Scene scene = load_scene(scene_options(options));
-    View& away = scene.train[4]; // one that is held out
+    View& away = scene.train[4];  // one that is held out
     away.camera.translation.z() -= 1e6;
     away.load = [load = away.load] {
         ViewImage black = load();

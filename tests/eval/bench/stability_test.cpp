@@ -164,7 +164,9 @@ TEST(Stability, SeesNonFiniteValuesAndSignFlips) {
 
 TEST(Stability, WhatRoundingOfTheInputsExplainsIsNoError) {
     // x - 1 at x = 1 + 2^-20: half an ulp of x is a sixteenth of the result.
-    const auto exact = []<class T>(const StabilityInputs<T>& in) { return StabilitySubject::Results{(long double)(in.numbers[0]) - 1}; };
+    const auto exact = []<class T>(const StabilityInputs<T>& in) {
+        return StabilitySubject::Results{(long double)(in.numbers[0]) - 1};
+    };
     const auto rounded = [](const StabilityInputs<float>&) { return StabilitySubject::Results{1.05L * 0x1p-20L}; };
     StabilityRow row;
     compare_case({rounded, exact, exact, {0}, 0, 1}, {{1 + 0x1p-20f}, -1}, row);

@@ -90,7 +90,7 @@ class SuiteCells : public ::testing::Test {
 };
 
 TEST_F(SuiteCells, AFinishedRunOfTheSameOptionsIsTaken) {
-    line_.cell.options.quiet = true; // changes no figure
+    line_.cell.options.quiet = true;  // changes no figure
     const auto result = finished_cell(line_.cell.options);
     ASSERT_TRUE(result);
     EXPECT_EQ(result->psnr, 20.5);
@@ -133,7 +133,8 @@ TEST_F(SuiteCells, TableAndJsonNameEveryCell) {
     write_suite(tmp_.path(), "densification", lines);
     std::ifstream json(tmp_.path() / "suite.json");
     const std::string text{std::istreambuf_iterator<char>(json), {}};
-    for (const char* part : {"\"suite\": \"densification\"", "\"status\": \"finished\"", "\"status\": \"failed\"", "\"status\": \"not trained\"", "\"bytes\": 10"})
+    for (const char* part : {"\"suite\": \"densification\"", "\"status\": \"finished\"", "\"status\": \"failed\"",
+                             "\"status\": \"not trained\"", "\"bytes\": 10"})
         EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "suite.md"));
 }

@@ -21,9 +21,12 @@ class FakeBackend : public Backend, public BackendTimer {
         const std::size_t pixels = std::size_t(out.width) * out.height;
         out.rgb.assign(3 * pixels, 0);
         out.alpha.assign(pixels, 1);
-        const float blue = request.mode == RenderMode::kBaseOnly ? 0.2f : request.mode == RenderMode::kResidualOnly ? 0.5f : 0.0f;
+        const float blue = request.mode == RenderMode::kBaseOnly       ? 0.2f
+                           : request.mode == RenderMode::kResidualOnly ? 0.5f
+                                                                       : 0.0f;
         for (std::size_t i = 0; i < pixels; ++i) {
-            out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y, out.rgb[2 * pixels + i] = blue;
+            out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y,
+            out.rgb[2 * pixels + i] = blue;
         }
     }
     void step(const StepRequest&) override {}

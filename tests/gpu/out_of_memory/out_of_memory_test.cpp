@@ -27,11 +27,13 @@ class GpuOutOfMemory : public Gpu {
         try {
             gpu.step(r);
             gpu.synchronize();
-            FAIL() << "a step of " << r.camera.width << "x" << r.camera.height << " pixels in " << (kLeft >> 20) << " MiB";
+            FAIL() << "a step of " << r.camera.width << "x" << r.camera.height << " pixels in " << (kLeft >> 20)
+                   << " MiB";
         } catch (const DeviceError& e) {
             const std::string message = e.what();
             std::printf("  %s\n", e.what());
-            for (const char* part : {"out of device memory", "asked for", "free", "--cap-max", "--resolution", "--image-cache"})
+            for (const char* part :
+                 {"out of device memory", "asked for", "free", "--cap-max", "--resolution", "--image-cache"})
                 EXPECT_NE(message.find(part), std::string::npos) << message;
         }
     }
