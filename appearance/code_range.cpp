@@ -32,7 +32,8 @@ std::vector<SampledRow> sample_rows(const GroupArrays<float>& group, int first, 
     std::vector<SampledRow> sample;
     for (auto row = rows.begin(); row != middle; ++row) sample.push_back({*row, 1});
     const std::int64_t rest = rows.end() - middle, others = std::min(rest, kOthers);
-    for (std::int64_t k = 0; k < others; ++k) sample.push_back({middle[k * rest / others], double(rest) / double(others)});
+    for (std::int64_t k = 0; k < others; ++k)
+        sample.push_back({middle[k * rest / others], double(rest) / double(others)});
     return sample;
 }
 

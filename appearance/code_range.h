@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What range a scene's codes of few bits cover: a choice between coarse steps for all and a few outliers that are cut off.
+// What range a scene's codes of few bits cover: a choice between coarse steps for all and a few outliers that are cut
+// off.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +15,12 @@ struct SampledRow {
     double stands_for;  ///< rows of the scene
 };
 
-/// Rows on which ranges are compared, at most 20,000: those with the largest |x| in columns [first, first + count), each for itself, as
-/// few of them decide whether a cut is seen, and others at even distances for all the rest.
+/// Rows on which ranges are compared, at most 20,000: those with the largest |x| in columns [first, first + count),
+/// each for itself, as few of them decide whether a cut is seen, and others at even distances for all the rest.
 std::vector<SampledRow> sample_rows(const GroupArrays<float>& group, int first, int count);
 
-/// Where a range may end: of values in the order in which they would be cut off, those before which 0, 1, 2, 4, ... lie, up to a quarter
-/// of them. `values` is not empty.
+/// Where a range may end: of values in the order in which they would be cut off, those before which 0, 1, 2, 4, ...
+/// lie, up to a quarter of them. `values` is not empty.
 std::vector<float> possible_ends(const std::vector<float>& values);
 
 }  // namespace gs

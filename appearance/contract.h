@@ -43,7 +43,7 @@ inline constexpr double kMinViewDistance = 1e-6;
 /// The direction from the camera centre to a Gaussian's mean.
 template <class T> struct ViewDirection {
     Vec3<T> unit;
-    T inverse_distance; ///< 1/|mean - camera|; 0 when the direction is undefined, which zeroes the pullback
+    T inverse_distance;  ///< 1/|mean - camera|; 0 when the direction is undefined, which zeroes the pullback
 };
 
 template <class T> GS_HD ViewDirection<T> view_direction(const Vec3<T>& mean, const Vec3<T>& camera_position) {
@@ -64,7 +64,8 @@ template <class T> GS_HD Vec3<T> direction_pullback(const ViewDirection<T>& d, c
 inline constexpr double kLargestSharedWeight = 1e4;
 
 /// The number of weights that the Gaussians of a model share.
-template <class Model> inline constexpr int kNumSharedOf = [] {
+template <class Model>
+inline constexpr int kNumSharedOf = [] {
     if constexpr (requires { Model::kNumShared; })
         return Model::kNumShared;
     else
@@ -73,10 +74,11 @@ template <class Model> inline constexpr int kNumSharedOf = [] {
 
 /// Returns the residual of any model, which is 0 below degree 1. `shared` and `params` may be null where the model has
 /// none.
-template <class Model, class T> GS_HD Vec3<T> model_residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
+template <class Model, class T>
+GS_HD Vec3<T> model_residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
     if constexpr (Model::kDirectional) {
         if (degree > 0) {
-            if constexpr (kNumSharedOf<Model> > 0)
+            if constexpr (kNumSharedOf<Model> != 0)
                 return Model::residual(shared, params, direction, degree);
             else
                 return Model::residual(params, direction, degree);
@@ -87,13 +89,14 @@ template <class Model, class T> GS_HD Vec3<T> model_residual(const T* shared, co
 
 /// The gradient of model_residual(). The caller zeroes `dL_dparams`; the function adds to `dL_dshared`.
 template <class Model, class T>
-GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                   Vec3<T>& dL_ddirection, T* dL_dshared) {
+GS_HD void model_residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree,
+                                   const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection, T* dL_dshared) {
     dL_ddirection = {T(0), T(0), T(0)};
     if constexpr (Model::kDirectional) {
         if (degree <= 0) return;
-        if constexpr (kNumSharedOf<Model> > 0)
-            Model::residual_backward(shared, params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection, dL_dshared);
+        if constexpr (kNumSharedOf<Model> != 0)
+            Model::residual_backward(shared, params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection,
+                                     dL_dshared);
         else
             Model::residual_backward(params, direction, degree, dL_dresidual, dL_dparams, dL_ddirection);
     }
@@ -108,12 +111,15 @@ inline constexpr double kLargestColor = 255;
 /// (docs/math/appearance.md#colour-activation). NaN stays NaN.
 template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     switch (kind) {
-        case ColorActivation::kRelu: return y + T(0.5) < T(0) ? T(0) : gs_min(T(kLargestColor), y + T(0.5));
+        case ColorActivation::kRelu:
+            return y + T(0.5) < T(0) ? T(0) : gs_min(T(kLargestColor), y + T(0.5));
         case ColorActivation::kSoftplus: {
-            const T u = y + T(0.5); // each term is divided by 10: 10 u may overflow, which only the exponential may see
+            const T u =
+                y + T(0.5);  // each term is divided by 10: 10 u may overflow, which only the exponential may see
             return gs_min(T(kLargestColor), gs_max(u, T(0)) + gs_log1p(gs_exp(T(-10) * gs_abs(u))) / T(10));
         }
-        case ColorActivation::kSigmoid: return sigmoid(T(4) * y);
+        case ColorActivation::kSigmoid:
+            return sigmoid(T(4) * y);
         case ColorActivation::kHardSigmoid: {
             const T u = y + T(0.5);
             return u < T(0) ? T(0) : (u > T(1) ? T(1) : u);
@@ -127,10 +133,14 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
 /// above it.
 template <class T> GS_HD T color_activation_derivative(ColorActivation kind, T y) {
     switch (kind) {
-        case ColorActivation::kRelu: return y > T(-0.5) ? T(1) : T(0);
-        case ColorActivation::kSoftplus: return sigmoid(T(10) * (y + T(0.5)));
-        case ColorActivation::kSigmoid: return T(4) * sigmoid(T(4) * y) * sigmoid(T(-4) * y);
-        case ColorActivation::kHardSigmoid: return y > T(-0.5) && y < T(0.5) ? T(1) : T(0);
+        case ColorActivation::kRelu:
+            return y > T(-0.5) ? T(1) : T(0);
+        case ColorActivation::kSoftplus:
+            return sigmoid(T(10) * (y + T(0.5)));
+        case ColorActivation::kSigmoid:
+            return T(4) * sigmoid(T(4) * y) * sigmoid(T(-4) * y);
+        case ColorActivation::kHardSigmoid:
+            return y > T(-0.5) && y < T(0.5) ? T(1) : T(0);
     }
     return T(1);
 }
@@ -142,9 +152,12 @@ template <class T> GS_HD T inverse_color_activation(ColorActivation kind, T colo
     const T c = gs_clamp(color, T(0.5 / 255), T(1 - 0.5 / 255));
     switch (kind) {
         case ColorActivation::kRelu:
-        case ColorActivation::kHardSigmoid: return c - T(0.5);
-        case ColorActivation::kSoftplus: return gs_log(gs_expm1(T(10) * c)) / T(10) - T(0.5);
-        case ColorActivation::kSigmoid: return gs_log(c / (T(1) - c)) / T(4);
+        case ColorActivation::kHardSigmoid:
+            return c - T(0.5);
+        case ColorActivation::kSoftplus:
+            return gs_log(gs_expm1(T(10) * c)) / T(10) - T(0.5);
+        case ColorActivation::kSigmoid:
+            return gs_log(c / (T(1) - c)) / T(4);
     }
     return c;
 }

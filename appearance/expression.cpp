@@ -12,7 +12,8 @@ namespace gs {
 namespace {
 
 /// Binary operators by how tightly they bind. Of two where one begins the other, the longer stands first.
-const std::vector<std::vector<std::string_view>> kOperators = {{"||"}, {"&&"}, {"==", "!=", "<=", ">=", "<", ">"}, {"+", "-"}, {"*", "/", "%"}};
+const std::vector<std::vector<std::string_view>> kOperators = {
+    {"||"}, {"&&"}, {"==", "!=", "<=", ">=", "<", ">"}, {"+", "-"}, {"*", "/", "%"}};
 
 double apply(std::string_view op, double a, double b) {
     if (op == "||") return a != 0 || b != 0;
@@ -27,7 +28,7 @@ double apply(std::string_view op, double a, double b) {
     if (op == "-") return a - b;
     if (op == "*") return a * b;
     if (op == "/") return std::floor(a / b);
-    return a - b * std::floor(a / b); // %
+    return a - b * std::floor(a / b);  // %
 }
 
 class Parser {
@@ -42,7 +43,8 @@ class Parser {
 
   private:
     [[noreturn]] void fail() const {
-        throw DataError("the expression '" + std::string(text_) + "' cannot be understood at character " + std::to_string(at_ + 1));
+        throw DataError("the expression '" + std::string(text_) + "' cannot be understood at character " +
+                        std::to_string(at_ + 1));
     }
 
     std::size_t skip_space() {
@@ -108,6 +110,8 @@ class Parser {
 
 }  // namespace
 
-double evaluate_expression(const std::string& text, const std::map<std::string, double>& values) { return Parser(text, values).whole(); }
+double evaluate_expression(const std::string& text, const std::map<std::string, double>& values) {
+    return Parser(text, values).whole();
+}
 
 }  // namespace gs

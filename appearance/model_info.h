@@ -20,24 +20,25 @@ struct Packing;
 
 /// What some learning rates depend on beside the model.
 struct RateContext {
-    double camera_spacing = 1; ///< mean distance of a training camera to its 3 nearest, world units
+    double camera_spacing = 1;  ///< mean distance of a training camera to its 3 nearest, world units
     ModelOptionValues options = default_model_options();
 };
 
 struct AppearanceRates {
     Schedule base;
-    std::vector<Schedule> residual; ///< one for all columns, or one per column
-    Schedule shared{};              ///< of the shared weights
+    std::vector<Schedule> residual;  ///< one for all columns, or one per column
+    Schedule shared{};               ///< of the shared weights
 };
 
 struct ModelInfo {
-    std::string name;          ///< as on the command line and in files
-    std::string summary;       ///< one line for help and docs
-    bool variant = false;      ///< of another model, for comparison: `--appearance auto` does not try it
-    /// Rows of residuals are the f_rest coefficients of 3DGS, three channels a basis function: other programs can read them.
+    std::string name;      ///< as on the command line and in files
+    std::string summary;   ///< one line for help and docs
+    bool variant = false;  ///< of another model, for comparison: `--appearance auto` does not try it
+    /// Rows of residuals are the f_rest coefficients of 3DGS, three channels a basis function: other programs can read
+    /// them.
     bool plain_sh = false;
-    std::vector<ModelOption> options = {}; ///< its own training options
-    std::string degree_option = {};        ///< key of the one that sets max_degree; empty: default_max_degree it is
+    std::vector<ModelOption> options = {};  ///< its own training options
+    std::string degree_option = {};         ///< key of the one that sets max_degree; empty: default_max_degree it is
     int default_max_degree = 0;
     int max_degree_limit = 0;
     /// Degree active at iteration 0; raised by one at 1000, 2000, ... up to max_degree.
@@ -46,19 +47,22 @@ struct ModelInfo {
     std::function<AppearanceRates(int max_degree, const RateContext&)> rates;
     /// Writes the initial residual parameters of one Gaussian.
     std::function<void(int max_degree, float* row)> init_residual;
-    /// Changes a row so that its residual is exactly 0 in every direction, and can still be learnt from there. Unset where init_residual
-    /// is such a row.
+    /// Changes a row so that its residual is exactly 0 in every direction, and can still be learnt from there. Unset
+    /// where init_residual is such a row.
     std::function<void(int max_degree, float* row)> clear_residual;
-    /// Single-precision instructions of the residual and of its way back, all degrees active, for the floors that `gsapp bench`
-    /// prints: counted in the source, an FMA as one, a transcendental function as the ten to twenty it takes.
+    /// Single-precision instructions of the residual and of its way back, all degrees active, for the floors that
+    /// `gsapp bench` prints: counted in the source, an FMA as one, a transcendental function as the ten to twenty it
+    /// takes.
     double operations = 0, operations_backward = 0;
-    int num_shared = 0; ///< weights that all Gaussians share
+    int num_shared = 0;  ///< weights that all Gaussians share
     /// Writes their initial values; set where there are any.
     std::function<void(std::uint64_t seed, float* weights)> init_shared;
-    /// Names and degenerate cases for the stability measurement, at max_degree_limit. Without it all columns are one kind.
+    /// Names and degenerate cases for the stability measurement, at max_degree_limit. Without it all columns are one
+    /// kind.
     std::function<StabilityPlan()> stability;
     /// The residual in double, for what the host does with a finished model: model_residual of the struct (contract.h).
-    Vec3<double> (*residual)(const double* shared, const double* params, const Vec3<double>& direction, int degree) = nullptr;
+    Vec3<double> (*residual)(const double* shared, const double* params, const Vec3<double>& direction,
+                             int degree) = nullptr;
     /// How files for viewers hold the model (packing.h, which device code cannot include); null: they cannot.
     const Packing* packing = nullptr;
 };
@@ -72,8 +76,9 @@ std::vector<std::string> appearance_names();
 /// Throws UsageError naming the known models.
 const ModelInfo& appearance_model(const std::string& name);
 
-/// The plain spherical harmonics that other programs read (ModelInfo::plain_sh) of `degree` bands, with relu; of degree 0 it is one colour
-/// from everywhere. Of several models that reach the degree it is the one that reaches least further. Throws UsageError where none does.
+/// The plain spherical harmonics that other programs read (ModelInfo::plain_sh) of `degree` bands, with relu; of degree
+/// 0 it is one colour from everywhere. Of several models that reach the degree it is the one that reaches least
+/// further. Throws UsageError where none does.
 AppearanceSpec plain_sh_appearance(int degree);
 
 }  // namespace gs

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training options that a model declares for itself: the command line, YAML files and docs/options.md take them from here.
+// Training options that a model declares for itself: the command line, YAML files and docs/options.md take them from
+// here.
 #pragma once
 
 #include <map>
@@ -11,7 +12,7 @@ namespace gs {
 
 /// One option of a model. Models of one folder may declare the same one; it then has one value for all of them.
 struct ModelOption {
-    std::string key;            ///< kebab-case, unique among all options of the program
+    std::string key;  ///< kebab-case, unique among all options of the program
     double default_value = 0;
     double min = 0, max = 0;    ///< inclusive
     bool is_whole = false;      ///< takes whole numbers only

@@ -36,17 +36,20 @@ PackedLayout packed_layout(const PackedHeader& header) {
     const auto values = header_values(description, header);
     for (const auto& [field, condition, expected] : description.require) {
         if (evaluate_expression(condition, values) == 0)
-            throw DataError(field + " is " + std::to_string(std::uint32_t(values.at(field))) + ", expected " + expected);
+            throw DataError(field + " is " + std::to_string(std::uint32_t(values.at(field))) + ", expected " +
+                            expected);
     }
     PackedLayout layout;
     const auto size = [&](const std::string& expression, double largest) {
         const double value = evaluate_expression(expression, values);
         if (!(value >= 0 && value <= largest && value == std::floor(value)))
-            throw DataError("the header asks for " + std::to_string(value) + " as '" + expression + "', which is not a whole number up to " +
-                            std::to_string(std::int64_t(largest)));
+            throw DataError("the header asks for " + std::to_string(value) + " as '" + expression +
+                            "', which is not a whole number up to " + std::to_string(std::int64_t(largest)));
         return std::int64_t(value);
     };
-    const auto add = [&](std::int64_t count, int words) { layout.texture_words.insert(layout.texture_words.end(), std::size_t(count), words); };
+    const auto add = [&](std::int64_t count, int words) {
+        layout.texture_words.insert(layout.texture_words.end(), std::size_t(count), words);
+    };
     for (const auto& [words, count] : description.textures) add(size(count, kMaxTextures), words);
     add((size(description.halves, kMaxHalves) + kHalvesPerTexel - 1) / kHalvesPerTexel, 4);
     layout.weight_halves = size(description.weight_halves, kMaxWeights);
@@ -63,9 +66,12 @@ PackedAppearance make_packed(const PackedHeader& header, std::int64_t count) {
 Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x) {
     const auto each = [&](double v) {
         switch (kind) {
-            case PackedResidualActivation::kNone: return v;
-            case PackedResidualActivation::kTanh: return gs_tanh(v);
-            case PackedResidualActivation::kSoftplus: return softplus(10 * v) / 10;
+            case PackedResidualActivation::kNone:
+                return v;
+            case PackedResidualActivation::kTanh:
+                return gs_tanh(v);
+            case PackedResidualActivation::kSoftplus:
+                return softplus(10 * v) / 10;
         }
         return v;
     };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How models are stored for viewers: a few words per Gaussian, in which everything that does not depend on the view is computed
-// (docs/formats.md#scenengsplat). The container is lib/export/ngsplat.h.
+// How models are stored for viewers: a few words per Gaussian, in which everything that does not depend on the view is
+// computed (docs/formats.md#scenengsplat). The container is lib/export/ngsplat.h.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,8 @@ namespace gs {
 /// What acts on a residual as stored; the lobes' amplitudes are stored behind it.
 enum class PackedResidualActivation : std::uint32_t { kNone, kTanh, kSoftplus };
 
-/// What the file says about its appearance. The fields are those of the format; a model uses those that its description names.
+/// What the file says about its appearance. The fields are those of the format; a model uses those that its description
+/// names.
 struct PackedHeader {
     std::uint32_t model = 0;        ///< PackingDescription::id
     std::uint32_t features = 0;     ///< sites, lobes, or inputs of a network that belong to the Gaussian
@@ -24,9 +25,9 @@ struct PackedHeader {
     std::uint32_t bands = 0;        ///< bit l: band l of spherical harmonics is stored, or an input of a network
     PackedResidualActivation activation = PackedResidualActivation::kNone;
     std::uint32_t neurons = 0, hidden_layers = 0;
-    bool constant_input = true;     ///< the network has the constant Y_0 as an input
-    bool folded = false;            ///< the first layer's sums over what does not depend on the view are stored, not the features
-    std::vector<float> floats = {}; ///< PackingDescription::num_floats of them
+    bool constant_input = true;  ///< the network has the constant Y_0 as an input
+    bool folded = false;  ///< the first layer's sums over what does not depend on the view are stored, not the features
+    std::vector<float> floats = {};  ///< PackingDescription::num_floats of them
 };
 
 /// Sizes that follow from a header.
@@ -50,29 +51,35 @@ struct PackedAppearance {
 /// What a model's folder gives to put it into a file and to show what is in one.
 struct Packing {
     const PackingDescription* description;
-    /// Header, weights and zeroed textures; degrees above the active one are left out, or can have no effect. Parameters are finite.
+    /// Header, weights and zeroed textures; degrees above the active one are left out, or can have no effect.
+    /// Parameters are finite.
     PackedAppearance (*prepare)(const Gaussians& gaussians);
     /// Fills the row of one Gaussian; different rows from different threads.
     void (*pack_row)(const Gaussians& gaussians, std::int64_t row, PackedAppearance& packed);
-    /// The residual of one Gaussian as a viewer computes it, in double. `direction` is a unit vector from the camera to the Gaussian.
+    /// The residual of one Gaussian as a viewer computes it, in double. `direction` is a unit vector from the camera to
+    /// the Gaussian.
     Vec3<double> (*residual)(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction);
 };
 
-/// Halves lie eight to a texel of four words, the first in the low half of a word; the last texel is filled up with zeros.
+/// Halves lie eight to a texel of four words, the first in the low half of a word; the last texel is filled up with
+/// zeros.
 inline constexpr int kHalvesPerTexel = 8, kMaxHalves = 64;
 
 /// Half `k` of Gaussian `row`.
 inline void set_half(PackedAppearance& packed, std::int64_t row, int k, double value) {
-    std::uint32_t& word = packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
+    std::uint32_t& word =
+        packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
     const int shift = k % 2 * 16;
     word = (word & ~(0xffffu << shift)) | std::uint32_t(half_bits(value)) << shift;
 }
 inline double get_half(const PackedAppearance& packed, std::int64_t row, int k) {
-    const std::uint32_t word = packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
+    const std::uint32_t word =
+        packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
     return half_value(std::uint16_t(word >> (k % 2 * 16)));
 }
 
-/// The sizes that the description of the header's model gives. Throws DataError saying which field has a value that the model cannot have.
+/// The sizes that the description of the header's model gives. Throws DataError saying which field has a value that the
+/// model cannot have.
 PackedLayout packed_layout(const PackedHeader& header);
 
 /// Zeroed weights and textures of that header for `count` Gaussians.

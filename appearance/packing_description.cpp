@@ -15,7 +15,8 @@ PackingDescription description_of(const nlohmann::ordered_json& json) {
     PackingDescription d;
     d.id = json.at("id");
     d.name = json.at("name");
-    if (d.id > kLargestId) throw DataError("'" + d.name + "' has the number " + std::to_string(d.id) + ", the file has room for 0 to 7");
+    if (d.id > kLargestId)
+        throw DataError("'" + d.name + "' has the number " + std::to_string(d.id) + ", the file has room for 0 to 7");
     if (json.contains("floats")) d.floats_name = json["floats"].at("name"), d.num_floats = json["floats"].at("count");
     if (json.contains("values")) {
         for (const auto& [name, expression] : json["values"].items()) d.values.emplace_back(name, expression);
@@ -53,7 +54,9 @@ const std::vector<PackingDescription>& packing_descriptions() {
         for (const auto& [file, text] : packing_texts()) {
             for (PackingDescription& d : parse_packings(file, text)) {
                 for (const PackingDescription& other : all) {
-                    if (other.id == d.id) throw DataError(std::string(file) + ": '" + d.name + "' and '" + other.name + "' have the same number in files");
+                    if (other.id == d.id)
+                        throw DataError(std::string(file) + ": '" + d.name + "' and '" + other.name +
+                                        "' have the same number in files");
                 }
                 all.push_back(std::move(d));
             }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `appearance/<folder>/packing.json` says: the part of a model's form in .ngsplat files that is data. The program and the web viewer
-// read the same description, so that a new model changes neither. apps/viewer/README.md has its keys.
+// What `appearance/<folder>/packing.json` says: the part of a model's form in .ngsplat files that is data. The program
+// and the web viewer read the same description, so that a new model changes neither. apps/viewer/README.md has its
+// keys.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +13,12 @@ namespace gs {
 
 struct PackingDescription {
     struct Requirement {
-        std::string field;      ///< the header's field that is wrong where `condition` is 0
+        std::string field;  ///< the header's field that is wrong where `condition` is 0
         std::string condition;
-        std::string expected;   ///< in words
+        std::string expected;  ///< in words
     };
     struct Textures {
-        int words = 4;      ///< 32-bit words of a Gaussian: 2 or 4
+        int words = 4;  ///< 32-bit words of a Gaussian: 2 or 4
         std::string count;
     };
 
@@ -28,9 +29,9 @@ struct PackingDescription {
     // Expressions (expression.h) of the header's fields and of the values before.
     std::vector<std::pair<std::string, std::string>> values;
     std::vector<Requirement> require;
-    std::vector<Textures> textures;    ///< in front of those with the halves
-    std::string halves = "0";          ///< half-precision numbers of a Gaussian
-    std::string weight_halves = "0";   ///< those that all Gaussians share
+    std::vector<Textures> textures;   ///< in front of those with the halves
+    std::string halves = "0";         ///< half-precision numbers of a Gaussian
+    std::string weight_halves = "0";  ///< those that all Gaussians share
 };
 
 /// The descriptions in one packing.json: an object, or a list of them. Throws DataError naming `file`.

@@ -31,7 +31,8 @@ AppearanceSpec plain_sh_appearance(int degree) {
         const bool fits = model->plain_sh && model->max_degree_limit >= degree;
         if (fits && (!found || model->max_degree_limit < found->max_degree_limit)) found = model;
     }
-    if (!found) throw UsageError("no appearance model is plain spherical harmonics of degree " + std::to_string(degree));
+    if (!found)
+        throw UsageError("no appearance model is plain spherical harmonics of degree " + std::to_string(degree));
     return {found->name, degree, ColorActivation::kRelu};
 }
 
@@ -40,7 +41,8 @@ const std::vector<ModelOption>& all_model_options() {
         std::vector<ModelOption> all;
         for (const ModelInfo* model : appearance_models()) {
             for (const ModelOption& option : model->options) {
-                const bool known = std::any_of(all.begin(), all.end(), [&](const ModelOption& o) { return o.key == option.key; });
+                const bool known =
+                    std::any_of(all.begin(), all.end(), [&](const ModelOption& o) { return o.key == option.key; });
                 if (!known) all.push_back(option);
             }
         }

@@ -7,9 +7,11 @@
 namespace gs::appearance {
 
 struct ShBasis {
-    // Normalisation constants sqrt((2l+1)/(4 pi) (l-m)!/(l+m)!) times the polynomial's factor; names as in sh/README.md.
+    // Normalisation constants sqrt((2l+1)/(4 pi) (l-m)!/(l+m)!) times the polynomial's factor; names as in
+    // sh/README.md.
     static constexpr double kC1 = 0.4886025119029199;
-    static constexpr double k2a = 1.0925484305920792, k2b = 0.9461746957575601, k2c = 0.31539156525252005, k2d = 0.5462742152960396;
+    static constexpr double k2a = 1.0925484305920792, k2b = 0.9461746957575601, k2c = 0.31539156525252005,
+                            k2d = 0.5462742152960396;
     static constexpr double k3a = 0.5900435899266435, k3c = 2.890611442640554, k3d = 0.4570457994644658;
     static constexpr double k3f = 0.3731763325901154, k3h = 1.445305721320277;
 
@@ -53,10 +55,13 @@ struct ShBasis {
                          c * (-y * a[4] - x * a[6]) + T(2 * k2b) * z * a[5]};
         }
         if (degree >= 3) {
-            const T c3 = T(3 * k3a), q = T(k3d) * (T(1) - T(5) * z * z), p = T(3 * k3a) * (y * y - x * x), s = T(k3h) * (x * x - y * y);
-            g += Vec3<T>{T(-2) * c3 * x * y * a[8] + T(k3c) * y * z * a[9] + q * a[12] + T(2 * k3h) * x * z * a[13] + p * a[14],
-                         p * a[8] + T(k3c) * x * z * a[9] + q * a[10] - T(2 * k3h) * y * z * a[13] + T(2) * c3 * x * y * a[14],
-                         T(k3c) * x * y * a[9] - T(10 * k3d) * z * (y * a[10] + x * a[12]) + T(3 * k3f) * (T(5) * z * z - T(1)) * a[11] + s * a[13]};
+            const T c3 = T(3 * k3a), q = T(k3d) * (T(1) - T(5) * z * z), p = T(3 * k3a) * (y * y - x * x),
+                    s = T(k3h) * (x * x - y * y);
+            g += Vec3<T>{
+                T(-2) * c3 * x * y * a[8] + T(k3c) * y * z * a[9] + q * a[12] + T(2 * k3h) * x * z * a[13] + p * a[14],
+                p * a[8] + T(k3c) * x * z * a[9] + q * a[10] - T(2 * k3h) * y * z * a[13] + T(2) * c3 * x * y * a[14],
+                T(k3c) * x * y * a[9] - T(10 * k3d) * z * (y * a[10] + x * a[12]) +
+                    T(3 * k3f) * (T(5) * z * z - T(1)) * a[11] + s * a[13]};
         }
         return g;
     }

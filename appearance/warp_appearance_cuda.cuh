@@ -21,17 +21,19 @@ template <class Model> class WarpAppearance {
 
     __device__ WarpAppearance(Memory&, const unsigned*) {}
 
-    __device__ Vec3<float> residual(const float* rows, int width, const Vec3<float>& direction, int degree, bool active) const {
+    __device__ Vec3<float> residual(const float* rows, int width, const Vec3<float>& direction, int degree,
+                                    bool active) const {
         if (!active) return {0, 0, 0};
         return model_residual<Model>(static_cast<const float*>(nullptr), rows + lane() * width, direction, degree);
     }
     /// Computes the gradients. Call it after residual() with the same arguments. The rows of `gradients` must be
     /// zeroed.
-    __device__ void backward(const float* rows, int width, const Vec3<float>& direction, int degree, bool active, const Vec3<float>& dL_dresidual, float* gradients,
-                             Vec3<float>& dL_ddirection) const {
+    __device__ void backward(const float* rows, int width, const Vec3<float>& direction, int degree, bool active,
+                             const Vec3<float>& dL_dresidual, float* gradients, Vec3<float>& dL_ddirection) const {
         dL_ddirection = {0, 0, 0};
         if (active)
-            model_residual_backward<Model>(static_cast<const float*>(nullptr), rows + lane() * width, direction, degree, dL_dresidual, gradients + lane() * width, dL_ddirection,
+            model_residual_backward<Model>(static_cast<const float*>(nullptr), rows + lane() * width, direction, degree,
+                                           dL_dresidual, gradients + lane() * width, dL_ddirection,
                                            static_cast<float*>(nullptr));
     }
     // A model with shared weights also has:

@@ -30,17 +30,17 @@ enum class RenderMode { kFull, kBaseOnly, kResidualOnly };
 
 /// The source of a view's photometric correction.
 enum class IspMode {
-    kNone,       ///< no correction: the image stays as the Gaussians make it
-    kFrame,      ///< exposure and colour of a training image
-    kController, ///< exposure and colour predicted from the image itself; neutral if the model has no controller
+    kNone,        ///< no correction: the image stays as the Gaussians make it
+    kFrame,       ///< exposure and colour of a training image
+    kController,  ///< exposure and colour predicted from the image itself; neutral if the model has no controller
 };
 
 /// The photometric correction of a view. A model without PPISP ignores it.
 struct IspView {
     IspMode mode = IspMode::kNone;
-    int frame = -1;           ///< kFrame: index of the training image; -1 = neutral
-    int camera = 0;           ///< index of the camera, which gives vignetting and response
-    float prior_exposure = 0; ///< kController: exposure in stops that is known beforehand, e.g. from EXIF
+    int frame = -1;            ///< kFrame: index of the training image; -1 = neutral
+    int camera = 0;            ///< index of the camera, which gives vignetting and response
+    float prior_exposure = 0;  ///< kController: exposure in stops that is known beforehand, e.g. from EXIF
 };
 
 /// One view to render.
@@ -54,8 +54,8 @@ struct RenderRequest {
 /// The image of one view.
 struct RenderedImage {
     int width = 0, height = 0;
-    std::vector<float> rgb;   ///< planar (3,H,W), not clamped
-    std::vector<float> alpha; ///< (H,W), 1 - final transmittance
+    std::vector<float> rgb;    ///< planar (3,H,W), not clamped
+    std::vector<float> alpha;  ///< (H,W), 1 - final transmittance
 };
 
 /// One optimizer step on one view.
@@ -63,18 +63,18 @@ struct StepRequest {
     CameraParams<float> camera;
     Vec3<float> background{0, 0, 0};
     TargetImage target;
-    std::int64_t iteration = 0;          ///< 0-based
+    std::int64_t iteration = 0;  ///< 0-based
     float lambda_dssim = 0.2f;
-    float opacity_reg = 0.01f;           ///< weight of mean(opacity)
-    float scale_reg = 0.01f;             ///< weight of mean(exp(raw_scale))
-    float noise = 0;                     ///< SGLD factor 5e5*lr_means; 0 = no noise
+    float opacity_reg = 0.01f;  ///< weight of mean(opacity)
+    float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale))
+    float noise = 0;            ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
-    IspView isp = {};                         ///< kFrame or kNone for `step`, kController for `distill`
+    IspView isp = {};                    ///< kFrame or kNone for `step`, kController for `distill`
     /// The learning rate of PPISP's parameters for `step`, of the controller's weights for `distill`. 0 leaves them
     /// unchanged.
     double isp_rate = 0;
@@ -83,10 +83,10 @@ struct StepRequest {
 /// Statistics of the steps since the last call of `take_stats`.
 struct StepStats {
     std::int64_t steps = 0;
-    double loss = 0, l1 = 0, ssim = 0;   ///< values of the last step
-    std::int64_t num_instances = 0;      ///< Gaussian-tile pairs of the last step
-    std::int64_t num_nonfinite_gradients = 0; ///< Gaussians whose update was skipped, summed over the steps
-    std::int64_t consecutive_skips = 0;       ///< steps in a row skipped because the loss was not finite
+    double loss = 0, l1 = 0, ssim = 0;         ///< values of the last step
+    std::int64_t num_instances = 0;            ///< Gaussian-tile pairs of the last step
+    std::int64_t num_nonfinite_gradients = 0;  ///< Gaussians whose update was skipped, summed over the steps
+    std::int64_t consecutive_skips = 0;        ///< steps in a row skipped because the loss was not finite
 };
 
 /// The memory that a backend holds on its device.
@@ -105,10 +105,10 @@ struct MemoryUse {
 struct BackendOptions {
     /// Whether all sums have a fixed order, which is bitwise repeatable on one device, but slower.
     bool deterministic = false;
-    bool separate_appearance = false;                ///< CUDA: appearance in kernels of its own, for comparison
-    std::int64_t image_budget = std::int64_t(4) << 30; ///< bytes of training images that a device may keep
-    double min_alpha = kMinAlpha;                    ///< fainter fragments are skipped; at least kMinAlpha
-    double min_transmittance = kMinTransmittance;    ///< a pixel below this is finished
+    bool separate_appearance = false;                   ///< CUDA: appearance in kernels of its own, for comparison
+    std::int64_t image_budget = std::int64_t(4) << 30;  ///< bytes of training images that a device may keep
+    double min_alpha = kMinAlpha;                       ///< fainter fragments are skipped; at least kMinAlpha
+    double min_transmittance = kMinTransmittance;       ///< a pixel below this is finished
     /// CUDA: whether frames read residual parameters rounded to half precision.
     bool half_residuals = false;
     /// CUDA: whether both Adam moments of a residual parameter share 32 bits (bfloat16).
@@ -125,11 +125,11 @@ struct McmcParams {
 /// The rule of the ADC strategy.
 struct AdcParams {
     float grad_threshold = 0.0002f;
-    float extent = 1;                    ///< scene extent E, world units
-    float dense_fraction = 0.01f;        ///< clone below, split above dense_fraction*E
+    float extent = 1;              ///< scene extent E, world units
+    float dense_fraction = 0.01f;  ///< clone below, split above dense_fraction*E
     float min_opacity = 0.005f;
-    bool prune_large = false;            ///< remove Gaussians larger than 0.1*E
-    std::int64_t cap = 0;                ///< 0 = unlimited; growth stops at the cap
+    bool prune_large = false;  ///< remove Gaussians larger than 0.1*E
+    std::int64_t cap = 0;      ///< 0 = unlimited; growth stops at the cap
 };
 
 /// One densification by the rule of a strategy.
@@ -170,11 +170,11 @@ struct StageCost {
     std::string stage;
     double seconds = 0;
     double items = 0;
-    std::string item;     ///< name of an item, e.g. "pixel x Gaussian"
-    double bytes = 0;     ///< least memory traffic of all items
-    double operations = 0; ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
-    std::string note;     ///< reason why the stage takes longer than these bounds, where it is known; may be empty
-    bool evaluates_appearance = false; ///< whether part of the work is the appearance model's
+    std::string item;       ///< name of an item, e.g. "pixel x Gaussian"
+    double bytes = 0;       ///< least memory traffic of all items
+    double operations = 0;  ///< least arithmetic of all items, in single-precision instructions (an FMA is one)
+    std::string note;       ///< reason why the stage takes longer than these bounds, where it is known; may be empty
+    bool evaluates_appearance = false;  ///< whether part of the work is the appearance model's
 };
 
 }  // namespace gs

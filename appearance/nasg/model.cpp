@@ -22,12 +22,15 @@ ModelOption lobe_rate_option() {
             .max = 10,
             .is_rate = true,
             .nan_word = "auto",
-            .help = "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 scene units apart, "
-                    "falling with the square of their distance"};
+            .help =
+                "first rate of the lobes of nasg and nasgabor; auto: the paper's rule, 0.0025 where cameras are 0.354 "
+                "scene units apart, "
+                "falling with the square of their distance"};
 }
 
-/// Where no rate is given, the rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its square. It
-/// depends on the scene's unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still trains.
+/// Where no rate is given, the rule of the NASG reference: 0.0025 at a camera spacing of 0.3536, falling with its
+/// square. It depends on the scene's unit, so the factor stays between 1e-3 and 1e3: a scene in millimetres still
+/// trains.
 double lobe_rate(const RateContext& context) {
     const double given = context.options.at(kLobeRate);
     if (!std::isnan(given)) return given;
@@ -40,7 +43,7 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
     m.name = name;
     m.summary = summary;
     m.options = {lobe_rate_option()};
-    const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0; // tanh and cosine; sine on the way back
+    const int carrier = Model::kAmplitude == 6 ? num_lobes * 30 : 0;  // tanh and cosine; sine on the way back
     m.operations = num_lobes * 200 + carrier, m.operations_backward = num_lobes * 350 + 2 * carrier;
     m.default_max_degree = m.max_degree_limit = num_lobes;
     m.residual_width = [](int lobes) { return Model::kPerLobe * lobes; };
@@ -51,9 +54,9 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
     };
     m.init_residual = [](int lobes, float* row) {
         for (int lobe = 0; lobe < lobes; ++lobe, row += Model::kPerLobe) {
-            std::fill_n(row, 3, 0.0f);                    // every angle 90 degrees: the axis is +y
-            std::fill_n(row + 3, 2, float(std::log(0.5))); // sharpness and anisotropy 0.5
-            if (Model::kAmplitude == 6) row[5] = -1.6f;    // carrier frequency 1.57
+            std::fill_n(row, 3, 0.0f);                      // every angle 90 degrees: the axis is +y
+            std::fill_n(row + 3, 2, float(std::log(0.5)));  // sharpness and anisotropy 0.5
+            if (Model::kAmplitude == 6) row[5] = -1.6f;     // carrier frequency 1.57
             std::fill_n(row + Model::kAmplitude, 3, 0.5f);
         }
     };
@@ -73,7 +76,8 @@ const ModelInfo& nasg_info() {
     return info;
 }
 const ModelInfo& nasgabor_info() {
-    static const ModelInfo info = lobe_info<Nasgabor>("nasgabor", "one normalized anisotropic spherical Gaussian with a cosine carrier");
+    static const ModelInfo info =
+        lobe_info<Nasgabor>("nasgabor", "one normalized anisotropic spherical Gaussian with a cosine carrier");
     return info;
 }
 

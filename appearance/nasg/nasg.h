@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// NASG: normalized anisotropic spherical Gaussian lobes; NASGabor: the same with a cosine carrier.
+// NASG: normalized anisotropic spherical Gaussian lobes. NASGabor adds a cosine carrier.
 #pragma once
 
 #include "appearance/contract.h"
@@ -7,35 +7,40 @@
 
 namespace gs::appearance {
 
-/// Largest angular frequency of the carrier is twice this.
+/// Half the largest angular frequency of the carrier.
 inline constexpr double kCarrierScale = 20;
 
-/// (1 + cos(k v_x))/2 with k = 20 (1 + tanh(raw)), as cos^2 of half the phase: at its zeros the sum would cancel.
+/// The carrier (1 + cos(k v_x))/2 with k = 20 (1 + tanh(raw)). It is computed as cos^2 of half the phase, because the
+/// sum would cancel at its zeros.
 template <class T> struct Carrier {
-    T frequency, cos, sin; ///< k; of k v_x / 2
+    T frequency, cos, sin;  ///< k; cosine and sine of k v_x / 2
     static GS_HD Carrier of(T raw, T v_x) {
-        const T k = T(2 * kCarrierScale) * sigmoid(T(2) * raw); // 1 + tanh(x) = 2 sigmoid(2x), without cancellation
+        const T k = T(2 * kCarrierScale) * sigmoid(T(2) * raw);  // 1 + tanh(x) = 2 sigmoid(2x), without cancellation
         const T half = T(0.5) * k * v_x;
         return {k, gs_cos(half), gs_sin(half)};
     }
     GS_HD T value() const { return cos * cos; }
-    /// Derivative by k v_x.
+    /// Returns the derivative by k v_x.
     GS_HD T slope() const { return -cos * sin; }
 };
 
 /// residual(d) = sum over the active lobes of density(d) carrier(d) tanh(raw amplitude).
-/// Rows of one lobe: raw theta, phi, psi, sharpness, anisotropy, with a carrier raw frequency, raw amplitude (rgb).
-/// With kWholeSphere axes may point anywhere, else into the half-space y >= 0, as in the reference.
+/// Parameters of one lobe: raw theta, phi, psi, sharpness, anisotropy, raw frequency (only with a carrier), raw
+/// amplitude (rgb). Axes may point anywhere with kWholeSphere, else into the half-space y >= 0, as in the reference.
 template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct NasgLobes {
     static constexpr int kPerLobe = kWithCarrier ? 9 : 8, kAmplitude = kPerLobe - 3;
     static constexpr int kMaxResidual = kLobes * kPerLobe;
     static constexpr bool kDirectional = true;
 
     template <class T> using Frame = LobeFrame<T, kWholeSphere>;
-    // Over the whole sphere the circle that theta runs along lies in the plane of y and z, where every convention has its up: the
-    // poles of the angles, where they learn badly, are then off to the sides.
-    template <class T> static GS_HD Vec3<T> to_lobe(const Vec3<T>& d) { return kWholeSphere ? Vec3<T>{d.z, d.y, -d.x} : d; }
-    template <class T> static GS_HD Vec3<T> from_lobe(const Vec3<T>& v) { return kWholeSphere ? Vec3<T>{-v.z, v.y, v.x} : v; }
+    // With kWholeSphere the circle that theta runs along lies in the plane of y and z, where every convention has its
+    // up. The poles of the angles, where they learn badly, are then off to the sides.
+    template <class T> static GS_HD Vec3<T> to_lobe(const Vec3<T>& d) {
+        return kWholeSphere ? Vec3<T>{d.z, d.y, -d.x} : d;
+    }
+    template <class T> static GS_HD Vec3<T> from_lobe(const Vec3<T>& v) {
+        return kWholeSphere ? Vec3<T>{-v.z, v.y, v.x} : v;
+    }
 
     template <class T> static GS_HD Vec3<T> amplitude(const T* raw) {
         return {gs_tanh(raw[kAmplitude]), gs_tanh(raw[kAmplitude + 1]), gs_tanh(raw[kAmplitude + 2])};
@@ -56,8 +61,8 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
     }
 
     template <class T>
-    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection) {
+    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection) {
         dL_ddirection = {T(0), T(0), T(0)};
         GS_UNROLL
         for (int lobe = 0; lobe < kLobes; ++lobe) {
@@ -67,7 +72,8 @@ template <bool kWithCarrier, int kLobes = 1, bool kWholeSphere = true> struct Na
             const Frame<T> frame = Frame<T>::of(raw);
             const Vec3<T> v = frame.local(to_lobe(direction));
             const LobeDensity<T> density = LobeDensity<T>::of(v, raw[3], raw[4]);
-            const T g_density = dot(amplitude(raw), dL_dresidual) * density.value; // times the carrier: dL/d ln density
+            const T g_density =
+                dot(amplitude(raw), dL_dresidual) * density.value;  // times the carrier: dL/d ln density
             T carrier = T(1), dL_dphase_x = T(0);
             if constexpr (kWithCarrier) {
                 const Carrier<T> c = Carrier<T>::of(raw[5], v.x);

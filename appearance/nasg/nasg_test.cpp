@@ -19,7 +19,8 @@ const ModelInfo& nasgabor_info();
 namespace {
 
 using appearance::LobeDensity;
-// With the frame of the reference, in which golden values are given; WholeSphere below compares the registered models with it.
+// These models have the frame of the reference, in which golden values are given. WholeSphere below compares the
+// registered models with them.
 using Nasg = appearance::NasgLobes<false, 1, false>;
 using Nasgabor = appearance::NasgLobes<true, 1, false>;
 template <class T> using LobeFrame = appearance::LobeFrame<T, false>;
@@ -33,7 +34,8 @@ void expect_near(const Vec3<double>& a, const Vec3<double>& b, double tolerance)
 }
 
 template <class Model, std::size_t N>
-void expect_golden(const std::array<double, N>& raw, const Vec3<double>& residual, const std::array<double, N>& dL_draw, const Vec3<double>& dL_dmean) {
+void expect_golden(const std::array<double, N>& raw, const Vec3<double>& residual, const std::array<double, N>& dL_draw,
+                   const Vec3<double>& dL_dmean) {
     const auto d = view_direction(kMean, Vec3<double>{0, 0, 0});
     expect_near(Model::residual(raw.data(), d.unit, 1), residual, 1e-10);
     std::array<double, N> got{};
@@ -44,11 +46,13 @@ void expect_golden(const std::array<double, N>& raw, const Vec3<double>& residua
 }
 
 TEST(Nasg, GoldenValuesAndGradients) {
-    expect_golden<Nasg, 8>({.3, -.4, .2, .5, -.3, .1, -.2, .7}, {.00931994188, -.0184565418, .0565143563},
-                           {.0164563244, .0507667236, -.0191921297, -.0144432101, .00390522381, .0925809767, -.0449335054, .0148386052},
-                           {-.00192157075, .0133592882, -.00826566852});
+    expect_golden<Nasg, 8>(
+        {.3, -.4, .2, .5, -.3, .1, -.2, .7}, {.00931994188, -.0184565418, .0565143563},
+        {.0164563244, .0507667236, -.0191921297, -.0144432101, .00390522381, .0925809767, -.0449335054, .0148386052},
+        {-.00192157075, .0133592882, -.00826566852});
     expect_golden<Nasgabor, 9>({.3, -.4, .2, .5, -.3, -1, .1, -.2, .7}, {.00556250042, -.0110155753, .0337299454},
-                               {.051504422, .0336536604, -.0808947548, -.00862026433, .00233078804, -.0388504698, .0552558941, -.0268180473, .00885625132},
+                               {.051504422, .0336536604, -.0808947548, -.00862026433, .00233078804, -.0388504698,
+                                .0552558941, -.0268180473, .00885625132},
                                {-.0191738091, .0154919377, -.00393668875});
 }
 
@@ -79,11 +83,14 @@ TEST(Nasg, DensityIntegratesToOne) {
             constexpr int kRings = 4000, kSectors = 128;
             double sum = 0;
             for (int i = 0; i < kRings; ++i) {
-                // Rings of equal area where lambda is small, crowded at the axis where it is large: z = 1 - 2 u^2.
+                // Rings have equal areas where lambda is small and crowd at the axis where it is large: z = 1 - 2 u^2.
                 const double u = (i + .5) / kRings, z = 1 - 2 * u * u, r = std::sqrt(1 - z * z);
                 for (int j = 0; j < kSectors; ++j) {
                     const double phi = 2 * M_PI * (j + .5) / kSectors;
-                    sum += LobeDensity<double>::of({r * std::cos(phi), r * std::sin(phi), z}, std::log(lambda), std::log(a)).value * 4 * u;
+                    sum += LobeDensity<double>::of({r * std::cos(phi), r * std::sin(phi), z}, std::log(lambda),
+                                                   std::log(a))
+                               .value *
+                           4 * u;
                 }
             }
             EXPECT_NEAR(sum * 2 * M_PI / (double(kRings) * kSectors), 1, 1e-4) << lambda << " " << a;
@@ -92,7 +99,8 @@ TEST(Nasg, DensityIntegratesToOne) {
 
 template <class T> LobeDensity<T> density_at(double s, double azimuth, bool antipode, double lambda, double a) {
     const double z = std::sqrt(1 - s * s);
-    return LobeDensity<T>::of({T(s * std::cos(azimuth)), T(s * std::sin(azimuth)), T(antipode ? -z : z)}, T(std::log(lambda)), T(std::log(a)));
+    return LobeDensity<T>::of({T(s * std::cos(azimuth)), T(s * std::sin(azimuth)), T(antipode ? -z : z)},
+                              T(std::log(lambda)), T(std::log(a)));
 }
 
 TEST(Nasg, IsContinuousAtTheAxis) {
@@ -112,7 +120,7 @@ TEST(Nasg, IsContinuousAtTheAxis) {
 }
 
 TEST(Nasg, AntipodeIsDarkExceptAcrossTheRidge) {
-    // Where v_x = 0 the density stays N exp(-2 lambda); in every other azimuth it falls to 0.
+    // The density stays N exp(-2 lambda) where v_x = 0 and falls to 0 in every other azimuth.
     const double lambda = .5, a = .5, bottom = std::sqrt(1.5) / (4 * M_PI) / -std::expm1(-1) * std::exp(-1);
     EXPECT_NEAR(density_at<double>(0, 0, true, lambda, a).value, bottom, 1e-3 * bottom);
     EXPECT_NEAR(density_at<float>(0, 0, true, lambda, a).value, bottom, 1e-3 * bottom);
@@ -121,9 +129,10 @@ TEST(Nasg, AntipodeIsDarkExceptAcrossTheRidge) {
     EXPECT_LT(density_at<double>(1e-6, 0, true, lambda, a).value, density_at<double>(1e-4, 0, true, lambda, a).value);
 }
 
-/// Worst difference of the analytic gradients to fourth-order central ones at a direction `s` away from the axis (or its
-/// antipode); relative to the length of the direction's gradient, of the angles', and of all others.
-template <class Model> double gradient_error(double s, double azimuth, bool antipode, double raw_sharpness, double raw_anisotropy, double h) {
+/// Returns the worst difference of the analytic gradients to fourth-order central ones at a direction `s` away from the
+/// axis (or its antipode), relative to the length of the direction's gradient, of the angles', and of all others.
+template <class Model>
+double gradient_error(double s, double azimuth, bool antipode, double raw_sharpness, double raw_anisotropy, double h) {
     std::vector<double> p = {.3, -.4, .2, raw_sharpness, raw_anisotropy};
     if (Model::kPerLobe == 9) p.push_back(-.3);
     p.insert(p.end(), {.8, .3, -.6});
@@ -192,14 +201,16 @@ TEST(Nasg, StaysFiniteAtEveryExtreme) {
                 for (const float s : {0.f, 1e-30f, 1e-8f, 1e-7f, 1e-5f, 4e-4f, 6e-4f, .1f, 1.f})
                     for (const float azimuth : {0.f, .5f, 1.57079633f})
                         for (const float sign : {-1.f, 1.f}) {
-                            const Vec3<float> d = f.world({s * std::cos(azimuth), s * std::sin(azimuth), sign * std::sqrt(1 - s * s)});
+                            const Vec3<float> d =
+                                f.world({s * std::cos(azimuth), s * std::sin(azimuth), sign * std::sqrt(1 - s * s)});
                             float dp[9] = {};
                             Vec3<float> dd;
                             const Vec3<float> r = Nasgabor::residual(raw, d, 1);
                             Nasgabor::residual_backward(raw, d, 1, {1, -1, 1}, dp, dd);
                             bool finite = std::isfinite(r.x + r.y + r.z) && std::isfinite(dd.x + dd.y + dd.z);
                             for (const float x : dp) finite = finite && std::isfinite(x);
-                            ASSERT_TRUE(finite) << sharpness << " " << anisotropy << " " << angle << " " << s << " " << azimuth << " " << sign;
+                            ASSERT_TRUE(finite) << sharpness << " " << anisotropy << " " << angle << " " << s << " "
+                                                << azimuth << " " << sign;
                         }
             }
 }
@@ -231,7 +242,8 @@ TEST(Nasg, ClampedShapesComeBack) {
 }
 
 TEST(Nasg, SharpnessOfUniformLobesHasAGradient) {
-    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float 1 - t/(e^t - 1) is off by more than that.
+    // d ln B/d ln lambda -> lambda (1 + 2 (K^(1+kappa) - 1)) as lambda -> 0. In float 1 - t/(e^t - 1) is off by more
+    // than that.
     for (const float raw : {-13.f, -10.f, -7.f, -2.5f, -2.f}) {
         const auto narrow = LobeDensity<float>::of({.6f, .48f, .64f}, raw, -1.f);
         const auto wide = LobeDensity<double>::of({.6f, .48f, .64f}, raw, -1.);
@@ -246,7 +258,7 @@ TEST(Nasg, SharpnessOfUniformLobesHasAGradient) {
 }
 
 TEST(Nasgabor, TheCarrierHasExactZeros) {
-    const auto c = appearance::Carrier<float>::of(0, float(M_PI / 20)); // k = 20, phase pi
+    const auto c = appearance::Carrier<float>::of(0, float(M_PI / 20));  // k = 20, phase pi
     EXPECT_LT(c.value(), 1e-14f) << "(1 + cos)/2 would be 0 or 3e-8";
     EXPECT_GT(c.value(), 0);
 }
@@ -265,7 +277,8 @@ TEST(Nasg, IsotropicLobeHasNoRollAndMirrorsInX) {
     Vec3<double> dd;
     Nasg::residual_backward(raw, d.unit, 1, kGradient, dp, dd);
     EXPECT_NEAR(dp[2], 0, 1e-8);
-    EXPECT_EQ(LobeDensity<double>::of({.3, .4, .866}, 1, 1).value, LobeDensity<double>::of({-.3, .4, .866}, 1, 1).value);
+    EXPECT_EQ(LobeDensity<double>::of({.3, .4, .866}, 1, 1).value,
+              LobeDensity<double>::of({-.3, .4, .866}, 1, 1).value);
 }
 
 TEST(Nasgabor, WithoutFrequencyEqualsNasg) {
@@ -277,7 +290,7 @@ TEST(Nasgabor, WithoutFrequencyEqualsNasg) {
 TEST(Nasg, WholeSphereIsTheSameLobeWhereBothReach) {
     using appearance::LobeAngle;
     const Vec3<double> d = view_direction(kMean, Vec3<double>{0, 0, 0}).unit;
-    for (const double raw : {-.8, -.3, .0, .2, .8}) { // theta within (0, pi)
+    for (const double raw : {-.8, -.3, .0, .2, .8}) {  // theta within (0, pi)
         const double p[9] = {raw, -.4, .2, .5, -.3, -1, .1, -.2, .7};
         double q[9], dp[9] = {}, dq[9] = {};
         std::copy(p, p + 9, q);

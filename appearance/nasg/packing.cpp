@@ -11,7 +11,9 @@ namespace gs::appearance {
 namespace {
 
 template <class Model> constexpr bool kHasCarrier = Model::kAmplitude == 6;
-template <class Model> const PackingDescription& description() { return packing_description(kHasCarrier<Model> ? "nasgabor" : "nasg"); }
+template <class Model> const PackingDescription& description() {
+    return packing_description(kHasCarrier<Model> ? "nasgabor" : "nasg");
+}
 
 template <class Model> PackedAppearance prepare(const Gaussians& g) {
     PackedHeader header;
@@ -45,7 +47,8 @@ template <class Model> void pack_row(const Gaussians& g, std::int64_t row, Packe
 
 Vec3<double> normalized(const Vec3<double>& v) { return v * (1 / std::max(std::sqrt(dot(v, v)), 1e-12)); }
 
-template <class Model> Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction) {
+template <class Model>
+Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction) {
     Vec3<double> sum{0, 0, 0};
     int k = 0;
     const auto get = [&] { return get_half(packed, row, k++); };
@@ -54,8 +57,10 @@ template <class Model> Vec3<double> residual(const PackedAppearance& packed, std
         return Vec3<double>{x, y, z};
     };
     for (std::uint32_t lobe = 0; lobe < packed.header.features; ++lobe) {
-        // Rounded axes are neither of unit length nor perpendicular; without both, the lobe would have a rim around its axis.
-        const Vec3<double> stored_x = get_vector(), z = normalized(get_vector()), x = normalized(stored_x - z * dot(stored_x, z)), y = cross(z, x);
+        // Rounded axes are neither of unit length nor perpendicular; without both, the lobe would have a rim around its
+        // axis.
+        const Vec3<double> stored_x = get_vector(), z = normalized(get_vector()),
+                           x = normalized(stored_x - z * dot(stored_x, z)), y = cross(z, x);
         const Vec3<double> v{dot(x, direction), dot(y, direction), dot(z, direction)};
         const double t = get(), a = get();
         double carrier = 1;

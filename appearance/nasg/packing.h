@@ -6,7 +6,8 @@
 
 namespace gs::appearance {
 
-/// A normalization beyond this is stored as this, and the rest of it as a factor of the amplitude: only their product shows.
+/// A normalization beyond this is stored as this, and the rest of it as a factor of the amplitude: only their product
+/// shows.
 inline constexpr double kLargestPackedNorm = 6e4;
 
 /// Of Nasg and Nasgabor.

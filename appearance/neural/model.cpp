@@ -12,8 +12,8 @@
 namespace gs::appearance {
 namespace {
 
-/// Uniform in +-sqrt(6 / (inputs + outputs)) (Glorot), but for the output matrix: 0, so that training starts at the base
-/// colour. The random layers break the symmetry between neurons.
+/// Uniform in +-sqrt(6 / (inputs + outputs)) (Glorot), but for the output matrix: 0, so that training starts at the
+/// base colour. The random layers break the symmetry between neurons.
 template <class Model> void init_weights(std::uint64_t seed, float* weights) {
     std::fill_n(weights, Model::kNumShared, 0.0f);
     for (int layer = 0; layer < Model::kLayers; ++layer) {
@@ -21,7 +21,8 @@ template <class Model> void init_weights(std::uint64_t seed, float* weights) {
         const float bound = float(std::sqrt(6.0 / (inputs + Model::kNeurons)));
         for (int k = 0; k < inputs * Model::kNeurons; ++k) {
             const int at = Model::matrix(layer) + k;
-            weights[at] = bound * (2 * uniform_from_bits(philox(seed, RngStream::kInitWeights, std::uint64_t(at), 0).v[0]) - 1);
+            weights[at] =
+                bound * (2 * uniform_from_bits(philox(seed, RngStream::kInitWeights, std::uint64_t(at), 0).v[0]) - 1);
         }
     }
 }
@@ -30,9 +31,11 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
     ModelInfo m;
     m.name = name;
     m.summary = summary;
-    m.variant = m.name != "neural"; // of the paper's ablation
-    // Without the products, for which GPUs have other units: encoding, activations, tanh; on the way back both and their chain rule.
-    m.operations = 20 * Model::kEncoded / 2 + 40 + Model::kLayers * Model::kNeurons + 60, m.operations_backward = 2 * m.operations;
+    m.variant = m.name != "neural";  // of the paper's ablation
+    // Without the products, for which GPUs have other units: encoding, activations, tanh; on the way back both and
+    // their chain rule.
+    m.operations = 20 * Model::kEncoded / 2 + 40 + Model::kLayers * Model::kNeurons + 60,
+    m.operations_backward = 2 * m.operations;
     m.default_max_degree = m.max_degree_limit = 3;
     m.residual_width = [](int degree) { return degree > 0 ? Model::kFeatures : 0; };
     m.rates = [](int, const RateContext&) {
@@ -52,7 +55,8 @@ template <class Model> ModelInfo make_info(const char* name, const char* summary
 }  // namespace
 
 const ModelInfo& neural_info() {
-    static const ModelInfo info = make_info<Neural>("neural", "8 features per Gaussian and one network of two layers of 16 for all");
+    static const ModelInfo info =
+        make_info<Neural>("neural", "8 features per Gaussian and one network of two layers of 16 for all");
     return info;
 }
 const ModelInfo& neural_1layer_info() {
@@ -68,7 +72,8 @@ const ModelInfo& neural_wide_info() {
     return info;
 }
 const ModelInfo& neural_plain_info() {
-    static const ModelInfo info = make_info<NeuralPlain>("neural_plain", "neural with 16 features, which enter the network as they are");
+    static const ModelInfo info =
+        make_info<NeuralPlain>("neural_plain", "neural with 16 features, which enter the network as they are");
     return info;
 }
 

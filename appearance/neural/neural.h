@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neural: a few features per Gaussian and one tiny network for all of them.
+// Neural: a few features per Gaussian and one small network for all of them.
 #pragma once
 
 #include "appearance/clamps.h"
@@ -10,40 +10,48 @@
 
 namespace gs::appearance {
 
-/// Features that enter as they are count as this at most: products with weights over a few layers stay finite. The gradient
-/// passes, so that one beyond comes back.
+/// Limit of features that enter the network as they are, so that products with weights over a few layers stay finite.
+/// The gradient passes, so that a feature beyond the limit comes back.
 inline constexpr double kLargestFeature = 1e4;
 
+/// The sine and cosine of the encoding at full precision.
 struct ExactSinCos {
     template <class T> GS_HD void operator()(T x, T& s, T& c) const { gs_sincos(x, s, c); }
 };
 
-/// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]; no biases, the constant
-/// of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or enter as they are (0).
+/// residual(d) = tanh(W_out relu(... relu(W_0 x))), x = [encoded features, SH basis of d to degree 3]. There are no
+/// biases; the constant of band 0 serves as one. Features are encoded as sin(2^j f), cos(2^j f), j < kFrequencies, or
+/// enter as they are where kFrequencies is 0.
 ///
-/// Layout of the shared weights: every row belongs to all neurons of a layer. W_0 as (kInputs, kNeurons), hidden matrices as
-/// (from, to), the output as (3, kNeurons).
+/// The shared weights are W_0 as (kInputs, kNeurons), the hidden matrices as (from, to), and the output as
+/// (3, kNeurons). Every row belongs to all neurons of a layer.
 template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuronCount> struct NeuralResidual {
-    static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers, kNeurons = kNeuronCount;
+    static constexpr int kFeatures = kFeatureCount, kFrequencies = kFrequencyCount, kLayers = kHiddenLayers,
+                         kNeurons = kNeuronCount;
     static constexpr int kMaxResidual = kFeatures;
     static constexpr bool kDirectional = true;
-    static constexpr int kEncoded = kFrequencies > 0 ? 2 * kFrequencies * kFeatures : kFeatures;
+    static constexpr int kEncoded = kFrequencies > 0 ? 2 * kFrequencies* kFeatures : kFeatures;
     static constexpr int kBases = 16;
     static constexpr int kInputs = kEncoded + kBases;
     static constexpr int kFirstOutput = kInputs * kNeurons + (kLayers - 1) * kNeurons * kNeurons;
     static constexpr int kNumShared = kFirstOutput + 3 * kNeurons;
 
-    /// Where the matrix into hidden layer `layer` begins.
-    static GS_HD constexpr int matrix(int layer) { return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons; }
-    /// Inputs in use: bands of the direction above `degree` are 0.
+    /// Returns where the matrix into hidden layer `layer` begins.
+    static GS_HD constexpr int matrix(int layer) {
+        return layer == 0 ? 0 : kInputs * kNeurons + (layer - 1) * kNeurons * kNeurons;
+    }
+    /// Returns the number of inputs in use; bands of the direction above `degree` are 0.
     static GS_HD constexpr int active_inputs(int degree) { return kEncoded + (degree + 1) * (degree + 1); }
 
-    template <class T, class SinCos = ExactSinCos> static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x, SinCos sin_cos = {}) {
+    template <class T, class SinCos = ExactSinCos>
+    static GS_HD void encode(const T* features, const Vec3<T>& direction, int degree, T* x, SinCos sin_cos = {}) {
         GS_UNROLL
         for (int i = 0; i < kFeatures; ++i) {
-            if constexpr (kFrequencies == 0) x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
+            if constexpr (kFrequencies == 0)
+                x[i] = at_least(at_most(features[i], T(kLargestFeature)), T(-kLargestFeature));
             GS_UNROLL
-            for (int j = 0; j < kFrequencies; ++j) sin_cos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
+            for (int j = 0; j < kFrequencies; ++j)
+                sin_cos(T(1 << j) * features[i], x[2 * (kFrequencies * i + j)], x[2 * (kFrequencies * i + j) + 1]);
         }
         x[kEncoded] = T(kY0);
         GS_UNROLL
@@ -51,7 +59,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         ShBasis::basis(direction, degree, x + kEncoded + 1);
     }
 
-    /// Gradient of the features from that of their encoding.
+    /// Computes the gradient of the features from that of their encoding.
     template <class T> static GS_HD void encode_backward(const T* x, const T* dL_dx, T* dL_dfeatures) {
         GS_UNROLL
         for (int i = 0; i < kFeatures; ++i) {
@@ -69,11 +77,12 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         }
     }
 
+    /// One forward pass and its activations.
     template <class T> struct Pass {
         using Layer = Neurons<T, kNeurons>;
         T x[kInputs];
         Layer hidden[kLayers];
-        Vec3<T> output; ///< before tanh
+        Vec3<T> output;  ///< before tanh
 
         GS_HD Pass(const T* shared, const T* features, const Vec3<T>& direction, int degree) {
             encode(features, direction, degree, x);
@@ -94,21 +103,24 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
         }
     };
 
-    template <class T> static GS_HD Vec3<T> residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
+    template <class T>
+    static GS_HD Vec3<T> residual(const T* shared, const T* params, const Vec3<T>& direction, int degree) {
         if (degree <= 0) return {T(0), T(0), T(0)};
         const Vec3<T> o = Pass<T>(shared, params, direction, degree).output;
         return {gs_tanh(o.x), gs_tanh(o.y), gs_tanh(o.z)};
     }
 
     template <class T>
-    static GS_HD void residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection, T* dL_dshared) {
+    static GS_HD void residual_backward(const T* shared, const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection,
+                                        T* dL_dshared) {
         dL_ddirection = {T(0), T(0), T(0)};
         if (degree <= 0) return;
         const Pass<T> p(shared, params, direction, degree);
         using Layer = Neurons<T, kNeurons>;
         const Vec3<T>& o = p.output;
-        const T delta_out[3] = {tanh_derivative(o.x) * dL_dresidual.x, tanh_derivative(o.y) * dL_dresidual.y, tanh_derivative(o.z) * dL_dresidual.z};
+        const T delta_out[3] = {tanh_derivative(o.x) * dL_dresidual.x, tanh_derivative(o.y) * dL_dresidual.y,
+                                tanh_derivative(o.z) * dL_dresidual.z};
         Layer delta = Layer::zero();
         for (int c = 0; c < 3; ++c) {
             delta.add(shared + kFirstOutput + c * kNeurons, delta_out[c]);
@@ -121,7 +133,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
             Layer before = Layer::zero();
             for (int j = 0; j < kNeurons; ++j) {
                 const T h = p.hidden[layer - 1][j];
-                if (!(h > T(0))) continue; // neither passes on nor receives
+                if (!(h > T(0))) continue;  // an inactive neuron neither passes on a gradient nor receives one
                 before.set(j, delta.dot(w + j * kNeurons));
                 delta.add_to(dw + j * kNeurons, h);
             }
@@ -137,7 +149,7 @@ template <int kFeatureCount, int kFrequencyCount, int kHiddenLayers, int kNeuron
     }
 
   private:
-    /// delta where the neuron was active. The derivative of ReLU at 0 is 0.
+    /// Returns delta where the neuron was active and 0 elsewhere. The derivative of ReLU at 0 is 0.
     template <class Layer> static GS_HD Layer masked(const Layer& delta, const Layer& activation) {
         Layer out = delta;
         for (int j = 0; j < kNeurons; ++j)

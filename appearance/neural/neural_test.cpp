@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neural: golden vector, what is zero at the start, vectors against scalars, the variants' sizes.
+// Neural: golden vector, zeros at the start, vectors against scalars, the variants' sizes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,7 +14,7 @@ namespace {
 
 using appearance::Neural;
 
-const Vec3<double> kDirection{0.2672612419124244, 0.5345224838248488, 0.8017837257372732}; // (1,2,3) normalised
+const Vec3<double> kDirection{0.2672612419124244, 0.5345224838248488, 0.8017837257372732};  // (1,2,3) normalised
 
 /// The golden vector's network, whose matrices are given as (to, from).
 std::vector<double> golden_weights() {
@@ -39,7 +39,8 @@ TEST(Neural, GoldenVector) {
     std::vector<double> dw(w.size());
     Vec3<double> dd;
     Neural::residual_backward(w.data(), f, kDirection, 3, {1, -.5, .25}, df, dd, dw.data());
-    const double want[8] = {.0215981123, .0272492932, .0291822404, .0275893609, .0229871963, .0161665424, .00811801545, -6.02463354e-5};
+    const double want[8] = {.0215981123, .0272492932, .0291822404,  .0275893609,
+                            .0229871963, .0161665424, .00811801545, -6.02463354e-5};
     for (int i = 0; i < 8; ++i) EXPECT_NEAR(df[i], want[i], 1e-10) << i;
     const Vec3<double> g = direction_pullback(view_direction(Vec3<double>{1, 2, 3}, Vec3<double>{0, 0, 0}), dd);
     EXPECT_NEAR(g.x, -.00635713736, 1e-10);
@@ -83,7 +84,8 @@ TEST(Neural, InitialWeightsAreUniformInGlorotsBounds) {
     EXPECT_NE(w, other);
     for (const auto& [from, to, bound] : {std::tuple{0, 512, 0.353553}, {512, 768, 0.433013}}) {
         double largest = 0, sum = 0, squares = 0;
-        for (int k = from; k < to; ++k) largest = std::max(largest, std::abs(double(w[k]))), sum += w[k], squares += double(w[k]) * w[k];
+        for (int k = from; k < to; ++k)
+            largest = std::max(largest, std::abs(double(w[k]))), sum += w[k], squares += double(w[k]) * w[k];
         const double n = to - from, sigma = bound / std::sqrt(3.0);
         EXPECT_LE(largest, bound * 1.00001);
         EXPECT_GT(largest, 0.95 * bound);
@@ -93,7 +95,7 @@ TEST(Neural, InitialWeightsAreUniformInGlorotsBounds) {
 }
 
 TEST(Neural, VectorsEqualScalars) {
-    // long double has no vectors: the scalar form of the same network.
+    // long double has no vectors and takes the scalar form of the network.
     std::mt19937 rng(3);
     std::normal_distribution<double> normal;
     std::vector<double> w(16 * 3);
@@ -116,7 +118,7 @@ TEST(Neural, VariantsHaveThePapersSizes) {
 }
 
 TEST(Neural, SaturatedOutputKeepsItsGradient) {
-    // Output beyond 9: 1 - tanh^2 would be 0 in float, and the weights could never come back.
+    // 1 - tanh^2 would be 0 in float for outputs beyond 9, and the weights could never come back.
     std::vector<float> w(Neural::kNumShared, 0.2f), dw(w.size());
     const float f[8] = {.1f, .2f, .3f, .4f, .5f, .6f, .7f, .8f};
     float df[8] = {};

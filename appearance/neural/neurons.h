@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The values of one layer's neurons, and the few operations on whole rows of weights that a small network consists of.
+// The values of one layer's neurons, and the operations on whole rows of weights that make up a small network.
 #pragma once
 
 #include <type_traits>
@@ -8,7 +8,7 @@
 
 namespace gs::appearance {
 
-/// One value per neuron. The scalar form: device code, and scalars without vectors.
+/// One value per neuron, for device code and for scalars without vectors.
 template <class T, int kWidth> struct ScalarNeurons {
     T v[kWidth];
 
@@ -18,26 +18,26 @@ template <class T, int kWidth> struct ScalarNeurons {
         for (int i = 0; i < kWidth; ++i) n.v[i] = T(0);
         return n;
     }
-    /// += weights x
+    /// Adds weights * x to the values.
     GS_HD void add(const T* weights, T x) {
         GS_UNROLL
         for (int i = 0; i < kWidth; ++i) v[i] = gs_fma(weights[i], x, v[i]);
     }
-    /// weights . this
+    /// Returns the product of a row of weights with the values.
     GS_HD T dot(const T* weights) const {
         T s = T(0);
         GS_UNROLL
         for (int i = 0; i < kWidth; ++i) s = gs_fma(weights[i], v[i], s);
         return s;
     }
-    /// rows += this x
+    /// Adds the values times x to a row.
     GS_HD void add_to(T* row, T x) const {
         GS_UNROLL
         for (int i = 0; i < kWidth; ++i) row[i] = gs_fma(v[i], x, row[i]);
     }
     GS_HD void relu() {
         GS_UNROLL
-        for (int i = 0; i < kWidth; ++i) v[i] = gs_max(T(0), v[i]); // in this order NaN stays NaN
+        for (int i = 0; i < kWidth; ++i) v[i] = gs_max(T(0), v[i]);  // NaN stays NaN in this order
     }
     GS_HD T operator[](int i) const { return v[i]; }
     GS_HD void set(int i, T x) { v[i] = x; }
@@ -47,7 +47,7 @@ template <class T, int kWidth> struct ScalarNeurons {
 template <class T, int kWidth> using Neurons = ScalarNeurons<T, kWidth>;
 #else
 
-/// The same in vectors of 16.
+/// One value per neuron in vectors of 16; the operations are those of ScalarNeurons.
 template <class T, int kWidth> struct LaneNeurons {
     static constexpr int kVectors = kWidth / kLanes;
     Lanes<T> v[kVectors];
@@ -66,7 +66,8 @@ template <class T, int kWidth> struct LaneNeurons {
         return sum_lanes(s);
     }
     GS_HD void add_to(T* row, T x) const {
-        for (int k = 0; k < kVectors; ++k) gs_fma(v[k], Lanes<T>(x), Lanes<T>::load(row + kLanes * k)).store(row + kLanes * k);
+        for (int k = 0; k < kVectors; ++k)
+            gs_fma(v[k], Lanes<T>(x), Lanes<T>::load(row + kLanes * k)).store(row + kLanes * k);
     }
     GS_HD void relu() {
         for (int k = 0; k < kVectors; ++k) v[k] = lane_max(Lanes<T>(T(0)), v[k]);
@@ -76,7 +77,8 @@ template <class T, int kWidth> struct LaneNeurons {
 };
 
 template <class T, int kWidth>
-using Neurons = std::conditional_t<(std::is_same_v<T, float> || std::is_same_v<T, double>) && kWidth % kLanes == 0, LaneNeurons<T, kWidth>, ScalarNeurons<T, kWidth>>;
+using Neurons = std::conditional_t<(std::is_same_v<T, float> || std::is_same_v<T, double>)&&kWidth % kLanes == 0,
+                                   LaneNeurons<T, kWidth>, ScalarNeurons<T, kWidth> >;
 
 #endif
 

@@ -9,7 +9,7 @@
 namespace gs::appearance {
 namespace {
 
-constexpr int kMaxBand = 3, kMaxNeurons = 256; // as in packing.json
+constexpr int kMaxBand = 3, kMaxNeurons = 256;  // as in packing.json
 
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 
@@ -28,9 +28,11 @@ int num_inputs(const PackedHeader& header) {
 
 int num_halves(const PackedHeader& header) { return int(header.folded ? header.neurons : header.features); }
 
-/// Where W[output][input] of a layer with that many outputs lies in the layer's part of the stream: four inputs to a texel,
-/// texels of all outputs before the next four inputs.
-constexpr std::int64_t weight_at(int outputs, int output, int input) { return (std::int64_t(input / 4) * outputs + output) * 4 + input % 4; }
+/// Where W[output][input] of a layer with that many outputs lies in the layer's part of the stream: four inputs to a
+/// texel, texels of all outputs before the next four inputs.
+constexpr std::int64_t weight_at(int outputs, int output, int input) {
+    return (std::int64_t(input / 4) * outputs + output) * 4 + input % 4;
+}
 
 template <class Model> PackedAppearance prepare(const Gaussians& g) {
     constexpr int neurons = Model::kNeurons;
@@ -50,15 +52,17 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
     // Inputs in the model's order: features, Y_0, then the bands; those above the active degree count for nothing.
     const int skipped = header.folded ? Model::kEncoded + 1 : 0, inputs = num_inputs(header);
     for (int i = 0; i < inputs && skipped + i < Model::active_inputs(g.active_degree); ++i) {
-        for (int o = 0; o < neurons; ++o) out[weight_at(neurons, o, i)] = half_bits(shared[(skipped + i) * neurons + o]);
+        for (int o = 0; o < neurons; ++o)
+            out[weight_at(neurons, o, i)] = half_bits(shared[(skipped + i) * neurons + o]);
     }
     out += padded(inputs) * neurons;
     for (int layer = 1; layer < Model::kLayers; ++layer, out += neurons * neurons) {
         for (int i = 0; i < neurons; ++i) {
-            for (int o = 0; o < neurons; ++o) out[weight_at(neurons, o, i)] = half_bits(shared[Model::matrix(layer) + i * neurons + o]);
+            for (int o = 0; o < neurons; ++o)
+                out[weight_at(neurons, o, i)] = half_bits(shared[Model::matrix(layer) + i * neurons + o]);
         }
     }
-    if (g.active_degree == 0) return packed; // no output: the base colour
+    if (g.active_degree == 0) return packed;  // no output: the base colour
     for (int i = 0; i < neurons; ++i) {
         for (int o = 0; o < 3; ++o) out[weight_at(3, o, i)] = half_bits(shared[Model::kFirstOutput + o * neurons + i]);
     }
@@ -66,7 +70,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
 }
 
 template <class Model> void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
-    if (g[Group::kResidual].width == 0) return; // degree 0: nothing but the base colour
+    if (g[Group::kResidual].width == 0) return;  // degree 0: nothing but the base colour
     double features[Model::kFeatures], x[Model::kInputs];
     std::copy_n(g[Group::kResidual].param.data() + row * Model::kFeatures, Model::kFeatures, features);
     Model::encode(features, Vec3<double>{0, 0, 1}, 0, x);
@@ -76,7 +80,8 @@ template <class Model> void pack_row(const Gaussians& g, std::int64_t row, Packe
     }
     for (int o = 0; o < Model::kNeurons; ++o) {
         double sum = 0;
-        for (int k = 0; k <= Model::kEncoded; ++k) sum += double(g.shared.param[std::size_t(k * Model::kNeurons + o)]) * x[k];
+        for (int k = 0; k <= Model::kEncoded; ++k)
+            sum += double(g.shared.param[std::size_t(k * Model::kNeurons + o)]) * x[k];
         set_half(packed, row, o, sum);
     }
 }

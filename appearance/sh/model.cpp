@@ -17,7 +17,12 @@ const ModelInfo& sh_info() {
         m.summary = "spherical harmonics of bands 1 to 3, as in 3DGS";
         m.plain_sh = true;
         m.degree_option = "sh-degree";
-        m.options = {{.key = m.degree_option, .default_value = 3, .min = 0, .max = 3, .is_whole = true, .help = "with appearance sh: highest band"}};
+        m.options = {{.key = m.degree_option,
+                      .default_value = 3,
+                      .min = 0,
+                      .max = 3,
+                      .is_whole = true,
+                      .help = "with appearance sh: highest band"}};
         m.operations = 85, m.operations_backward = 190;
         m.default_max_degree = 3;
         m.max_degree_limit = 3;
@@ -25,7 +30,9 @@ const ModelInfo& sh_info() {
         m.rates = [](int, const RateContext&) {
             return AppearanceRates{Schedule::constant(0.0025 * kY0), {Schedule::constant(0.000125)}};
         };
-        m.init_residual = [](int degree, float* row) { std::fill(row, row + 3 * ((degree + 1) * (degree + 1) - 1), 0.0f); };
+        m.init_residual = [](int degree, float* row) {
+            std::fill(row, row + 3 * ((degree + 1) * (degree + 1) - 1), 0.0f);
+        };
         m.stability = [] { return StabilityPlan{std::vector<std::string>(45, "coefficients"), {}}; };
         m.residual = &model_residual<Sh, double>;
         m.packing = &sh_packing();

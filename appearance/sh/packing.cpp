@@ -32,8 +32,8 @@ int code_of(double coefficient, double scale, int band) {
     return int(std::clamp(std::nearbyint(coefficient / scale * limit), -limit, limit));
 }
 
-/// What the codes of one Gaussian's band lose, as the squared error of a pixel that it covers, which is 1 at most: mean over directions, of
-/// which the basis functions are orthonormal, summed over channels.
+/// What the codes of one Gaussian's band lose, as the squared error of a pixel that it covers, which is 1 at most: mean
+/// over directions, of which the basis functions are orthonormal, summed over channels.
 double visible_error(const float* coefficients, int band, double scale, double opacity) {
     double squares[3] = {}, sum = 0;
     for (int f = 0; f < num_fields(band); ++f) {
@@ -44,14 +44,18 @@ double visible_error(const float* coefficients, int band, double scale, double o
     return sum;
 }
 
-/// Coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside where that shows less error.
+/// Coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside where
+/// that shows less error.
 float find_band_scale(const Gaussians& g, int band) {
     const auto& residual = g[Group::kResidual];
-    const auto coefficients = [&](std::int64_t row) { return residual.param.data() + row * residual.width + first_field(band); };
+    const auto coefficients = [&](std::int64_t row) {
+        return residual.param.data() + row * residual.width + first_field(band);
+    };
     const std::vector<SampledRow> rows = sample_rows(residual, first_field(band), num_fields(band));
     std::vector<float> sizes = {1e-8f};
     for (const SampledRow& sampled : rows) {
-        for (int f = 0; f < num_fields(band); ++f) sizes.push_back(std::max(std::abs(coefficients(sampled.row)[f]), sizes.front()));
+        for (int f = 0; f < num_fields(band); ++f)
+            sizes.push_back(std::max(std::abs(coefficients(sampled.row)[f]), sizes.front()));
     }
     std::sort(sizes.rbegin(), sizes.rend());
     float best = 0;
@@ -95,7 +99,8 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
         const int bits = kPackedShBits[band - 1];
         const std::uint32_t* words = packed.textures[std::size_t(band - 1)].data() + row * kPackedShWords[band - 1];
         const double step = double(packed.header.floats[std::size_t(band - 1)]) / code_limit(band);
-        for (int f = 0; f < num_fields(band); ++f) coefficients[first_field(band) + f] = step * get_field(words, bits, f);
+        for (int f = 0; f < num_fields(band); ++f)
+            coefficients[first_field(band) + f] = step * get_field(words, bits, f);
     }
     return packed_activation(packed.header.activation, Sh::residual(coefficients, direction, degree));
 }
@@ -104,7 +109,8 @@ Vec3<double> residual(const PackedAppearance& packed, std::int64_t row, const Ve
 
 void set_field(std::uint32_t* words, int bits, int f, int value) {
     const int bit = f * bits, shift = bit % 32;
-    const std::uint64_t mask = ((std::uint64_t(1) << bits) - 1) << shift, field = (std::uint64_t(std::uint32_t(value)) << shift) & mask;
+    const std::uint64_t mask = ((std::uint64_t(1) << bits) - 1) << shift,
+                        field = (std::uint64_t(std::uint32_t(value)) << shift) & mask;
     words += bit / 32;
     words[0] = (words[0] & ~std::uint32_t(mask)) | std::uint32_t(field);
     if (shift + bits > 32) words[1] = (words[1] & ~std::uint32_t(mask >> 32)) | std::uint32_t(field >> 32);

@@ -26,8 +26,8 @@ struct Sh : ShBasis {
     }
 
     template <class T>
-    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection) {
+    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection) {
         T y[15] = {}, a[15] = {};
         basis(direction, degree, y);
         const int n = num_bases(degree);

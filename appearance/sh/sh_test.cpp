@@ -9,11 +9,12 @@ namespace {
 
 using appearance::Sh;
 
-const Vec3<double> kDirection{0.2672612419124244, 0.5345224838248488, 0.8017837257372732}; // (1,2,3) normalised
+const Vec3<double> kDirection{0.2672612419124244, 0.5345224838248488, 0.8017837257372732};  // (1,2,3) normalised
 
 TEST(Sh, GoldenBasis) {
-    const double want[15] = {-.26116903, .39175354, -.13058451, .15607835, -.46823504, .29286360, -.23411752, -.11705876,
-                             .02252797,  .33109217, -.54095278, .06411572, -.27047639, -.24831913, .12390383};
+    const double want[15] = {-.26116903, .39175354,  -.13058451, .15607835,  -.46823504,
+                             .29286360,  -.23411752, -.11705876, .02252797,  .33109217,
+                             -.54095278, .06411572,  -.27047639, -.24831913, .12390383};
     double y[15];
     Sh::basis(kDirection, 3, y);
     for (int i = 0; i < 15; ++i) EXPECT_NEAR(y[i], want[i], 1e-8) << i + 1;
@@ -36,7 +37,8 @@ TEST(Sh, GoldenResidualAndMeanGradient) {
 }
 
 TEST(Sh, IsOrthonormalOnTheSphere) {
-    // Gauss-Legendre in z (8 nodes: exact to degree 15), trapezoid in the azimuth (exact above degree 6).
+    // Integrates by Gauss-Legendre in z (8 nodes: exact to degree 15) and by the trapezoid rule in the azimuth (exact
+    // above degree 6).
     const double x[4] = {.1834346424956498, .5255324099163290, .7966664774136267, .9602898564975363};
     const double w[4] = {.3626837833783620, .3137066458778873, .2223810344533745, .1012285362903763};
     double gram[15][15] = {};

@@ -19,14 +19,16 @@ AppearanceRates sv_rates(int sites, const RateContext&) {
     const auto delayed = [](double rate) { return Schedule::cosine(rate, 1000, 27000, 0.1, 0, true); };
     const Schedule color = Schedule::constant(0.0008), site = delayed(0.002), temperature = delayed(0.006);
     AppearanceRates rates{color, {}};
-    for (int i = 0; i < sites; ++i) rates.residual.insert(rates.residual.end(), {site, site, site, temperature, color, color, color});
+    for (int i = 0; i < sites; ++i)
+        rates.residual.insert(rates.residual.end(), {site, site, site, temperature, color, color, color});
     return rates;
 }
 
 /// Sites on a Fibonacci lattice, temperature 1, colours 0.
 void sv_init(int sites, float* row) {
     for (int i = 0; i < sites; ++i, row += Sv::kPerSite) {
-        const double p = i + 0.5, y = 1 - 2 * p / sites, r = std::sqrt(1 - y * y), angle = M_PI * (3 - std::sqrt(5.0)) * p;
+        const double p = i + 0.5, y = 1 - 2 * p / sites, r = std::sqrt(1 - y * y),
+                     angle = M_PI * (3 - std::sqrt(5.0)) * p;
         row[0] = float(r * std::cos(angle)), row[1] = float(y), row[2] = float(r * std::sin(angle));
         std::fill_n(row + 3, 4, 0.0f);
     }

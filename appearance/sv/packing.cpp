@@ -24,7 +24,8 @@ void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
         const float* raw = residual.param.data() + row * residual.width + s * kPerSite;
         const double site_raw[4] = {raw[0], raw[1], raw[2], raw[3]};
         const auto site = Sv::Site<double>::of(site_raw, {0, 0, 0});
-        const double values[kPerSite] = {site.unit.x, site.unit.y, site.unit.z, site.temperature, raw[4], raw[5], raw[6]};
+        const double values[kPerSite] = {site.unit.x, site.unit.y, site.unit.z, site.temperature,
+                                         raw[4],      raw[5],      raw[6]};
         for (int k = 0; k < kPerSite; ++k) set_half(packed, row, s * kPerSite + k, values[k]);
     }
 }

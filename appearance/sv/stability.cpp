@@ -11,9 +11,10 @@ namespace {
 
 constexpr int kSites = Sv::kMaxResidual / Sv::kPerSite;
 
-/// Sites on the axes (exact in float) and one between them; colours all different. Site 0 is +z.
+/// Returns sites on the axes (exact in float) and one between them, all of different colours. Site 0 is +z.
 std::vector<double> sites_on_axes(double raw_temperature) {
-    const double sites[kSites][3] = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}, {0.6, -0.7, 0.4}};
+    const double sites[kSites][3] = {{0, 0, 1},  {1, 0, 0},  {0, 1, 0},       {-1, 0, 0},
+                                     {0, -1, 0}, {0, 0, -1}, {0.6, -0.7, 0.4}};
     std::vector<double> rows;
     for (int i = 0; i < kSites; ++i) {
         rows.insert(rows.end(), std::begin(sites[i]), std::end(sites[i]));
@@ -22,7 +23,9 @@ std::vector<double> sites_on_axes(double raw_temperature) {
     return rows;
 }
 
-std::array<double, 3> color(const std::vector<double>& rows, int site) { return {rows[7 * site + 4], rows[7 * site + 5], rows[7 * site + 6]}; }
+std::array<double, 3> color(const std::vector<double>& rows, int site) {
+    return {rows[7 * site + 4], rows[7 * site + 5], rows[7 * site + 6]};
+}
 
 void set_site(std::vector<double>& rows, int site, const std::array<double, 3>& raw) {
     for (int c = 0; c < 3; ++c) rows[7 * site + c] = raw[c];
@@ -49,7 +52,7 @@ void add_sites(StabilityPlan& plan) {
 
                     auto twins = rows;
                     set_site(twins, 1, {0, 0, 1});
-                    if (temperature <= 0) twins[7 + 3] = 2; // also at temperatures of their own
+                    if (temperature <= 0) twins[7 + 3] = 2;  // the two sites then differ in temperature
                     plan.cases.push_back({"coincident sites", twins, view, {}, {}});
                     for (int i = 2; i < kSites; ++i) set_site(twins, i, {0, 0, i % 2 ? -1. : 1.});
                     plan.cases.push_back({"opposite sites", twins, view, {}, {}});
@@ -58,12 +61,14 @@ void add_sites(StabilityPlan& plan) {
 
 void add_lengths(StabilityPlan& plan) {
     for (const double temperature : kTemperatures)
-        for (const double length : {0., 1e-45, 1e-38, 1e-20, 1e-13, 1e-12, 1e-8, 9.99e-7, 1e-6, 1.001e-6, 1e-3, 1e3, 1e18, 1e20, 1e30, 1.9e38})
+        for (const double length : {0., 1e-45, 1e-38, 1e-20, 1e-13, 1e-12, 1e-8, 9.99e-7, 1e-6, 1.001e-6, 1e-3, 1e3,
+                                    1e18, 1e20, 1e30, 1.9e38})
             for (const std::array<double, 3> view : {std::array{0.3, 0.8, -0.4}, {-0.5, -0.2, 0.9}, {1., 1., 1.}})
                 for (const bool all : {false, true}) {
                     auto rows = sites_on_axes(temperature);
                     set_site(rows, 0, {length, -length, length});
-                    for (int i = 1; all && i < kSites; ++i) set_site(rows, i, {rows[7 * i] * length, rows[7 * i + 1] * length, rows[7 * i + 2] * length});
+                    for (int i = 1; all && i < kSites; ++i)
+                        set_site(rows, i, {rows[7 * i] * length, rows[7 * i + 1] * length, rows[7 * i + 2] * length});
                     plan.cases.push_back({"short and long sites", rows, view, {}, {}});
                 }
 }

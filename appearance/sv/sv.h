@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SV: spherical Voronoi. Colours at sites on the sphere, blended by a softmax over the distance to each.
+// SV: spherical Voronoi, colours at sites on the sphere, blended by a softmax over the distances to the sites.
 #pragma once
 
 #include "appearance/clamps.h"
@@ -7,29 +7,30 @@
 
 namespace gs::appearance {
 
-/// Temperatures stay below e^11 = 6e4: cells are then harder than a pixel can tell, and float's weights still exact enough.
+/// Keeps temperatures below e^11 = 6e4. Cells are then harder than a pixel can tell, and weights in float still exact
+/// enough.
 inline constexpr double kLargestRawTemperature = 11;
-/// Shortest raw site, whose direction (only that matters) still has a gradient.
+/// Shortest raw site that still has a gradient. Only the direction of a site matters.
 inline constexpr double kShortestSite = 1e-6;
 
 /// residual(d) = sum_i w_i c_i, w = softmax(-tau_i |s_i - d|) over the first `degree` sites.
-/// Rows of one site: raw site (3, normalised to s), raw temperature (tau = e^raw), colour (rgb).
+/// Parameters of one site: raw site (3, normalised to s), raw temperature (tau = e^raw), colour (rgb).
 template <int kSites> struct SphericalVoronoi {
     static constexpr int kPerSite = 7;
     static constexpr int kMaxResidual = kSites * kPerSite;
     static constexpr bool kDirectional = true;
 
-    /// One site as seen from one direction.
+    /// One site seen from one direction d.
     template <class T> struct Site {
-        Vec3<T> unit, offset; ///< s; s - d
-        T length, distance;   ///< of the raw site; |s - d|, by the difference: 2 - 2 s.d would cancel
+        Vec3<T> unit, offset;  ///< the unit site s; s - d
+        T length, distance;    ///< of the raw site; |s - d| (2 - 2 s.d would cancel)
         T temperature, logit;
 
         static GS_HD Site of(const T* raw, const Vec3<T>& d) {
             Site site;
             Vec3<T> r{raw[0], raw[1], raw[2]};
             T norm2 = dot(r, r), shrink = T(1);
-            if (norm2 > T(1e30)) { // before float's squares overflow, and the site would sit at the origin
+            if (norm2 > T(1e30)) {  // float's squares would overflow and put the site at the origin
                 shrink = T(1e-20);
                 r = r * shrink;
                 norm2 = dot(r, r);
@@ -45,22 +46,24 @@ template <int kSites> struct SphericalVoronoi {
         }
     };
 
-    /// The weights so far, relative to the largest logit.
+    /// The sum of the weights so far, relative to the largest logit.
     template <class T> struct Softmax {
         T largest = T(-1e30), sum = T(0);
 
+        /// The change that a new logit makes to the sums.
         struct Change {
-            bool likelier; ///< than all before: what was summed so far is to be multiplied by `factor`; else what is added now
+            bool likelier;  ///< true: `factor` multiplies the sums so far; false: it multiplies the new term
             T factor;
         };
-        /// One exponential, whose argument is never positive: fused multiply-add may leave the logit's product a rounding above
-        /// its own maximum. NaN stays NaN.
+        /// Adds a logit with one exponential. Its argument is kept from being positive, because fused multiply-add may
+        /// leave the logit's product a rounding above its own maximum. NaN stays NaN.
         GS_HD Change add(T logit) {
             const Change c{logit > largest, gs_exp(-gs_abs(logit - largest))};
             sum = c.likelier ? sum * c.factor + T(1) : sum + c.factor;
             largest = c.likelier ? logit : largest;
             return c;
         }
+        /// Returns the weight of a logit before the division by the sum.
         GS_HD T relative(T logit) const { return gs_exp(at_most(logit - largest, T(0))); }
     };
 
@@ -80,9 +83,10 @@ template <int kSites> struct SphericalVoronoi {
         return color * (T(1) / softmax.sum);
     }
 
-    /// The softmax, the colour of its likeliest site, and by how much the mean colour exceeds that along dL_dresidual, times
-    /// the sum of weights. Counted from there because what drives sites and temperatures are differences to the mean: where
-    /// one site has all the weight, or all colours are equal, they would otherwise be rounding, which Adam makes full steps of.
+    /// The softmax, the colour of its likeliest site (`origin`), and the amount by which the mean colour exceeds it
+    /// along dL_dresidual, times the sum of weights (`excess`). Differences to the mean drive sites and temperatures.
+    /// Where one site has all the weight, or all colours are equal, differences of absolute colours would be rounding,
+    /// of which Adam makes full steps.
     template <class T> struct MeanExcess {
         Softmax<T> softmax;
         Vec3<T> origin{T(0), T(0), T(0)};
@@ -104,8 +108,8 @@ template <int kSites> struct SphericalVoronoi {
     };
 
     template <class T>
-    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree, const Vec3<T>& dL_dresidual, T* dL_dparams,
-                                        Vec3<T>& dL_ddirection) {
+    static GS_HD void residual_backward(const T* params, const Vec3<T>& direction, int degree,
+                                        const Vec3<T>& dL_dresidual, T* dL_dparams, Vec3<T>& dL_ddirection) {
         dL_ddirection = {T(0), T(0), T(0)};
         if (degree <= 0) return;
         const MeanExcess<T> all = MeanExcess<T>::of(params, direction, degree, dL_dresidual);
@@ -118,7 +122,7 @@ template <int kSites> struct SphericalVoronoi {
             const Site<T> site = Site<T>::of(raw, direction);
             const T w = all.softmax.relative(site.logit) * inverse;
             const T dL_dlogit = w * (dot(site_color(raw) - all.origin, dL_dresidual) - mean);
-            // At the site itself the distance has a kink: its subgradient 0.
+            // The distance has a kink at the site itself, where its subgradient 0 is taken.
             const Vec3<T> dL_dsite = site.offset * (-site.temperature * dL_dlogit / at_least(site.distance, T(1e-12)));
             if (site.length >= T(kShortestSite)) {
                 const Vec3<T> g = (dL_dsite - site.unit * dot(dL_dsite, site.unit)) * (T(1) / site.length);

@@ -21,7 +21,8 @@ using Three = appearance::SphericalVoronoi<3>;
 
 const Vec3<double> kMean{1, 2, 3}, kGradient{1, -.5, .25};
 const auto kView = view_direction(kMean, Vec3<double>{0, 0, 0});
-const std::vector<double> kRows = {1, .2, .3, .5, .1, .2, .3, -.4, .9, .1, -.2, -.3, .4, 0, .2, -.5, 1.1, .8, .5, -.1, .2};
+const std::vector<double> kRows = {1,   .2, .3, .5, .1,  .2,  .3, -.4, .9,  .1, -.2,
+                                   -.3, .4, 0,  .2, -.5, 1.1, .8, .5,  -.1, .2};
 
 void expect_near(const Vec3<double>& a, const Vec3<double>& b, double tolerance) {
     EXPECT_NEAR(a.x, b.x, tolerance);
@@ -47,9 +48,10 @@ std::vector<double> random_rows(double raw_temperature) {
 
 TEST(Sv, GoldenValuesAndGradients) {
     expect_near(Three::residual(kRows.data(), kView.unit, 3), {-.0601452381, .264440558, .117362828}, 1e-9);
-    const double want[21] = {-.0319236553, .0491133158, .0736699738, -.103438269, .286995687,  -.143497843,  .0717489217,
-                             -.0675183079, -.0174896822, -.112666092, .159763838, .556683704,  -.278341852,  .139170926,
-                             .0405068997,  .172154324,  .0708870745, -.253076055, .156320609, -.0781603045, .0390801522};
+    const double want[21] = {-.0319236553, .0491133158,  .0736699738,  -.103438269, .286995687,  -.143497843,
+                             .0717489217,  -.0675183079, -.0174896822, -.112666092, .159763838,  .556683704,
+                             -.278341852,  .139170926,   .0405068997,  .172154324,  .0708870745, -.253076055,
+                             .156320609,   -.0781603045, .0390801522};
     const Gradient g = gradient<Three>(kRows, kView.unit, 3);
     for (int k = 0; k < 21; ++k) EXPECT_NEAR(g.rows[k], want[k], 1e-9) << k;
     expect_near(direction_pullback(kView, g.direction), {.0478532081, -.0822382954, .0388744609}, 1e-10);
@@ -61,15 +63,16 @@ TEST(Sv, FewerActiveSitesAreASmallerModel) {
 }
 
 TEST(Sv, InitialSitesAndColors) {
-    const double want[21] = {.186652, .857143,  .480070,  -.735946, .571429,  -.363115, .920121, .285714,  -.267853, -.519179, 0,
-                             .854666, -.186385, -.285714, -.940015, .661448,  -.571429, .485752, -.512066, -.857143, .055624};
+    const double want[21] = {.186652,  .857143,  .480070,  -.735946, .571429,  -.363115, .920121,
+                             .285714,  -.267853, -.519179, 0,        .854666,  -.186385, -.285714,
+                             -.940015, .661448,  -.571429, .485752,  -.512066, -.857143, .055624};
     std::vector<float> row(Sv::kMaxResidual, 9.0f);
     appearance::sv_info().init_residual(7, row.data());
     for (int i = 0; i < 7; ++i) {
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(row[7 * i + c], want[3 * i + c], 1e-6) << i;
         for (int c = 3; c < 7; ++c) EXPECT_EQ(row[7 * i + c], 0);
     }
-    // All colours equal: sites and temperatures have nothing to gain.
+    // Sites and temperatures have nothing to gain where all colours are equal.
     const Gradient g = gradient<Sv>({row.begin(), row.end()}, kView.unit, 7);
     for (int k = 0; k < Sv::kMaxResidual; ++k) {
         if (k % 7 < 4)
@@ -89,7 +92,9 @@ TEST(Sv, Invariants) {
         for (int i = 0; i < 7; ++i) {
             const double *p = &rows[7 * i], *d = &g.rows[7 * i];
             EXPECT_NEAR(p[0] * d[0] + p[1] * d[1] + p[2] * d[2], 0, 1e-14) << "a site's length is free";
-            const Vec3<double> s = Vec3<double>{p[0], p[1], p[2]} * (1 / std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])), e = s - kView.unit;
+            const Vec3<double> s = Vec3<double>{p[0], p[1], p[2]} *
+                                   (1 / std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])),
+                               e = s - kView.unit;
             logits += d[3] / (-std::exp(p[3]) * std::sqrt(dot(e, e)));
             colors += {d[4], d[5], d[6]};
             for (int c = 0; c < 3; ++c) shifted[7 * i + 4 + c] += 2, longer[7 * i + c] *= 10;
@@ -121,7 +126,8 @@ TEST(Sv, ColdIsTheMeanAndHotTheNearestSite) {
         if (dot(e, e) < nearest) nearest = dot(e, e), color = c;
     }
     expect_near(Sv::residual(rows.data(), kView.unit, 7), mean, 1e-14);
-    for (const double hot : {11., 90., 1e30}) expect_near(Sv::residual(random_rows(hot).data(), kView.unit, 7), color, 1e-9);
+    for (const double hot : {11., 90., 1e30})
+        expect_near(Sv::residual(random_rows(hot).data(), kView.unit, 7), color, 1e-9);
 }
 
 TEST(Sv, GradientsAreRightCloseToASite) {
@@ -134,7 +140,8 @@ TEST(Sv, GradientsAreRightCloseToASite) {
             const double h = 1e-3 * distance / std::max(1.0, distance * std::exp(raw_temperature));
             const auto compare = [&](double analytic, const auto& f) {
                 const double numeric = (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h);
-                EXPECT_NEAR(analytic, numeric, 1e-8 * std::exp(std::max(raw_temperature, 0.0))) << distance << " " << raw_temperature;
+                EXPECT_NEAR(analytic, numeric, 1e-8 * std::exp(std::max(raw_temperature, 0.0)))
+                    << distance << " " << raw_temperature;
             };
             for (int k = 0; k < 14; ++k) {
                 compare(g.rows[k], [&](double x) {
@@ -158,10 +165,12 @@ TEST(Sv, StaysFiniteAtEveryExtreme) {
     const Vec3<float> d{.26726124f, .53452248f, .80178373f};
     for (const float length : {0.f, 1e-30f, 1e-8f, 1.f, 1e10f, 1e30f})
         for (const float temperature : {-1e30f, -1e3f, 0.f, 11.f, 89.f, 1e3f, 1e30f})
-            for (const int same : {0, 1, 7}) { // sites exactly in the direction
+            for (const int same : {0, 1, 7}) {  // sites exactly in the direction
                 std::vector<float> p(Sv::kMaxResidual), dp(p.size());
-                for (int k = 0; k < Sv::kMaxResidual; ++k) p[k] = k % 7 == 3 ? temperature : k % 7 < 3 ? length * std::sin(k + 1.f) : std::sin(5.f * k);
-                for (int i = 0; i < same; ++i) p[7 * i] = length * d.x, p[7 * i + 1] = length * d.y, p[7 * i + 2] = length * d.z;
+                for (int k = 0; k < Sv::kMaxResidual; ++k)
+                    p[k] = k % 7 == 3 ? temperature : k % 7 < 3 ? length * std::sin(k + 1.f) : std::sin(5.f * k);
+                for (int i = 0; i < same; ++i)
+                    p[7 * i] = length * d.x, p[7 * i + 1] = length * d.y, p[7 * i + 2] = length * d.z;
                 Vec3<float> dd;
                 const Vec3<float> r = Sv::residual(p.data(), d, 7);
                 Sv::residual_backward(p.data(), d, 7, {1, -1, 1}, dp.data(), dd);
@@ -182,7 +191,7 @@ TEST(Sv, NanIsNotHidden) {
 }
 
 TEST(Sv, LimitedTemperaturesComeBack) {
-    // Two sites at nearly the same distance: a gradient for the temperature is left even at the limit.
+    // Two sites at nearly the same distance leave a gradient for the temperature even at the limit.
     std::vector<double> p = {1, .001, 0, 12, 1, 0, 0, 1, -.00101, 0, 12, 0, 0, 0};
     using Two = appearance::SphericalVoronoi<2>;
     const Gradient up = gradient<Two>(p, {1, 0, 0}, 2);
@@ -196,8 +205,8 @@ TEST(Sv, LimitedTemperaturesComeBack) {
 }
 
 TEST(Sv, WhereOneSiteTakesAllNothingIsLeftOfTheDifferences) {
-    // Temperatures of 2e4: the nearest site has all the weight, and what the others add is below 1e-30. The plain formula leaves
-    // the rounding of the mean colour, a few 1e-8 times the temperature, in every gradient of that site.
+    // At temperatures of 2e4 the nearest site has all the weight, and the others add less than 1e-30. The plain formula
+    // leaves the rounding of the mean colour, a few 1e-8 times the temperature, in every gradient of that site.
     const auto wide = random_rows(std::log(2e4));
     const std::vector<float> rows(wide.begin(), wide.end());
     std::vector<float> g(rows.size());
@@ -220,7 +229,7 @@ TEST(Sv, LongSitesKeepTheirDirection) {
     const Vec3<float> d{.6f, .48f, .64f};
     const std::vector<float> near(rows.begin(), rows.end());
     const Vec3<float> want = Sv::residual(near.data(), d, 7);
-    for (const double length : {1e15, 1e18, 1e20, 1e38}) { // squares overflow in float from 1.8e19 on
+    for (const double length : {1e15, 1e18, 1e20, 1e38}) {  // squares overflow in float from 1.8e19 on
         for (int i = 0; i < 7; ++i)
             for (int c = 0; c < 3; ++c) rows[7 * i + c] = unscaled[7 * i + c] * length;
         const std::vector<float> far(rows.begin(), rows.end());

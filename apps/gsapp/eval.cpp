@@ -7,12 +7,10 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/metrics.h"
-#include "eval/bench/bench.h"
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
-#include "eval/runs/saved_run.h"
+#include "eval/runs/evaluate_run.h"
 #include "lib/core/log.h"
-#include "lib/train/scene_options.h"
 
 namespace gs {
 namespace {
@@ -29,13 +27,8 @@ struct EvalArguments {
     bool decompose = false;
 };
 
-/// Scores of views that are not the run's own stay apart from its results.
-std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source) {
-    return source.empty() ? run : run / ("on-" + scene_name(source));
-}
-
-void evaluate_run(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol, const std::vector<Metric>& metrics,
-                  const EvalArguments& arguments) {
+void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol,
+              const std::vector<Metric>& metrics, const EvalArguments& arguments) {
     SavedRun run = open_saved_run(folder, iteration, {.source = arguments.source, .device = arguments.metrics.device});
     EvalOptions options;
     options.protocol = protocol;
@@ -44,17 +37,8 @@ void evaluate_run(const std::string& folder, std::optional<std::int64_t> iterati
     options.iteration = run.iteration;
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
-    options.decompose = arguments.decompose || !arguments.html.empty(); // its slider shows the parts
-    log_info("{}: iteration {}, {} Gaussians, {} test views of {}, photometric correction: {}", folder, run.iteration, run.backend->count(), run.scene.test.size(),
-                 run.options.source, correction_name(options.correction.mode));
-    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
-    if (result.residual_mean) log_info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
-    for (const auto& [key, score] : result.scores) {
-        if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
-    }
-    RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
-    if (arguments.frame_rounds > 0) facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, arguments.frame_rounds);
-    write_results(RunFolder{options.run_folder}, options, result, facts);
+    options.decompose = arguments.decompose || !arguments.html.empty();  // the page's slider shows the parts
+    evaluate_run(run, options, arguments.frame_rounds);
 }
 
 void run_eval(const EvalArguments& arguments) {
@@ -63,19 +47,22 @@ void run_eval(const EvalArguments& arguments) {
     Protocol protocol = find_protocol(arguments.protocol);
     if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);
     std::vector<std::string> further = parse_metric_names(arguments.metrics.names);
-    std::erase_if(further, [](const std::string& name) { return name == "psnr" || name == "ssim"; });  // always computed
+    std::erase_if(further,
+                  [](const std::string& name) { return name == "psnr" || name == "ssim"; });  // always computed
     const std::vector<Metric> metrics = make_metrics(further, metric_options(arguments.metrics, protocol.lpips_range));
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
     std::vector<TableRow> rows;
     for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate_run(run, iteration, protocol, metrics, arguments);
+        if (!arguments.skip_render) evaluate(run, iteration, protocol, metrics, arguments);
         rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
         read_training(rows.back(), run);
         if (!arguments.source.empty()) rows.back().run = run;
     }
-    const auto corrected = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.correction != rows[0].correction; });
+    const auto corrected = std::find_if(rows.begin(), rows.end(),
+                                        [&](const TableRow& row) { return row.correction != rows[0].correction; });
     if (corrected != rows.end())
-        log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)", rows[0].run, corrected->run);
+        log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)",
+                    rows[0].run, corrected->run);
     const Comparison comparison = compare_runs(rows);
     std::fputs(format_comparison(comparison, format).c_str(), stdout);
     if (arguments.html.empty()) return;
@@ -87,31 +74,49 @@ void run_eval(const EvalArguments& arguments) {
 
 void add_eval_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<EvalArguments>();
-    CLI::App* command = app.add_subcommand("eval", "Render and score the test views of finished runs; print one table over all of them");
+    CLI::App* command = app.add_subcommand(
+        "eval", "Render and score the test views of finished runs; print one table over all of them");
     command->add_option("runs", arguments->runs, "Run folders")->required()->type_name("RUN");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to evaluate (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_option("--format", arguments->format, "Tables as markdown, csv, latex or json")->capture_default_str();
-    CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render, "Only print the table of results that are already stored");
+    CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render,
+                                          "Only print the table of results that are already stored");
     add_metric_options(*command, arguments->metrics);
-    for (const char* option : {"--metrics", "--metric-weights", "--device"}) command->get_option(option)->excludes(skip);
-    command->add_option("--protocol", arguments->protocol, "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
+    for (const char* option : {"--metrics", "--metric-weights", "--device"})
+        command->get_option(option)->excludes(skip);
+    command
+        ->add_option("--protocol", arguments->protocol,
+                     "How scores are made: paper, inria (3DGS) or gsplat; printed under every table")
         ->capture_default_str()
         ->excludes(skip);
-    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero, instead of the protocol's")
+    command
+        ->add_option("--ssim-border", arguments->ssim_border,
+                     "SSIM at the image border: valid, reflect or zero, instead of the protocol's")
         ->excludes(skip);
-    command->add_option("--time-frames", arguments->frame_rounds, "Rounds through the test views in which frames are timed, for the column FPS")
+    command
+        ->add_option("--time-frames", arguments->frame_rounds,
+                     "Rounds through the test views in which frames are timed, for the column FPS")
         ->check(CLI::Range(0, 100000))
         ->excludes(skip);
-    command->add_flag("--decompose", arguments->decompose, "Also write base and residual of each test view, and the residual's mean")
+    command
+        ->add_flag("--decompose", arguments->decompose,
+                   "Also write base and residual of each test view, and the residual's mean")
         ->excludes(skip);
-    command->add_option("--html", arguments->html, "Also write the tables with plots and a comparison of pictures as one HTML page")->type_name("FILE");
-    command->add_option("--ppisp-eval", arguments->ppisp_eval,
-                        "How views are corrected photometrically: controller (default where the model has one), none, colour-aligned (fits each view to its "
-                        "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
+    command
+        ->add_option("--html", arguments->html,
+                     "Also write the tables with plots and a comparison of pictures as one HTML page")
+        ->type_name("FILE");
+    command
+        ->add_option(
+            "--ppisp-eval", arguments->ppisp_eval,
+            "How views are corrected photometrically: controller (default where the model has one), none, "
+            "colour-aligned (fits each view to its "
+            "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
         ->excludes(skip);
-    command->add_option("-s,--source", arguments->source,
-                        "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");
+    command->add_option(
+        "-s,--source", arguments->source,
+        "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");
     command->callback([arguments, &selected] { selected = [arguments] { run_eval(*arguments); }; });
 }
 

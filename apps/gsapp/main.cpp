@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <new>
 #include <string>
 #include <vector>
 
+#include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
@@ -24,7 +26,8 @@ std::vector<std::string> known_words(const CLI::App& app) {
         for (const std::string& name : option->get_lnames()) words.push_back("--" + name);
         for (const std::string& name : option->get_snames()) words.push_back("-" + name);
     }
-    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) words.push_back(sub->get_name());
+    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+        words.push_back(sub->get_name());
     return words;
 }
 
@@ -36,7 +39,8 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
         if (word.empty() || (word[0] != '-' && command != &app)) continue;
         const std::string name = word.substr(0, word.find('='));
         const char* kind = word[0] == '-' ? "option" : "command";
-        return "unknown " + std::string(kind) + " '" + name + "'; did you mean '" + nearest_key(name, known_words(*command)) + "'?";
+        return "unknown " + std::string(kind) + " '" + name + "'; did you mean '" +
+               nearest_key(name, known_words(*command)) + "'?";
     }
     return error.what();
 }
@@ -54,7 +58,7 @@ std::string version_report() {
 
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
-    app.set_version_flag("--version", version_report); // asked only then: waking the GPU takes a while
+    app.set_version_flag("--version", version_report);  // asked only then: waking the GPU takes a while
     app.require_subcommand(1);
     Command selected;
     add_train_command(app, selected);
@@ -69,7 +73,9 @@ int run(int argc, char** argv) {
     add_prune_appearance_command(app, selected);
     add_options_command(app, selected);
     try {
-        app.parse(argc, argv);
+        std::vector<std::string> words = with_bench_subcommand({argv + 1, argv + argc});
+        std::reverse(words.begin(), words.end());  // as CLI11 takes them
+        app.parse(std::move(words));
     } catch (const CLI::Success& help_or_version) {
         return app.exit(help_or_version);
     } catch (const CLI::ParseError& error) {
@@ -93,7 +99,7 @@ int main(int argc, char** argv) {
     try {
         return gs::run(argc, argv);
     } catch (const gs::Interrupted& e) {
-        log_warning("{}", e.what());
+        gs::log_warning("{}", e.what());
         return static_cast<int>(e.code());
     } catch (const gs::Error& e) {
         return gs::report(e.what(), e.code());

@@ -2,16 +2,11 @@
 // gsapp metrics: compares two images.
 #include "apps/gsapp/metrics.h"
 
-#include <fmt/format.h>
-
-#include <cmath>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/gsapp/command.h"
-#include "eval/metrics/psnr.h"
-#include "eval/metrics/quantize.h"
+#include "eval/metrics/compare_images.h"
 
 namespace gs {
 namespace {
@@ -27,40 +22,28 @@ void run_metrics(const CompareArguments& arguments) {
     MetricOptions options = metric_options(arguments.metrics, parse_lpips_range(arguments.lpips_range));
     options.ssim_border = parse_ssim_border(arguments.ssim_border);
     const auto names = parse_metric_names(arguments.metrics.names);
-    const Image render = quantized_target(read_image(arguments.render), {0, 0, 0}),
-                truth = quantized_target(read_image(arguments.truth), {0, 0, 0});
-    require_same_size(render, truth);
-    nlohmann::ordered_json json = {{"scores", nlohmann::ordered_json::object()}, {"not_measured", nlohmann::ordered_json::object()}};
-    std::string text;
-    for (const Metric& metric : make_metrics(names, options)) {
-        const MetricScore score = metric.compute(render, truth);
-        const std::string& key = metric.info.key;
-        if (score.value) {
-            json["scores"][key] = std::isfinite(*score.value) ? nlohmann::ordered_json(*score.value) : nlohmann::ordered_json(nullptr);
-            text += fmt::format("{:<10} {:>9.{}f}  {} is better; {}\n", key, *score.value, metric.info.decimals,
-                                metric.info.higher_is_better ? "higher" : "lower", metric.protocol);
-        } else {
-            json["not_measured"][key] = score.reason;
-            text += fmt::format("{:<10} {}\n", key, score.reason);
-        }
-        json["protocol"][metric.info.name] = metric.protocol;
-    }
-    std::fputs(arguments.json ? (json.dump(1) + "\n").c_str() : text.c_str(), stdout);
+    const std::vector<ImageScore> scores = compare_images(arguments.render, arguments.truth, names, options);
+    std::fputs(arguments.json ? (scores_json(scores).dump(1) + "\n").c_str() : format_scores(scores).c_str(), stdout);
 }
 
 }  // namespace
 
 void add_metric_options(CLI::App& command, MetricArguments& arguments) {
-    command.add_option("--metrics", arguments.names, "Any of psnr, ssim, lpips-vgg, lpips-alex, flip, dists, milo, with commas between; or all")
+    command
+        .add_option("--metrics", arguments.names,
+                    "Any of psnr, ssim, lpips-vgg, lpips-alex, flip, dists, milo, with commas between; or all")
         ->capture_default_str()
         ->type_name("LIST");
-    command.add_option("--metric-weights", arguments.weights,
-                       "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: $GSAPP_METRIC_WEIGHTS)")
+    command
+        .add_option("--metric-weights", arguments.weights,
+                    "Folder of weights for lpips, dists and milo, from scripts/export_metric_weights.py (default: "
+                    "$GSAPP_METRIC_WEIGHTS)")
         ->type_name("DIR");
     command
         .add_option_function<std::string>(
             "--device", [&arguments](const std::string& text) { arguments.device = choice_of<Device>(text); },
-            "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): auto, "
+            "Where learned metrics are computed (default: auto), and runs rendered (default: as they were trained): "
+            "auto, "
             "cpu or cuda")
         ->check(CLI::IsMember(words<Device>()));
 }
@@ -75,16 +58,21 @@ MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_
 
 void add_metrics_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<CompareArguments>();
-    CLI::App* command = app.add_subcommand("metrics", "Compare two images, as 8 bits and with alpha on black, by the metrics of eval");
+    CLI::App* command =
+        app.add_subcommand("metrics", "Compare two images, as 8 bits and with alpha on black, by the metrics of eval");
     command->add_option("render", arguments->render, "The image to judge")->required()->type_name("RENDER");
     command->add_option("truth", arguments->truth, "The image it should equal")->required()->type_name("TRUTH");
     add_metric_options(*command, arguments->metrics);
-    command->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
+    command
+        ->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
         ->capture_default_str();
-    command->add_option("--lpips-range", arguments->lpips_range,
-                        "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit (left in [0,1], 3DGS)")
+    command
+        ->add_option("--lpips-range", arguments->lpips_range,
+                     "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit "
+                     "(left in [0,1], 3DGS)")
         ->capture_default_str();
-    command->add_flag("--json", arguments->json, "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
+    command->add_flag("--json", arguments->json,
+                      "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
     command->callback([arguments, &selected] { selected = [arguments] { run_metrics(*arguments); }; });
 }
 

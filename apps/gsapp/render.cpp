@@ -6,13 +6,10 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
-#include "eval/metrics/quantize.h"
 #include "eval/runs/camera_path.h"
-#include "eval/runs/decompose.h"
-#include "eval/runs/saved_run.h"
+#include "eval/runs/render_views.h"
 #include "kernels/core/error.h"
 #include "lib/core/log.h"
-#include "lib/scene/camera_params.h"
 
 namespace gs {
 namespace {
@@ -24,39 +21,26 @@ struct RenderArguments {
     bool decompose = false;
 };
 
-std::vector<View> without_photographs(const std::vector<Camera>& cameras) {
-    std::vector<View> views(cameras.size());
-    for (std::size_t i = 0; i < cameras.size(); ++i) views[i].camera = cameras[i];
-    return views;
-}
-
 std::vector<View> wanted_views(const RenderArguments& arguments, const Scene& scene) {
-    if (!arguments.path.empty()) return without_photographs(read_camera_path(arguments.path));
-    if (arguments.orbit > 0) return without_photographs(orbit_path(scene.train, arguments.orbit));
-    std::vector<View> views;
-    if (arguments.views != "train") views = scene.test;  // test first, as in cameras.json
-    if (arguments.views != "test") views.insert(views.end(), scene.train.begin(), scene.train.end());
+    if (!arguments.path.empty()) return views_of(read_camera_path(arguments.path));
+    if (arguments.orbit > 0) return views_of(orbit_path(scene.train, arguments.orbit));
+    std::vector<View> views = views_of(scene, arguments.views);
     if (views.empty())
-        throw UsageError(fmt::format("{} has no {} views; --eval holds some out when training", arguments.run, arguments.views));
+        throw UsageError(
+            fmt::format("{} has no {} views; --eval holds some out when training", arguments.run, arguments.views));
     return views;
 }
 
 void run_render(const RenderArguments& arguments) {
-    SavedRun run = open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
+    SavedRun run =
+        open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
     const std::vector<View> views = wanted_views(arguments, run.scene);
     EvalCorrection correction = run.correction;
     correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
-    const std::filesystem::path folder = arguments.output.empty() ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
-                                                                  : std::filesystem::path(arguments.output);
-    RenderedImage image;
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        const std::string file = fmt::format("{:05}.png", i);
-        for (const auto& [mode, name] : kPictureParts) {
-            if (!arguments.decompose && mode != RenderMode::kFull) continue;
-            run.backend->render(part_request(camera_params(views[i].camera), run.background, mode, view_isp(views[i], correction)), image);
-            write_image(arguments.decompose ? folder / name / file : folder / file, quantized_render(image));
-        }
-    }
+    const std::filesystem::path folder = arguments.output.empty()
+                                             ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
+                                             : std::filesystem::path(arguments.output);
+    render_views(run, views, correction, arguments.decompose, folder);
     const char* what = arguments.decompose ? "pictures, each with base and residual," : "pictures";
     log_info("{} {} in {}", views.size(), what, folder.string());
 }
@@ -67,13 +51,16 @@ void add_render_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<RenderArguments>();
     CLI::App* command = app.add_subcommand("render", "Write pictures of a finished run");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
-    command->add_option("--ppisp-eval", arguments->ppisp_eval,
-                        "Photometric correction: controller (default where the model has one), or none = neutral exposure and colour")
+    command
+        ->add_option("--ppisp-eval", arguments->ppisp_eval,
+                     "Photometric correction: controller (default where the model has one), or none = neutral exposure "
+                     "and colour")
         ->check(CLI::IsMember({"controller", "none"}));
-    CLI::Option* views =
-        command->add_option("--views", arguments->views, "Cameras of the scene: test, train or all")->capture_default_str();
+    CLI::Option* views = command->add_option("--views", arguments->views, "Cameras of the scene: test, train or all")
+                             ->capture_default_str();
     views->check(CLI::IsMember({"test", "train", "all"}));
-    CLI::Option* path = command->add_option("--path", arguments->path, "File of cameras in the cameras.json format")->excludes(views);
+    CLI::Option* path =
+        command->add_option("--path", arguments->path, "File of cameras in the cameras.json format")->excludes(views);
     command->add_option("--orbit", arguments->orbit, "That many cameras on a circle around the scene")
         ->check(CLI::PositiveNumber)
         ->excludes(views)
@@ -81,8 +68,9 @@ void add_render_command(CLI::App& app, Command& selected) {
     command->add_option("--iteration", arguments->iteration, "Saved iteration to render (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_option("-o,--output", arguments->output, "Folder for the pictures (default: RUN/renders/iteration_N)");
-    command->add_flag("--decompose", arguments->decompose,
-                      "Also the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
+    command->add_flag(
+        "--decompose", arguments->decompose,
+        "Also write the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
     command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,25 +15,25 @@ namespace gs {
 /// One model after its trial.
 struct AppearanceTrial {
     std::string model;
-    std::int64_t bytes = 0;     ///< of the appearance of one Gaussian, as trained
-    double seconds = 0;         ///< of an iteration
-    double psnr = 0;            ///< mean over the held-out views, dB; NaN or infinite = the trial failed
+    std::int64_t bytes = 0;  ///< size of the appearance of one Gaussian, as trained
+    double seconds = 0;      ///< time of an iteration
+    double psnr = 0;         ///< mean over the held-out views, dB; NaN or infinite: the trial failed
 };
 
 struct AppearanceChoice {
     std::size_t chosen = 0, best = 0;  ///< indices into the trials
 };
 
-/// Keeps the model of fewest bytes, then of least time, whose PSNR is at most `tolerance` dB below the best. `trials`: at least one. Those that failed are
-/// passed over; where all did, the first is kept.
+/// Keeps the model of fewest bytes, then of least time, whose PSNR is at most `tolerance` dB below the best. `trials`:
+/// at least one. Those that failed are passed over; where all did, the first is kept.
 AppearanceChoice choose_appearance(const std::vector<AppearanceTrial>& trials, double tolerance);
 
 /// What the error of a model without view dependence is made of.
 enum class RemainingError {
-    kReflectance,   ///< it depends on the direction
-    kPhotometric,   ///< whole images are brighter, darker or tinted
-    kInconsistency, ///< what depends on the direction in some images is wrong in others: they contradict each other
-    kUnresolved,    ///< none of these: detail that a short training has not reached
+    kReflectance,    ///< it depends on the direction
+    kPhotometric,    ///< whole images are brighter, darker or tinted
+    kInconsistency,  ///< what depends on the direction in some images is wrong in others: they contradict each other
+    kUnresolved,     ///< none of these: detail that a short training has not reached
 };
 
 /// The rise of PSNR, in dB, if this share of the squared error went away.
@@ -40,5 +41,41 @@ double gain_in_decibels(double share);
 
 /// `tolerance`: the rise of PSNR, in dB, from which direction counts as a cause.
 RemainingError classify_remaining_error(const ResidualParts& parts, double tolerance);
+
+/// Whether models have to be tried: direction explains more than `tolerance` dB.
+bool needs_trials(const ResidualParts& parts, double tolerance);
+
+/// Why nothing could be measured.
+enum class Obstacle {
+    kFewViews,  ///< there are fewer than kFewestViews training views, and none can be held out
+    kMasks,     ///< masks leave nothing of the views that models would be compared on
+};
+
+/// The fewest training views of which some can be held out.
+inline constexpr std::size_t kFewestViews = 8;
+
+/// Everything that the choice is made from, and what its description needs.
+struct AppearanceMeasurements {
+    std::optional<Obstacle> obstacle = {};        ///< if set, only num_views, plain_model and seconds are known
+    std::size_t num_views = 0, num_held_out = 0;  ///< training views, and those of them that were held out
+    int image_width = 0, image_height = 0;        ///< size of the first image that was trained on, pixels
+    std::int64_t warm_up_iterations = 0, trial_iterations = 0;
+    std::string plain_model = {};              ///< the model without view dependence that all trials go on from
+    std::int64_t plain_bytes = 0;              ///< size of its appearance of one Gaussian
+    ResidualParts parts = {};                  ///< what that model's errors consist of
+    std::vector<AppearanceTrial> trials = {};  ///< empty unless needs_trials
+    std::vector<std::string> unfinished = {};  ///< models that there was no time for
+    double seconds = 0;                        ///< time that all of this took
+};
+
+/// What the measurements say.
+struct AppearanceDecision {
+    std::string model;  ///< to train
+    RemainingError remaining = RemainingError::kUnresolved;
+    std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty where no model was tried
+};
+
+/// Chooses among the trials as choose_appearance does; the plain model where none was tried.
+AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);
 
 }  // namespace gs

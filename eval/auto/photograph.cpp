@@ -16,8 +16,8 @@ namespace {
 
 /// Mask values from which a pixel counts.
 constexpr int kCounts = 128;
-/// Mean squared difference of colours to their 8 bits. Differences below it say nothing, and none at all, as in a view past everything, would outweigh the
-/// other photographs of a mean.
+/// Mean squared difference of colours to their 8 bits. Differences below it say nothing, and none at all, as in a view
+/// past everything, would outweigh the other photographs of a mean.
 constexpr double kRounding = 1.0 / (12 * 255 * 255);
 
 Photograph photograph_of(const View& view, const ViewImage& image, const Vec3<float>& background) {
@@ -35,11 +35,13 @@ Photograph photograph_of(const View& view, const ViewImage& image, const Vec3<fl
 
 }  // namespace
 
-std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background, const ImageOf& image) {
+std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background,
+                                         const ImageOf& image) {
     std::vector<Photograph> out(views.size());
     parallel_for(std::int64_t(views.size()), [&](std::int64_t i) {
         const std::size_t k = std::size_t(i);
-        out[k] = image ? photograph_of(views[k], *image(k), background) : photograph_of(views[k], views[k].load(), background);
+        out[k] = image ? photograph_of(views[k], *image(k), background)
+                       : photograph_of(views[k], views[k].load(), background);
     });
     std::erase_if(out, [](const Photograph& photograph) { return photograph.pixels.empty(); });
     return out;
@@ -63,7 +65,8 @@ double mean_squared_error(const RenderedImage& pixels, const Photograph& photogr
     const std::size_t n = photograph.pixels.size();
     for (std::size_t c = 0; c < 3; ++c)
         for (std::size_t i = 0; i < n; ++i) {
-            const double d = std::clamp(double(pixels.rgb[c * n + i]), 0.0, 1.0) - double(photograph.colors.u8[3 * i + c]) / 255;
+            const double d =
+                std::clamp(double(pixels.rgb[c * n + i]), 0.0, 1.0) - double(photograph.colors.u8[3 * i + c]) / 255;
             sum += d * d;
         }
     return sum / double(3 * n);
@@ -75,7 +78,8 @@ void align_colours(RenderedImage& pixels, const Photograph& photograph) {
     apply_colours(fit.solve(), pixels);
 }
 
-double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background, bool aligned) {
+double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
+                 bool aligned) {
     if (photographs.empty()) return std::numeric_limits<double>::quiet_NaN();
     double sum = 0;
     for (const Photograph& photograph : photographs) {

@@ -20,23 +20,26 @@ struct Photograph {
     Image colors;                      ///< of these pixels in one row, 8-bit rgb on the background
 };
 
-/// The image of view k, where it is in memory already; called from several threads.
+/// Returns the image of view k, which is in memory already. Called from several threads.
 using ImageOf = std::function<std::shared_ptr<const ViewImage>(std::size_t k)>;
 
-/// From `image`, or from their files without it. Views without a pixel that their mask lets count are left out. Throws what View::load throws.
-std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background, const ImageOf& image = {});
+/// Reads the photographs through `image`, or from their files where there is none. Views whose mask lets no pixel count
+/// are left out. Throws what View::load throws.
+std::vector<Photograph> load_photographs(const std::vector<View>& views, const Vec3<float>& background,
+                                         const ImageOf& image = {});
 
-/// The pixels that count in one row, rendered with neutral exposure and colour. `alpha` is filled as well.
+/// Renders the pixels that count, in one row, with neutral exposure and colour. `alpha` is filled as well.
 RenderedImage render_pixels(Backend& backend, const Photograph& photograph, const Vec3<float>& background);
 
-/// Mean squared difference over pixels and channels, both kept in [0,1].
+/// Returns the mean squared difference over pixels and channels, with both colours clamped to [0,1].
 double mean_squared_error(const RenderedImage& pixels, const Photograph& photograph);
 
 /// Applies the affine map of colours that brings the render closest to the photograph.
 void align_colours(RenderedImage& pixels, const Photograph& photograph);
 
-/// Mean over the photographs, dB; of renders with aligned colours if `aligned`. 58.9 where a render is as near as the 8 bits of a photograph can tell. NaN
-/// without photographs.
-double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background, bool aligned);
+/// Returns the mean PSNR over the photographs, dB, with the colours of each render aligned first if `aligned`. A render
+/// that is as near as the 8 bits of a photograph can tell counts 58.9 dB. NaN without photographs.
+double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
+                 bool aligned);
 
 }  // namespace gs

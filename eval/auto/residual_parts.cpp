@@ -17,13 +17,14 @@
 namespace gs {
 namespace {
 
-/// Side of a cell, pixels at the middle distance; small cells catch noise of unresolved detail, large ones miss small highlights.
-constexpr double kCellPixels = 16;
+/// Side of a voxel, pixels at the middle distance; small voxels catch noise of unresolved detail, large ones miss small
+/// highlights.
+constexpr double kVoxelPixels = 16;
 constexpr int kDegree = 3, kTerms = (kDegree + 1) * (kDegree + 1);
-/// Weight of small coefficients against the data, which keeps predictions beyond a cell's directions tame. From 0.005 to 0.07 the share of direction of
-/// builtin:diffuse stays below a fourth of that of polished, glossy, moved and lego.
+/// Weight of small coefficients against the data, which keeps predictions beyond a voxel's directions tame. From 0.005
+/// to 0.07 the share of direction of builtin:diffuse stays below a fourth of that of polished, glossy, moved and lego.
 constexpr double kRidge = 0.025;
-/// Fewer photographs of a cell say nothing about directions.
+/// Fewer photographs of a voxel say nothing about directions.
 constexpr int kFewestPhotographs = 4;
 
 using Basis = Eigen::Matrix<double, kTerms, 1>;
@@ -37,7 +38,8 @@ Basis basis(const Eigen::Vector3d& direction) {
     return y;
 }
 
-/// Maps all space into the ball of radius 2 about the middle of the Gaussians; the ball through the middle camera has radius 1.
+/// Maps all space into the ball of radius 2 about the middle of the Gaussians; the ball through the middle camera has
+/// radius 1.
 struct Frame {
     Eigen::Vector3d center;
     double radius = 1;
@@ -55,10 +57,11 @@ struct Frame {
     }
 };
 
-/// What one photograph shows of one cell.
+/// What one photograph shows of one voxel.
 struct Sample {
     double pixels = 0;
-    Eigen::Vector3d residual = Eigen::Vector3d::Zero(), direction = Eigen::Vector3d::Zero();  ///< means, the latter of unit length
+    Eigen::Vector3d residual = Eigen::Vector3d::Zero(),
+                    direction = Eigen::Vector3d::Zero();  ///< means, the latter of unit length
 };
 using Samples = std::unordered_map<std::uint64_t, Sample>;
 
@@ -70,22 +73,24 @@ struct Measured {
 
 class Measurement {
   public:
-    Measurement(Backend& plain, Backend& positions, const std::vector<Photograph>& photographs, const Vec3<float>& background)
+    Measurement(Backend& plain, Backend& positions, const std::vector<Photograph>& photographs,
+                const Vec3<float>& background)
         : plain_(plain), positions_(positions), background_(background) {
         Gaussians g = plain.download(false);
-        g.ppisp = {}; // would change places as it does colours
+        g.ppisp = {};  // would change places as it does colours
         g.appearance = plain_sh_appearance(0);
         const Frame frame(g, photographs);
         for (std::int64_t i = 0; i < g.count; ++i) {
             float* base = g[Group::kBase].param.data() + 3 * i;
             const float* mean = g[Group::kMean].param.data() + 3 * i;
             const Eigen::Vector3d p = frame(Eigen::Vector3f(mean[0], mean[1], mean[2]).cast<double>());
-            for (int axis = 0; axis < 3; ++axis) base[axis] = float(p[axis] / kSide); // shown with a half added: in [0,1]
+            for (int axis = 0; axis < 3; ++axis)
+                base[axis] = float(p[axis] / kSide);  // shown with a half added: in [0,1]
         }
         positions.upload(g);
         std::vector<double> focal_lengths;
         for (const Photograph& p : photographs) focal_lengths.push_back(p.camera.fx);
-        cell_ = kCellPixels / median(std::move(focal_lengths)) / kSide;
+        voxel_side_ = kVoxelPixels / median(std::move(focal_lengths)) / kSide;
     }
 
     Measured operator()(const Photograph& photograph) const {
@@ -100,16 +105,19 @@ class Measurement {
         for (std::size_t i = 0; i < n; ++i) {
             const double alpha = position.alpha[i];
             if (!(alpha >= 0.5)) continue;
-            std::uint64_t cell = 0;
-            for (std::size_t c = 0; c < 3; ++c) cell = cell << 21 | std::uint64_t(std::clamp(position.rgb[c * n + i] / alpha, 0.0, 1.0) / cell_);
-            Sample& sample = out.samples[cell];
+            std::uint64_t key = 0;
+            for (std::size_t c = 0; c < 3; ++c)
+                key = key << 21 | std::uint64_t(std::clamp(position.rgb[c * n + i] / alpha, 0.0, 1.0) / voxel_side_);
+            Sample& sample = out.samples[key];
             sample.pixels += 1;
             for (std::size_t c = 0; c < 3; ++c)
-                sample.residual[std::ptrdiff_t(c)] += photograph.colors.u8[3 * i + c] / 255.0 - std::clamp(double(render.rgb[c * n + i]), 0.0, 1.0);
+                sample.residual[std::ptrdiff_t(c)] +=
+                    photograph.colors.u8[3 * i + c] / 255.0 - std::clamp(double(render.rgb[c * n + i]), 0.0, 1.0);
             const int x = photograph.pixels[i] % camera.width, y = photograph.pixels[i] / camera.width;
-            sample.direction += Eigen::Vector3d((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy, 1).normalized();
+            sample.direction +=
+                Eigen::Vector3d((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy, 1).normalized();
         }
-        for (auto& [cell, sample] : out.samples) {
+        for (auto& [key, sample] : out.samples) {
             sample.residual /= sample.pixels;
             sample.direction = (camera.rotation.transpose() * sample.direction).normalized();
         }
@@ -117,20 +125,20 @@ class Measurement {
     }
 
   private:
-    static constexpr double kSide = 4; ///< of the cube around the ball
+    static constexpr double kSide = 4;  ///< of the cube around the ball
     Backend& plain_;
     Backend& positions_;
     const Vec3<float> background_;
-    double cell_; ///< share of the cube's side
+    double voxel_side_;  ///< share of the cube's side
 };
 
-/// Least squares over the photographs of one cell, of the mean alone and of all terms. A real scene has a hundred thousand: `solve` leaves results in
-/// the place of what it needed.
+/// A least-squares fit over the photographs of one voxel, of the mean alone and of all terms. A real scene has a
+/// hundred thousand: `solve` leaves results in the place of what it needed.
 struct Voxel {
     int photographs = 0;
     double pixels = 0;
     Eigen::Vector3d mean;
-    Normal normal = Normal::Zero();                ///< solved: its inverse, with the ridge
+    Normal normal = Normal::Zero();                    ///< solved: its inverse, with the ridge
     Coefficients coefficients = Coefficients::Zero();  ///< until solved: the right-hand side
 
     void add(const Sample& sample, const Basis& y) {
@@ -155,32 +163,34 @@ double explained_error(const Sample& sample, const Eigen::Vector3d& mean_off, co
 
 }  // namespace
 
-ResidualParts residual_parts(Backend& plain, Backend& positions, const std::vector<Photograph>& seen, const std::vector<Photograph>& held_out,
-                             const Vec3<float>& background) {
+ResidualParts residual_parts(Backend& plain, Backend& positions, const std::vector<Photograph>& seen,
+                             const std::vector<Photograph>& held_out, const Vec3<float>& background) {
     const Measurement measure(plain, positions, seen, background);
-    std::unordered_map<std::uint64_t, Voxel> cells;
+    std::unordered_map<std::uint64_t, Voxel> voxels;
     std::vector<Samples> samples;
     double seen_error = 0;
     for (const Photograph& photograph : seen) {
         Measured measured = measure(photograph);
         seen_error += measured.aligned_error;
-        for (const auto& [key, sample] : measured.samples) cells[key].add(sample, basis(sample.direction));
+        for (const auto& [key, sample] : measured.samples) voxels[key].add(sample, basis(sample.direction));
         samples.push_back(std::move(measured.samples));
     }
-    std::erase_if(cells, [](const auto& entry) { return entry.second.photographs < kFewestPhotographs; });
-    for (auto& [key, cell] : cells) cell.solve();
+    std::erase_if(voxels, [](const auto& entry) { return entry.second.photographs < kFewestPhotographs; });
+    for (auto& [key, voxel] : voxels) voxel.solve();
 
     // Leaving a sample out divides its error by one minus its leverage.
     double seen_explained = 0;
     for (const Samples& of_photograph : samples)
         for (const auto& [key, sample] : of_photograph) {
-            const auto found = cells.find(key);
-            if (found == cells.end()) continue;
-            const Voxel& cell = found->second;
+            const auto found = voxels.find(key);
+            if (found == voxels.end()) continue;
+            const Voxel& voxel = found->second;
             const Basis y = basis(sample.direction);
-            const double mean_leverage = sample.pixels / cell.pixels, leverage = sample.pixels * y.dot(cell.normal * y);
-            if (mean_leverage > 0.5) continue; // without it there is next to nothing to predict it from
-            seen_explained += explained_error(sample, (sample.residual - cell.mean) / (1 - mean_leverage), (sample.residual - cell.all(y)) / (1 - leverage));
+            const double mean_leverage = sample.pixels / voxel.pixels,
+                         leverage = sample.pixels * y.dot(voxel.normal * y);
+            if (mean_leverage > 0.5) continue;  // without it there is next to nothing to predict it from
+            seen_explained += explained_error(sample, (sample.residual - voxel.mean) / (1 - mean_leverage),
+                                              (sample.residual - voxel.all(y)) / (1 - leverage));
         }
 
     double error = 0, aligned_error = 0, held_out_explained = 0;
@@ -188,10 +198,11 @@ ResidualParts residual_parts(Backend& plain, Backend& positions, const std::vect
         const Measured measured = measure(photograph);
         error += measured.error, aligned_error += measured.aligned_error;
         for (const auto& [key, sample] : measured.samples) {
-            const auto found = cells.find(key);
-            if (found == cells.end()) continue;
-            const Voxel& cell = found->second;
-            held_out_explained += explained_error(sample, sample.residual - cell.mean, sample.residual - cell.all(basis(sample.direction)));
+            const auto found = voxels.find(key);
+            if (found == voxels.end()) continue;
+            const Voxel& voxel = found->second;
+            held_out_explained += explained_error(sample, sample.residual - voxel.mean,
+                                                  sample.residual - voxel.all(basis(sample.direction)));
         }
     }
     ResidualParts parts;

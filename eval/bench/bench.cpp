@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Times steps and frames over decoded views.
 #include "eval/bench/bench.h"
 
 #include <algorithm>
@@ -13,20 +14,22 @@
 namespace gs {
 namespace {
 
-/// Enough views to average over, few enough that their images fit every memory.
+/// Most views that are used: enough to average over, few enough that their images fit every memory.
 constexpr std::size_t kMaxViews = 64;
-/// Rates are multiplied by this: Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
-/// without the moments of a real run would make another model of the one to be measured.
+/// Factor on all rates. Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps without
+/// the moments of a real run would change the model that is measured.
 constexpr double kFrozen = 1e-6;
 
-/// Training steps one after another, over decoded views.
+/// Takes training steps over decoded views, one after another.
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
-        : backend_(backend), composer_(options, model.appearance, scene, nullptr, kFrozen), background_(options.background.color) {
+        : backend_(backend),
+          composer_(options, model.appearance, scene, nullptr, kFrozen),
+          background_(options.background.color) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {
-            views_.push_back(k * all / used);  // spread over the scene
+            views_.push_back(k * all / used);  // spreads them over the scene
             images_.push_back(scene.train[views_.back()].load());
         }
         for (std::size_t k = 0; k < std::max<std::size_t>(2, used); ++k) step();
@@ -39,7 +42,7 @@ class Steps {
         ++iteration_;
     }
 
-    /// Mean of `count` steps of which none is waited for but the last.
+    /// Returns the mean seconds of `count` steps, of which only the last is waited for.
     double in_a_row(int count) {
         const double start = seconds_now();
         for (int k = 0; k < count; ++k) step();
@@ -47,6 +50,7 @@ class Steps {
         return (seconds_now() - start) / count;
     }
 
+    /// Returns the median seconds of `count` steps that are each waited for.
     double median_alone(int count) {
         std::vector<double> times;
         for (int k = 0; k < count; ++k) {
@@ -68,7 +72,7 @@ class Steps {
     std::int64_t iteration_ = 0;
 };
 
-/// Costs of the stages per iteration; returns the mean time of one.
+/// Measures the costs of the stages per iteration. Returns the mean seconds of an iteration.
 double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<StageCost>& stages) {
     backend.timer().measure_stages(true);
     steps.step();  // a backend may have to prepare for the marks
@@ -82,13 +86,17 @@ double measure_stages(Backend& backend, Steps& steps, int repeat, std::vector<St
     return seconds;
 }
 
-FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int repeats) {
+FrameTime time_frames(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background,
+                      int repeats) {
     std::vector<RenderRequest> requests(cameras.size());
-    for (std::size_t k = 0; k < cameras.size(); ++k) requests[k].camera = camera_params(cameras[k]), requests[k].background = background, requests[k].isp.mode = IspMode::kController;
+    for (std::size_t k = 0; k < cameras.size(); ++k)
+        requests[k].camera = camera_params(cameras[k]), requests[k].background = background,
+        requests[k].isp.mode = IspMode::kController;
     return {cameras[0].width, cameras[0].height, int(cameras.size()), backend.timer().time_frames(requests, repeats)};
 }
 
-std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background, int repeats) {
+std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, const Vec3<float>& background,
+                                       int repeats) {
     std::vector<Camera> own, resized;
     for (const View& view : scene.test.empty() ? scene.train : scene.test) {
         own.push_back(view.camera);
@@ -96,7 +104,8 @@ std::vector<FrameTime> time_all_frames(Backend& backend, const Scene& scene, con
     }
     std::vector<FrameTime> frames = {time_frames(backend, own, background, repeats)};
     const auto same = [](const Camera& c) { return c.width == kFrameWidth && c.height == kFrameHeight; };
-    if (!std::all_of(own.begin(), own.end(), same)) frames.push_back(time_frames(backend, resized, background, repeats));
+    if (!std::all_of(own.begin(), own.end(), same))
+        frames.push_back(time_frames(backend, resized, background, repeats));
     return frames;
 }
 
@@ -109,7 +118,8 @@ Gaussians initial_model(const TrainOptions& options, const Scene& scene) {
     return model;
 }
 
-BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+BenchResult run_bench(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                      const BenchOptions& bench) {
     BenchResult result;
     result.device = backend.describe();
     result.ceilings = backend.timer().measure_ceilings();
@@ -138,7 +148,8 @@ double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec
     return time_frames(backend, cameras, background, repeats).seconds;
 }
 
-double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                         const BenchOptions& bench) {
     backend.upload(model);
     return Steps(backend, options, scene, model, bench.repeat).in_a_row(bench.repeat);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The frame time protocol and its table.
+// Follows the frame time protocol and makes its table.
 #include "eval/bench/frame_times.h"
 
 #include <fmt/format.h>
@@ -12,10 +12,13 @@
 namespace gs {
 
 const char* const kFrameProtocol =
-    "frame times at 1280x720 pixels with the views' own focal lengths (cropped or extended, not rescaled); after a warm-up each view is rendered "
-    "many times in a row; mean, median, least and most over the means of the views; with sorting, without PPISP and the way to the host";
+    "frame times at 1280x720 pixels with the views' own focal lengths (cropped or extended, not rescaled); after a "
+    "warm-up each view is rendered "
+    "many times in a row; mean, median, least and most over the means of the views; with sorting, without PPISP and "
+    "the way to the host";
 
-FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int frames_per_view) {
+FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background,
+                               int frames_per_view) {
     std::vector<RenderRequest> requests(cameras.size());
     RenderedImage warm_up;
     for (std::size_t k = 0; k < cameras.size(); ++k) {
@@ -24,7 +27,8 @@ FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& came
         backend.render(requests[k], warm_up);
     }
     std::vector<double> seconds;
-    for (const RenderRequest& request : requests) seconds.push_back(backend.timer().time_frames({request}, frames_per_view));
+    for (const RenderRequest& request : requests)
+        seconds.push_back(backend.timer().time_frames({request}, frames_per_view));
     std::sort(seconds.begin(), seconds.end());
     FrameTimes times{backend.describe(), int(seconds.size()), frames_per_view};
     for (const double s : seconds) times.mean += s / double(seconds.size());
@@ -35,14 +39,23 @@ FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& came
 
 TextTable frame_times_table(const std::vector<FrameTimesLine>& lines) {
     TextTable table;
-    table.header = {"run", "scene", "model", "device", "#Gs", "views", "frames a view", "mean ms", "median ms", "min ms", "max ms"};
+    table.header = {"run",           "scene",   "model",     "device", "#Gs",   "views",
+                    "frames a view", "mean ms", "median ms", "min ms", "max ms"};
     table.num_labels = 4;
     const auto milliseconds = [](double seconds) { return TextCell{fmt::format("{:.3f}", 1e3 * seconds)}; };
     for (const FrameTimesLine& line : lines) {
         const FrameTimes& t = line.times;
-        table.lines.push_back({{line.run}, {line.scene}, {line.model}, {t.device}, {line.num_gaussians ? fmt::format("{}", *line.num_gaussians) : "-"},
-                               {fmt::format("{}", t.num_views)}, {fmt::format("{}", t.frames_per_view)}, milliseconds(t.mean),
-                               milliseconds(t.median), milliseconds(t.min), milliseconds(t.max)});
+        table.lines.push_back({{line.run},
+                               {line.scene},
+                               {line.model},
+                               {t.device},
+                               {line.num_gaussians ? fmt::format("{}", *line.num_gaussians) : "-"},
+                               {fmt::format("{}", t.num_views)},
+                               {fmt::format("{}", t.frames_per_view)},
+                               milliseconds(t.mean),
+                               milliseconds(t.median),
+                               milliseconds(t.min),
+                               milliseconds(t.max)});
     }
     return table;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frame times by one protocol, so that runs, models and machines compare.
+// Measures frame times by one protocol, so that runs, models and machines compare.
 #pragma once
 
 #include <cstdint>
@@ -13,28 +13,33 @@
 
 namespace gs {
 
+/// The times of a model's frames.
 struct FrameTimes {
     std::string device;
     int num_views = 0;
     int frames_per_view = 0;
-    double mean = 0, median = 0, min = 0, max = 0;  ///< seconds a frame, over the means of the views
+    double mean = 0, median = 0, min = 0, max = 0;  ///< seconds a frame: statistics of the means of the views
 };
 
-/// What measure_frame_times does, in one line for readers. Source: the frame time measurement of the paper's supplement.
+/// The protocol of measure_frame_times in one line for readers. Source: the frame time measurement of the paper's
+/// supplement.
 extern const char* const kFrameProtocol;
 
-/// Times the model that `backend` holds, seen by `cameras` (at least one) at 1280x720 pixels: each has its focal lengths and the centre of
-/// its image where they are, so that the picture is cropped or extended. Renders every view once to warm up, then each view once
-/// untimed and `frames_per_view` times in a row. Sorting is part of a frame; PPISP and the way to the host are not.
-FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background, int frames_per_view);
+/// Times the model that `backend` holds, seen by `cameras` (at least one) at 1280x720 pixels. Each camera keeps its
+/// focal lengths and the centre of its image, so that the picture is cropped or extended. Renders every view once to
+/// warm up, then each view once untimed and `frames_per_view` times in a row. Sorting is part of a frame; PPISP and the
+/// copy to the host are not.
+FrameTimes measure_frame_times(Backend& backend, const std::vector<Camera>& cameras, const Vec3<float>& background,
+                               int frames_per_view);
 
-/// What was timed, and how long it took.
+/// One line of the table: the run and its times.
 struct FrameTimesLine {
     std::string run, scene, model;
-    std::optional<std::int64_t> num_gaussians;  ///< where it is known
+    std::optional<std::int64_t> num_gaussians;  ///< empty where it is not known
     FrameTimes times;
 };
 
+/// Returns a table with times in milliseconds.
 TextTable frame_times_table(const std::vector<FrameTimesLine>& lines);
 
 }  // namespace gs

@@ -22,16 +22,17 @@ using Eigen::Vector3d;
 
 constexpr int kNumSpheres = 16;
 constexpr int kNumCameras = 8;
-/// Close enough for the ball to fill the height of the image and most of its width.
+/// Distance (world units) and focal length (px) with which the ball fills the image's height and most of its width.
 constexpr double kDistance = 1.9, kFocal = 800;
 
-/// The numbers drawn for one Gaussian, four at a time.
+/// Draws the random numbers of one Gaussian, four at a time.
 class Draw {
   public:
     Draw(std::uint64_t seed, std::uint64_t index) : seed_(seed), index_(index) {}
     std::array<double, 4> uniforms() {
         const Philox4 r = next();
-        return {uniform_from_bits<double>(r.v[0]), uniform_from_bits<double>(r.v[1]), uniform_from_bits<double>(r.v[2]), uniform_from_bits<double>(r.v[3])};
+        return {uniform_from_bits<double>(r.v[0]), uniform_from_bits<double>(r.v[1]), uniform_from_bits<double>(r.v[2]),
+                uniform_from_bits<double>(r.v[3])};
     }
     std::array<float, 4> normals() {
         std::array<float, 4> n;
@@ -58,7 +59,8 @@ struct Sphere {
 std::array<Sphere, kNumSpheres> spheres(std::uint64_t seed) {
     std::array<Sphere, kNumSpheres> out;
     for (int k = 0; k < kNumSpheres; ++k) {
-        const auto u = Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();  // behind the indices of the Gaussians
+        const auto u =
+            Draw(seed, (std::uint64_t(1) << 40) + std::uint64_t(k)).uniforms();  // beyond the Gaussians' indices
         out[std::size_t(k)] = {0.7 * std::cbrt(u[2]) * direction(u[0], u[1]), 0.1 + 0.2 * u[3]};
     }
     return out;
@@ -88,7 +90,7 @@ Gaussians generated_gaussians(std::int64_t count, std::uint64_t seed, const Appe
     g.shared.width = model.num_shared;
     g.shared.param.resize(std::size_t(model.num_shared));
     if (model.num_shared > 0) model.init_shared(seed, g.shared.param.data());
-    for (float& w : g.shared.param) w = w == 0 ? 0.1f : w; // an output layer that starts at 0 would show nothing
+    for (float& w : g.shared.param) w = w == 0 ? 0.1f : w;  // an output layer that starts at 0 would show nothing
     const double log_scale = std::log(0.5 / std::cbrt(double(count)));
     parallel_for_rows(count, [&](std::int64_t i) {
         Draw draw(seed, std::uint64_t(i));
@@ -119,7 +121,8 @@ std::vector<Camera> generated_cameras() {
         camera.width = 1280, camera.height = 720;
         camera.fx = camera.fy = kFocal, camera.cx = 640, camera.cy = 360;
         const double angle = 2 * M_PI * k / kNumCameras, elevation = k % 2 ? 0.6 : 0.2;
-        const Vector3d away(std::cos(elevation) * std::cos(angle), std::cos(elevation) * std::sin(angle), std::sin(elevation));
+        const Vector3d away(std::cos(elevation) * std::cos(angle), std::cos(elevation) * std::sin(angle),
+                            std::sin(elevation));
         const Vector3d right = (-away).cross(Vector3d::UnitZ()).normalized();
         camera.rotation.row(0) = right;
         camera.rotation.row(1) = (-away).cross(right);

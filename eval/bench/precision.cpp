@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// Views that errors are measured on: the reference takes seconds for each.
+/// Most views that errors are measured on; the reference takes seconds for each.
 constexpr std::size_t kViews = 4;
 
 struct ReferenceView {
@@ -25,7 +25,8 @@ struct ReferenceView {
     std::vector<double> image;
 };
 
-std::vector<ReferenceView> reference_views(const std::vector<View>& views, const Vec3<float>& background, const Gaussians& model) {
+std::vector<ReferenceView> reference_views(const std::vector<View>& views, const Vec3<float>& background,
+                                           const Gaussians& model) {
     std::vector<ReferenceView> out(std::min(views.size(), kViews));
     for (std::size_t k = 0; k < out.size(); ++k) {
         out[k].request.camera = camera_params(views[k * views.size() / out.size()].camera);
@@ -41,7 +42,8 @@ void measure_errors(Backend& backend, const std::vector<ReferenceView>& views, P
     for (const ReferenceView& view : views) {
         backend.render(view.request, image);
         for (std::size_t i = 0; i < view.image.size(); ++i) {
-            const double error = std::abs(std::clamp(double(image.rgb[i]), 0.0, 1.0) - std::clamp(view.image[i], 0.0, 1.0));
+            const double error =
+                std::abs(std::clamp(double(image.rgb[i]), 0.0, 1.0) - std::clamp(view.image[i], 0.0, 1.0));
             sum += error, squares += error * error;
             row.largest_error = std::max(row.largest_error, 255 * error);
         }
@@ -53,7 +55,8 @@ void measure_errors(Backend& backend, const std::vector<ReferenceView>& views, P
 
 }  // namespace
 
-std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model, const BenchOptions& bench) {
+std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const Scene& scene, const Gaussians& model,
+                                            const BenchOptions& bench) {
     const Vec3<float> background = options.background.color;
     const std::vector<View>& views = scene.test.empty() ? scene.train : scene.test;
     const std::vector<ReferenceView> reference = reference_views(views, background, model);
@@ -69,7 +72,8 @@ std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const S
         row.frame_seconds = frame_seconds(*backend, views, background, bench.frame_repeat);
         row.iteration_seconds = iteration_seconds(*backend, with, scene, model, bench);
         const MemoryUse memory = backend->memory();
-        if (!memory.rows.empty() && model.count > 0) row.model_bytes = double(memory.rows.front().bytes) / double(model.count);
+        if (!memory.rows.empty() && model.count > 0)
+            row.model_bytes = double(memory.rows.front().bytes) / double(model.count);
         rows.push_back(std::move(row));
     }
     return rows;
@@ -77,11 +81,16 @@ std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const S
 
 TextTable precision_table(const std::vector<PrecisionRow>& rows) {
     TextTable table;
-    table.header = {"precision", "frame ms", "iteration ms", "bytes a Gaussian", "mean error", "largest error", "PSNR against double"};
+    table.header = {"precision",  "frame ms",      "iteration ms",       "bytes a Gaussian",
+                    "mean error", "largest error", "PSNR against double"};
     table.num_labels = 1;
     for (const PrecisionRow& row : rows)
-        table.lines.push_back({{row.name}, {fmt::format("{:.3f}", 1e3 * row.frame_seconds)}, {fmt::format("{:.3f}", 1e3 * row.iteration_seconds)},
-                               {row.model_bytes ? fmt::format("{:.0f}", *row.model_bytes) : "-"}, {fmt::format("{:.5f}", row.mean_error)}, {fmt::format("{:.2f}", row.largest_error)},
+        table.lines.push_back({{row.name},
+                               {fmt::format("{:.3f}", 1e3 * row.frame_seconds)},
+                               {fmt::format("{:.3f}", 1e3 * row.iteration_seconds)},
+                               {row.model_bytes ? fmt::format("{:.0f}", *row.model_bytes) : "-"},
+                               {fmt::format("{:.5f}", row.mean_error)},
+                               {fmt::format("{:.2f}", row.largest_error)},
                                {fmt::format("{:.1f}", row.psnr)}});
     return table;
 }

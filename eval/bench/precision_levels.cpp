@@ -9,7 +9,7 @@
 namespace gs {
 
 const std::vector<PrecisionLevel>& precision_levels() {
-    // Cutoffs: twice and ten times those of 3DGS.
+    // The cutoffs are twice (alpha) and ten times (transmittance) those of 3DGS.
     static const std::vector<PrecisionLevel> levels = {
         {"full", false, [](TrainOptions&) {}},
         {"half-storage", true, [](TrainOptions& o) { o.appearance_storage = AppearanceStorage::kFp16; }},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Settings that trade accuracy for speed, by name.
+// Named settings that trade accuracy for speed.
 #pragma once
 
 #include <string>
@@ -9,16 +9,17 @@
 
 namespace gs {
 
+/// One level and the options that it changes.
 struct PrecisionLevel {
     std::string name;
     bool gpu_only;
-    void (*apply)(TrainOptions&);  ///< on options whose precision is the default
+    void (*apply)(TrainOptions&);  ///< changes options whose precision is the default
 };
 
-/// The first one is the default.
+/// Returns all levels; the first one is the default.
 const std::vector<PrecisionLevel>& precision_levels();
 
-/// Throws UsageError naming those there are.
+/// Returns the level of that name. Throws UsageError naming the known ones for another name.
 const PrecisionLevel& precision_level(const std::string& name);
 
 }  // namespace gs

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numerical stability of the appearance models and colour activations at the extremes: float and double against an
-// 80-bit evaluation of the same templates, and against exact limits where a model names them.
+// Measures the numerical stability of the appearance models and colour activations at the extremes: float and double
+// against an 80-bit evaluation of the same templates, and against exact limits where a model names them.
 //
-// How errors are measured. A component x (a channel of a colour, one gradient) is compared with its reference X in one of
-// two scales; X_max is the largest reference of the same kind (the three channels, the gradients of all columns of one
-// kind, the gradient of the mean):
-//  - relative error |x - X| / (|X| + X_max), where the inputs determine X to three digits: one rounding of all inputs moves it
-//    by less than a thousandth of the scale. It includes how badly the problem itself is conditioned: with a site of
-//    temperature 1e4 a rounding of the direction alone changes a weight by a thousandth;
-//  - ULP: |x - X| in spacings of float at |X| + X_max + condition, where the condition is the change of X per
+// How errors are measured. A component x (a channel of a colour, one gradient) is compared with its reference X in one
+// of two scales; X_max is the largest reference of the same kind (the three channels, the gradients of all columns of
+// one kind, the gradient of the mean):
+//  - The relative error is |x - X| / (|X| + X_max). It is measured where the inputs determine X to three digits: one
+//    rounding of all inputs moves X by less than a thousandth of the scale. It includes the conditioning of the
+//    problem: with a site of temperature 1e4 a rounding of the direction alone changes a weight by a thousandth.
+//  - The ULP is |x - X| in spacings of float at |X| + X_max + condition, where the condition is the change of X per
 //    relative change of the inputs. It shows the algorithm alone: small numbers say that the result is nearly right for
 //    inputs that are nearly the given ones, which is all that finite precision can promise.
-// Both scales have a floor of 1e-30, below which float underflows. The mean's offset is changed as a vector: each component
-// by the same share of its length.
+// Both scales have a floor of 1e-30, below which float underflows. The mean's offset is changed as a vector: each
+// component by the same share of its length.
 #pragma once
 
 #include <cstdint>
@@ -23,27 +23,28 @@
 
 namespace gs {
 
-/// One model and one kind of input.
+/// The errors of one model (or activation) for one kind of input.
 struct StabilityRow {
     std::string model, kind;
     std::int64_t cases = 0;
-    double forward_error = 0, backward_error = 0;  ///< largest relative error of the float evaluation
-    double ulp = 0;                                ///< largest error of the float evaluation in ULP
-    double double_error = 0;                       ///< largest error of the double evaluation in the scale of the ULP
-    std::int64_t num_values = 0, num_nonfinite = 0;  ///< values of the float evaluation; those that are not finite
-    /// Gradients that float gives the wrong sign (zero is none), while the reference is more than rounding can explain.
+    double forward_error = 0, backward_error = 0;    ///< largest relative error of the float evaluation
+    double ulp = 0;                                  ///< largest error of the float evaluation in ULP
+    double double_error = 0;                         ///< largest error of the double evaluation in the scale of the ULP
+    std::int64_t num_values = 0, num_nonfinite = 0;  ///< values in float, and how many are not finite
+    /// Gradients of the wrong sign in float (zero has none), while the reference is larger than rounding can explain.
     std::int64_t num_sign_flips = 0;
     std::int64_t num_wrong_limits = 0;  ///< exact limits that float misses by more than 0.03 %
-    std::string limit;                  ///< what is reached at the ends, for reading
+    std::string limit;                  ///< values reached at the ends, for readers
 };
 
-/// Sweeps every registered model and every colour activation; takes seconds. The same rows on every machine with the same
-/// mathematics library; no random seed to choose.
+/// Sweeps every registered model and every colour activation, which takes seconds. The seeds are fixed: machines with
+/// the same mathematics library give the same rows.
 std::vector<StabilityRow> measure_stability();
 
-/// The same for every colour activation and the named models; names that are not registered are ignored.
+/// Sweeps every colour activation and the named models. Names that are not registered are ignored.
 std::vector<StabilityRow> measure_stability(const std::vector<std::string>& models);
 
+/// Returns the rows as a table.
 TextTable stability_table(const std::vector<StabilityRow>& rows);
 
 }  // namespace gs

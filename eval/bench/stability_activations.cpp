@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stability of the colour activations: value, slope and inverse.
+// Measures the stability of the colour activations: value, slope and inverse.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -12,7 +12,8 @@
 namespace gs {
 namespace {
 
-constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus,
+                                            ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
 
 template <class Function> StabilitySubject subject(std::vector<int> groups, int first_gradient, Function f) {
     const int count = int(groups.size());
@@ -25,7 +26,8 @@ StabilityRow row(const std::string& activation, std::string kind) {
     return r;
 }
 
-/// The sweep, the corners of relu and hardsigmoid and their neighbours, and where the smooth ones saturate.
+/// Returns the values of the sweep, those around the corners of relu and hardsigmoid, and those where the smooth
+/// activations saturate.
 std::vector<float> pre_activations() {
     std::vector<float> y(stability_sweep().begin(), stability_sweep().end());
     for (const float corner : {-0.5f, 0.5f})
@@ -45,7 +47,8 @@ std::vector<StabilityRow> measure_activation_stability() {
     for (const ColorActivation activation : kActivations) {
         const std::string name = word(activation);
         const auto forward = subject({0, 1}, 1, [kind = activation]<class T>(const StabilityInputs<T>& in) {
-            return StabilitySubject::Results{color_activation(kind, in.numbers[0]), color_activation_derivative(kind, in.numbers[0])};
+            return StabilitySubject::Results{color_activation(kind, in.numbers[0]),
+                                             color_activation_derivative(kind, in.numbers[0])};
         });
         StabilityRow base = row(name, "base colour");
         for (const float y : pre_activations()) compare_case(forward, {{y}}, base);
@@ -58,8 +61,10 @@ std::vector<StabilityRow> measure_activation_stability() {
         });
         StabilityRow initial = row(name, "initial colour");
         for (int c = 0; c <= 255; ++c) compare_case(inverse, {{float(c) / 255}}, initial);
-        for (const float c : {std::numeric_limits<float>::denorm_min(), 1e-6f, 1 - 1e-6f}) compare_case(inverse, {{c}}, initial);
-        initial.limit = fmt::format("{:.3g} for black, {:.3g} for white", inverse_color_activation(activation, 0.0f), inverse_color_activation(activation, 1.0f));
+        for (const float c : {std::numeric_limits<float>::denorm_min(), 1e-6f, 1 - 1e-6f})
+            compare_case(inverse, {{c}}, initial);
+        initial.limit = fmt::format("{:.3g} for black, {:.3g} for white", inverse_color_activation(activation, 0.0f),
+                                    inverse_color_activation(activation, 1.0f));
         rows.push_back(initial);
     }
     return rows;

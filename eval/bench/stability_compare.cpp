@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Error scales of the stability measurement; stability.h defines them.
+// Computes the errors of the stability measurement in the scales that stability.h defines.
 #include "eval/bench/stability_compare.h"
 
 #include <fmt/format.h>
@@ -17,24 +17,26 @@ namespace {
 using Real = long double;
 using Results = StabilitySubject::Results;
 
-/// Half a spacing of float, relative: what rounding an input changes.
+/// Relative change of an input by rounding: half a spacing of float.
 constexpr Real kRounding = 0x1p-24L;
-/// Below this, float's own range ends: products of a few factors underflow.
+/// Floor of both scales: below it products of a few factors underflow in float.
 constexpr Real kFloor = 1e-30L;
-/// A value counts for the relative error where one rounding of the inputs leaves this much of it.
+/// A value counts for the relative error where its scale is this many times the change by one rounding of the inputs.
 constexpr Real kDetermined = 1000;
-/// Enough to meet the worst direction of a few inputs closely, cheap enough for 1e5 cases.
+/// Number of perturbations: enough to come close to the worst one of a few inputs, cheap enough for 1e5 cases.
 constexpr int kPerturbations = 8;
 
 template <class T> StabilityInputs<T> widened(const StabilityInputs<float>& in) {
     return {{in.numbers.begin(), in.numbers.end()}, in.view};
 }
 
-/// Every number moved by one rounding. The first two move all one way, so that a limit of any one parameter is crossed.
+/// Moves every number by one rounding. The first two samples move all numbers one way, so that a limit of any one
+/// parameter is crossed.
 StabilityInputs<Real> perturbed(StabilityInputs<Real> in, int sample, std::mt19937& signs) {
     const auto turn = [&] { return sample == 0 || (sample > 1 && signs() % 2) ? kRounding : -kRounding; };
     Real length = 0;
-    if (in.view >= 0 && sample > 1) length = std::hypot(in.numbers[in.view], in.numbers[in.view + 1], in.numbers[in.view + 2]);
+    if (in.view >= 0 && sample > 1)
+        length = std::hypot(in.numbers[in.view], in.numbers[in.view + 1], in.numbers[in.view + 2]);
     for (int k = 0; k < int(in.numbers.size()); ++k) {
         const bool of_view = in.view >= 0 && k >= in.view && k < in.view + 3;
         in.numbers[k] += turn() * (of_view && sample > 1 ? length : std::abs(in.numbers[k]));
@@ -42,7 +44,7 @@ StabilityInputs<Real> perturbed(StabilityInputs<Real> in, int sample, std::mt199
     return in;
 }
 
-/// Largest change of each result under one rounding of the inputs.
+/// Returns the largest change of each result under one rounding of the inputs.
 Results response(const StabilitySubject& subject, const StabilityInputs<Real>& inputs, const Results& exact) {
     std::mt19937 signs(1);
     Results noise(exact.size(), 0);
@@ -55,24 +57,27 @@ Results response(const StabilitySubject& subject, const StabilityInputs<Real>& i
 
 Results group_maxima(const Results& values, const std::vector<int>& groups) {
     Results largest(1 + *std::max_element(groups.begin(), groups.end()), 0);
-    for (std::size_t c = 0; c < values.size(); ++c) largest[groups[c]] = std::max(largest[groups[c]], std::abs(values[c]));
+    for (std::size_t c = 0; c < values.size(); ++c)
+        largest[groups[c]] = std::max(largest[groups[c]], std::abs(values[c]));
     Results out;
     for (const int g : groups) out.push_back(largest[g]);
     return out;
 }
 
-/// Spacing of numbers with `digits` binary digits at x.
+/// Returns the spacing of numbers with `digits` binary digits at x.
 Real spacing(Real x, int digits) { return std::ldexp(Real(1), std::ilogb(x) + 1 - digits); }
 
 }  // namespace
 
 Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs, StabilityRow& row) {
     const StabilityInputs<Real> wide = widened<Real>(inputs);
-    const Results exact = subject.reference(wide), in_float = subject.in_float(inputs), in_double = subject.in_double(widened<double>(inputs));
+    const Results exact = subject.reference(wide), in_float = subject.in_float(inputs),
+                  in_double = subject.in_double(widened<double>(inputs));
     const Results noise = response(subject, wide, exact), largest = group_maxima(exact, subject.groups);
     ++row.cases;
     for (int c = 0; c < subject.num_compared; ++c) {
-        const Real error = std::abs(in_float[c] - exact[c]), scale = std::abs(exact[c]) + largest[c] + kFloor, condition = scale + noise[c] / kRounding;
+        const Real error = std::abs(in_float[c] - exact[c]), scale = std::abs(exact[c]) + largest[c] + kFloor,
+                   condition = scale + noise[c] / kRounding;
         ++row.num_values;
         if (!std::isfinite(in_float[c])) {
             ++row.num_nonfinite;
@@ -103,7 +108,9 @@ std::span<const float> stability_sweep() {
     return values;
 }
 
-std::string ends_text(double at_lowest, double at_highest) { return fmt::format("{:.3g} at -max, {:.3g} at +max", at_lowest, at_highest); }
+std::string ends_text(double at_lowest, double at_highest) {
+    return fmt::format("{:.3g} at -max, {:.3g} at +max", at_lowest, at_highest);
+}
 
 std::vector<StabilityRow> measure_stability() { return measure_stability(appearance_names()); }
 

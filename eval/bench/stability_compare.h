@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One evaluation in three precisions, and the comparison that fills a row of the stability table.
+// Evaluates one case in three precisions and compares the results for a row of the stability table.
 #pragma once
 
 #include <functional>
@@ -9,35 +9,37 @@
 
 namespace gs {
 
-/// What a measured function takes: numbers, of which `view` (3 of them from there on; -1: none) form one vector.
+/// The inputs of a measured function. The 3 numbers from index `view` on form one vector (-1: no vector).
 template <class T> struct StabilityInputs {
     std::vector<T> numbers;
     int view = -1;
 };
 
-/// A function of numbers in float, double and long double. Results are widened, so that one comparison serves all.
+/// A function of numbers in float, double and long double. Its results are widened, so that one comparison serves all.
 struct StabilitySubject {
     using Results = std::vector<long double>;
     std::function<Results(const StabilityInputs<float>&)> in_float;
     std::function<Results(const StabilityInputs<double>&)> in_double;
     std::function<Results(const StabilityInputs<long double>&)> reference;
-    std::vector<int> groups;  ///< per result: components of one group share their scale
+    std::vector<int> groups;  ///< group of each result; results of one group share their scale
     int first_gradient = 0;   ///< results from here on are gradients
     int num_compared = 0;     ///< results from here on only add to the scale of their group
 };
 
 /// Evaluates one case and adds it to the row. Returns the float results.
-StabilitySubject::Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs, StabilityRow& row);
+StabilitySubject::Results compare_case(const StabilitySubject& subject, const StabilityInputs<float>& inputs,
+                                       StabilityRow& row);
 
-/// Values that every raw parameter is swept over: 0, and with both signs the smallest float, the smallest normal one, the
-/// decades 1e-6 ... 1e4, 1e10, 1e30 and the largest one.
+/// Returns the values that every raw parameter is swept over: 0, and with both signs the smallest float, the smallest
+/// normal one, the decades 1e-6 ... 1e4, 1e10, 1e30 and the largest one.
 std::span<const float> stability_sweep();
 
-/// "a at -max, b at +max".
+/// Returns "a at -max, b at +max".
 std::string ends_text(double at_lowest, double at_highest);
 
-/// Of the named models, in the order of the registry; others are ignored.
+/// Sweeps the named models in the order of the registry. Names that are not registered are ignored.
 std::vector<StabilityRow> measure_model_stability(const std::vector<std::string>& models);
+/// Sweeps every colour activation: value and slope, then the inverse.
 std::vector<StabilityRow> measure_activation_stability();
 
 }  // namespace gs

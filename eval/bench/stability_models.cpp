@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stability of every registered appearance model: residual, colour and all gradients, swept one kind of input at a time.
+// Measures residual, colour and all gradients of every registered model while one kind of input is swept at a time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,44 +24,45 @@ namespace {
 using Results = StabilitySubject::Results;
 
 constexpr float kLargest = std::numeric_limits<float>::max();
-/// Largest value that all columns of a kind take at once: a sum of more would exceed float's range, however computed.
+/// Largest value that all columns of a kind take at once. A sum of larger ones would exceed float's range.
 constexpr float kLargestTogether = 1e30f;
-/// What a Gaussian's pixels add up to in a loss that is a mean over an image, rather more than less.
+/// Upper end of the usual gradient of a Gaussian's colour when the loss is a mean over an image.
 constexpr float kTypicalGradient = 1e-3f;
-/// Share of its value that an exact limit may be missed by: NASG's floor under the exponent of K shows with 2e-4.
+/// Allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
 constexpr double kLimitTolerance = 3e-4;
 constexpr const char* kSharedKind = "shared weights";
-/// Cases per value at least, and per column and value.
+/// Fewest cases per value, and cases per column and value.
 constexpr int kTrials = 24, kTrialsPerColumn = 2;
 
-/// Where the inputs of a model are among the numbers of a case.
+/// The indices of a model's inputs among the numbers of a case.
 template <class Model> struct Layout {
-    static constexpr int kResidual = 0, kShared = Model::kMaxResidual, kBase = kShared + kNumSharedOf<Model>, kView = kBase + 3, kGradient = kView + 3,
-                         kCount = kGradient + 3;
+    static constexpr int kResidual = 0, kShared = Model::kMaxResidual, kBase = kShared + kNumSharedOf<Model>,
+                         kView = kBase + 3, kGradient = kView + 3, kCount = kGradient + 3;
 };
 
 template <class T> Vec3<T> vec3(const T* p) { return {p[0], p[1], p[2]}; }
 template <class T> void append(Results& out, const Vec3<T>& v) { out.insert(out.end(), {v.x, v.y, v.z}); }
 
-/// Results: residual, colour, then the gradients of residual parameters, shared weights and mean. The colour's gradient goes
-/// straight to the residual: behind a saturated activation there would be none to look at.
+/// Returns residual, colour, then the gradients of residual parameters, shared weights and mean. The colour's gradient
+/// goes straight to the residual, because a saturated activation would leave none to look at.
 template <class Model, class T> Results evaluate(const StabilityInputs<T>& in, ColorActivation activation, int degree) {
     using L = Layout<Model>;
     const T* numbers = in.numbers.data();
     const ViewDirection<T> direction = view_direction(vec3(numbers + L::kView), Vec3<T>{T(0), T(0), T(0)});
-    std::vector<T> dL_dparams(L::kBase); // of residual, then shared
+    std::vector<T> dL_dparams(L::kBase);  // of the residual's parameters, then of the shared weights
     Vec3<T> dL_ddirection;
     const T *params = numbers, *shared = numbers + L::kShared;
     const Vec3<T> residual = model_residual<Model>(shared, params, direction.unit, degree);
-    model_residual_backward<Model>(shared, params, direction.unit, degree, vec3(numbers + L::kGradient), dL_dparams.data(), dL_ddirection,
-                                   dL_dparams.data() + L::kShared);
+    model_residual_backward<Model>(shared, params, direction.unit, degree, vec3(numbers + L::kGradient),
+                                   dL_dparams.data(), dL_ddirection, dL_dparams.data() + L::kShared);
     const Vec3<T> y = vec3(numbers + L::kBase) + residual;
     Results out;
     append(out, residual);
     append(out, activate(activation, y));
     out.insert(out.end(), dL_dparams.begin(), dL_dparams.end());
     append(out, direction_pullback(direction, dL_ddirection));
-    // Scale of the mean's gradient only: it is a sum over sites, lobes or bands, less its radial part, and both may cancel.
+    // The rest only gives the scale of the mean's gradient. That is a sum over sites, lobes or bands less its radial
+    // part, and both may cancel.
     append(out, dL_ddirection * direction.inverse_distance);
     T largest = T(0);
     for (const T g : dL_dparams) largest = gs_max(largest, gs_abs(g));
@@ -102,14 +103,15 @@ template <class Model> class Sweep {
     }
 
     StabilityRow& row(const std::string& kind) {
-        const auto found = std::find_if(rows_.begin(), rows_.end(), [&](const StabilityRow& r) { return r.kind == kind; });
+        const auto found =
+            std::find_if(rows_.begin(), rows_.end(), [&](const StabilityRow& r) { return r.kind == kind; });
         if (found != rows_.end()) return *found;
         rows_.emplace_back();
         rows_.back().model = info_.name, rows_.back().kind = kind;
         return rows_.back();
     }
 
-    /// Ordinary values everywhere: parameters and weights around 1 and below, seen from 1 to 10 units away.
+    /// Returns ordinary values: parameters and weights around 1 and below, seen mostly from 1 to 10 units away.
     StabilityInputs<float> ordinary() {
         StabilityInputs<float> in{std::vector<float>(L::kCount), L::kView};
         for (int k = 0; k < L::kCount; ++k) in.numbers[k] = normal_(random_) * (k < L::kShared ? 1.0f : 0.3f);
@@ -120,8 +122,10 @@ template <class Model> class Sweep {
     }
 
     Results compare(const StabilityInputs<float>& in, StabilityRow& row) {
-        const auto activation = ColorActivation(row.cases % 4); // in turn
-        const auto f = [&]<class T>(const StabilityInputs<T>& inputs) { return evaluate<Model>(inputs, activation, info_.max_degree_limit); };
+        const auto activation = ColorActivation(row.cases % 4);  // each in turn
+        const auto f = [&]<class T>(const StabilityInputs<T>& inputs) {
+            return evaluate<Model>(inputs, activation, info_.max_degree_limit);
+        };
         return compare_case({f, f, f, groups_, 6, int(groups_.size()) - 4}, in, row);
     }
 
@@ -132,32 +136,39 @@ template <class Model> class Sweep {
         sweep(kind, numbers);
     }
 
-    /// One of `numbers` at each value of the sweep, and all of them together with signs of their own, the rest ordinary.
+    /// Sets one of `numbers` to each value of the sweep, or all of them together with random signs. The rest is
+    /// ordinary.
     void sweep(const std::string& kind, const std::vector<int>& numbers) {
         StabilityRow& r = row(kind);
-        // Many weights share a row of a matrix: two looks at each of 800 would tell no more than at 50.
+        // Many weights share a row of a matrix: testing each of 800 twice would tell no more than testing 50.
         const int trials = std::clamp(kTrialsPerColumn * int(numbers.size()), kTrials, 100);
         double ends[2] = {};
         for (const float value : stability_sweep()) {
-            if (kind == kSharedKind && std::abs(value) > float(kLargestSharedWeight)) continue; // the optimizer never lets them
+            if (kind == kSharedKind && std::abs(value) > float(kLargestSharedWeight))
+                continue;  // the optimizer's limit
             for (int trial = 0; trial < trials; ++trial) {
                 StabilityInputs<float> in = ordinary();
                 if (trial % 2 && std::abs(value) <= kLargestTogether)
                     for (const int k : numbers) in.numbers[k] = random_() % 2 ? value : -value;
                 else
-                    in.numbers[numbers[numbers.size() <= std::size_t(trials) ? trial % numbers.size() : random_() % numbers.size()]] = value;
+                    in.numbers[numbers[numbers.size() <= std::size_t(trials) ? trial % numbers.size()
+                                                                             : random_() % numbers.size()]] = value;
                 const Results result = compare(in, r);
-                if (trial == 0 && std::abs(value) == kLargest) ends[value > 0] = double(result[kind == "base colour" ? 3 : 0]);
+                if (trial == 0 && std::abs(value) == kLargest)
+                    ends[value > 0] = double(result[kind == "base colour" ? 3 : 0]);
             }
         }
-        r.limit = kind == kSharedKind ? fmt::format("the optimizer keeps them within {:g}", kLargestSharedWeight) : ends_text(ends[0], ends[1]);
+        r.limit = kind == kSharedKind ? fmt::format("the optimizer keeps them within {:g}", kLargestSharedWeight)
+                                      : ends_text(ends[0], ends[1]);
     }
 
-    /// Axes, planes, directions a rounding away from them, and every distance from the camera centre outwards.
+    /// Sweeps axes, planes, directions a rounding away from them, and distances from the camera centre outwards.
     void sweep_views() {
         StabilityRow& r = row("view");
         const float small[] = {0, 1e-38f, 1e-20f, 1e-8f, 1e-7f, 1e-6f, 1e-3f, 1};
-        const float lengths[] = {0, std::numeric_limits<float>::denorm_min(), 1e-38f, 1e-20f, 9e-7f, 1e-6f, 1.1e-6f, 1e-5f, 1e-3f, 1, 1e4f, 1e9f};
+        const float lengths[] = {
+            0,   std::numeric_limits<float>::denorm_min(), 1e-38f, 1e-20f, 9e-7f, 1e-6f, 1.1e-6f, 1e-5f, 1e-3f, 1, 1e4f,
+            1e9f};
         for (int axis = 0; axis < 3; ++axis)
             for (const float sign : {-1.0f, 1.0f})
                 for (const float u : small)
@@ -165,7 +176,8 @@ template <class Model> class Sweep {
                         for (const float length : lengths) {
                             StabilityInputs<float> in = ordinary();
                             float* view = &in.numbers[L::kView];
-                            view[axis] = sign * length, view[(axis + 1) % 3] = u * length, view[(axis + 2) % 3] = v * length;
+                            view[axis] = sign * length, view[(axis + 1) % 3] = u * length,
+                            view[(axis + 2) % 3] = v * length;
                             compare(in, r);
                         }
         r.limit = "direction (0, 0, 1) and no gradient within 1e-6 of the camera centre";
@@ -180,9 +192,11 @@ template <class Model> class Sweep {
         if (!c.limit) return;
         std::string& text = limits_[c.kind];
         const std::string known = c.limit_name + " = ";
-        if (text.find(known) == std::string::npos) text += (text.empty() ? "" : ", ") + known + fmt::format("{:.4g}", double(result[0]));
+        if (text.find(known) == std::string::npos)
+            text += (text.empty() ? "" : ", ") + known + fmt::format("{:.4g}", double(result[0]));
         for (int k = 0; k < 3; ++k)
-            if (!(std::abs(double(result[k]) - (*c.limit)[k]) <= kLimitTolerance * std::abs((*c.limit)[k]) + 1e-30)) ++r.num_wrong_limits;
+            if (!(std::abs(double(result[k]) - (*c.limit)[k]) <= kLimitTolerance * std::abs((*c.limit)[k]) + 1e-30))
+                ++r.num_wrong_limits;
     }
 
     const ModelInfo& info_ = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
@@ -198,11 +212,13 @@ template <class Model> class Sweep {
 template <class... Models> std::vector<StabilityRow> sweep_all(const std::vector<std::string>& names) {
     std::vector<std::function<std::vector<StabilityRow>()>> sweeps;
     const auto add = [&]<class Model>(const Model* model) {
-        if (std::find(names.begin(), names.end(), appearance_name(model)) != names.end()) sweeps.push_back([] { return Sweep<Model>().rows(); });
+        if (std::find(names.begin(), names.end(), appearance_name(model)) != names.end())
+            sweeps.push_back([] { return Sweep<Model>().rows(); });
     };
     (add(static_cast<const Models*>(nullptr)), ...);
     std::vector<std::vector<StabilityRow>> by_model(sweeps.size());
-    parallel_for(std::int64_t(sweeps.size()), [&](std::int64_t k) { by_model[std::size_t(k)] = sweeps[std::size_t(k)](); });
+    parallel_for(std::int64_t(sweeps.size()),
+                 [&](std::int64_t k) { by_model[std::size_t(k)] = sweeps[std::size_t(k)](); });
     std::vector<StabilityRow> all;
     for (auto& rows : by_model) std::move(rows.begin(), rows.end(), std::back_inserter(all));
     return all;
@@ -210,6 +226,8 @@ template <class... Models> std::vector<StabilityRow> sweep_all(const std::vector
 
 }  // namespace
 
-std::vector<StabilityRow> measure_model_stability(const std::vector<std::string>& models) { return sweep_all<GS_ALL_APPEARANCE_MODELS>(models); }
+std::vector<StabilityRow> measure_model_stability(const std::vector<std::string>& models) {
+    return sweep_all<GS_ALL_APPEARANCE_MODELS>(models);
+}
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stability measurement as a table.
+// Writes the stability measurement as a table.
 #include <fmt/format.h>
 
 #include "eval/bench/stability.h"
@@ -8,7 +8,8 @@ namespace gs {
 
 TextTable stability_table(const std::vector<StabilityRow>& rows) {
     TextTable table;
-    table.header = {"model", "input", "limit reached", "cases", "forward", "backward", "ULP", "double", "non-finite", "sign flips", "wrong limits"};
+    table.header = {"model", "input",  "limit reached", "cases",      "forward",     "backward",
+                    "ULP",   "double", "non-finite",    "sign flips", "wrong limits"};
     table.num_labels = 3;
     for (const StabilityRow& r : rows)
         table.lines.push_back({{r.model},

@@ -32,8 +32,8 @@ std::optional<CellResult> finished_cell(const TrainOptions& options) {
     if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;
     std::error_code ignored;
     const auto bytes = std::filesystem::file_size(RunFolder{options.model}.point_cloud(options.iterations), ignored);
-    return CellResult{row->psnr,        row->ssim, *row->num_gaussians, *row->train_seconds, *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes,
-                      row->protocol};
+    return CellResult{row->psnr,           row->ssim,           *row->num_gaussians,    *row->train_seconds,
+                      *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes, row->protocol};
 }
 
 std::string difference_to_run(const TrainOptions& options) {
@@ -43,16 +43,21 @@ std::string difference_to_run(const TrainOptions& options) {
     auto now = training_options(options);
     now["seed"] = std::to_string(options.seed), run.training["seed"] = std::to_string(run.seed);
     // The scene first: where it differs, so does more.
-    std::string text = now["source"] != run.training["source"] ? fmt::format("source {}, now {}", run.training["source"], now["source"]) : "";
+    std::string text = now["source"] != run.training["source"]
+                           ? fmt::format("source {}, now {}", run.training["source"], now["source"])
+                           : "";
     for (const auto& [key, value] : now)
-        if (text.empty() && run.training[key] != value) text = fmt::format("{} {}, now {}", key, run.training[key], value);
+        if (text.empty() && run.training[key] != value)
+            text = fmt::format("{} {}, now {}", key, run.training[key], value);
     return text;
 }
 
 void require_named_appearance(const TrainOptions& options) {
     if (options.appearance == kAutoAppearance)
-        throw UsageError("appearance auto: every run that is compared would choose a model of its own; let one run of gsapp train --appearance auto choose it, "
-                         "then name it here");
+        throw UsageError(
+            "appearance auto: every run that is compared would choose a model of its own; let one run of gsapp train "
+            "--appearance auto choose it, "
+            "then name it here");
 }
 
 void limit_budget(TrainOptions& options, double share) {

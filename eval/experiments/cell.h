@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One training out of many that are compared: what it brought, and whether its folder holds it already.
+// A cell: one run to train out of many that are compared. What it is, what it brought, and whether its folder holds it
+// already.
 #pragma once
 
 #include <cstdint>
@@ -11,32 +12,41 @@
 
 namespace gs {
 
-/// Scores and costs of a finished run.
+/// A run to train.
+struct Cell {
+    std::string name;      ///< for messages
+    TrainOptions options;  ///< validated; `model` is its own folder
+};
+
+/// Scores and costs of a cell whose run has finished.
 struct CellResult {
     double psnr = 0, ssim = 0;  ///< psnr may be infinite
     std::int64_t num_gaussians = 0;
     double train_seconds = 0;
-    double frame_seconds = 0;  ///< mean of a frame at the test views' size
-    std::int64_t bytes = 0;    ///< of the point cloud file
-    std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
-    std::string protocol;      ///< protocol_line of the scores
+    double frame_seconds = 0;                            ///< mean over the test views, at their size
+    std::int64_t bytes = 0;                              ///< size of the point cloud file
+    std::optional<std::int64_t> peak_device_bytes = {};  ///< most memory of the GPU while training; empty on the CPU
+    std::string protocol = {};                           ///< protocol_line of the scores
 };
 
-/// The scores and costs by the keys of results of suites and trade-offs. JSON knows no infinity: such a PSNR is null.
+/// Returns scores and costs by the keys that suite.json and tradeoff.json use. An infinite PSNR becomes null: JSON
+/// knows no infinity.
 nlohmann::ordered_json result_json(const CellResult& result);
 
-/// The result of these validated options if the folder `options.model` holds a finished run of them; empty otherwise. Options that
-/// change neither model nor figures (messages, image cache, saving along the way) may differ.
+/// Returns the result of the finished run in the folder `options.model`, or nothing if the folder holds none of these
+/// (validated) options. Options that change neither model nor figures (messages, image cache, saving along the way) may
+/// differ.
 std::optional<CellResult> finished_cell(const TrainOptions& options);
 
-/// In what the run in the folder `options.model` differs from `options`, "resolution 80, now 160"; empty when it does not, or the folder
-/// holds none.
+/// Says how the run in the folder `options.model` differs from `options`: "resolution 80, now 160". Empty where it does
+/// not differ and where the folder holds no run.
 std::string difference_to_run(const TrainOptions& options);
 
 /// Throws UsageError for `--appearance auto`: runs that are compared must not each choose a model of their own.
 void require_named_appearance(const TrainOptions& options);
 
-/// Limits the number of Gaussians to that share of --cap-max, and random initial points with it: MCMC keeps what is there to begin with.
+/// Limits the number of Gaussians to `share` of --cap-max, and the random initial points to the same number: MCMC never
+/// removes what it begins with.
 void limit_budget(TrainOptions& options, double share);
 
 }  // namespace gs

@@ -29,7 +29,7 @@ using Clock = std::chrono::steady_clock;
 /// Rounds through the test views in which frames are timed: about a second on a GPU; on the CPU one round is as long.
 constexpr int kFrameRoundsCuda = 20, kFrameRoundsCpu = 1;
 
-/// What CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
+/// Returns what CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
 std::vector<std::string> visible_gpus() {
     std::vector<std::string> names;
     if (const char* chosen = std::getenv("CUDA_VISIBLE_DEVICES")) {
@@ -42,12 +42,13 @@ std::vector<std::string> visible_gpus() {
     return names;
 }
 
-/// The message of a program that ended with an error, out of the last lines it printed.
+/// Returns the message of a program that ended with an error, from the last lines it printed.
 std::string error_of(const ProcessResult& result) {
     static const std::string kMark = "error: ";
     for (auto line = result.last_lines.rbegin(); line != result.last_lines.rend(); ++line)
         if (const auto at = line->find(kMark); at != std::string::npos) return line->substr(at + kMark.size());
-    return fmt::format("exit code {}{}", result.exit_code, result.last_lines.empty() ? "" : ": " + result.last_lines.back());
+    return fmt::format("exit code {}{}", result.exit_code,
+                       result.last_lines.empty() ? "" : ": " + result.last_lines.back());
 }
 
 class CellRunner {
@@ -58,9 +59,11 @@ class CellRunner {
         keep_finished();
         if (pending_.empty()) return summary_;
         const bool cuda = uses_cuda(cells_.front().options.device);
-        if (cuda && !cuda_available()) throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+        if (cuda && !cuda_available())
+            throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
         std::vector<std::thread> workers;
-        for (const std::string& gpu : cuda ? visible_gpus() : std::vector<std::string>{""}) workers.emplace_back([this, gpu, cuda] { work(gpu, cuda); });
+        for (const std::string& gpu : cuda ? visible_gpus() : std::vector<std::string>{""})
+            workers.emplace_back([this, gpu, cuda] { work(gpu, cuda); });
         for (std::thread& worker : workers) worker.join();
         if (hook_failure_) std::rethrow_exception(hook_failure_);
         return summary_;
@@ -80,7 +83,7 @@ class CellRunner {
         }
     }
 
-    /// Takes one cell after another until there is none.
+    /// Trains one cell after another until there is none.
     void work(const std::string& gpu, bool cuda) {
         while (const std::optional<std::size_t> k = take()) {
             CellOutcome outcome;
@@ -110,9 +113,12 @@ class CellRunner {
         log_info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
         const std::string config = options.model + ".yaml";
         write_text_atomic(config, options_to_yaml(options));
-        std::vector<std::string> command = {fs::read_symlink("/proc/self/exe").string(), "train", "--config", config, "--time-frames",
-                                            std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
-        if (holds_same_run(options)) command.push_back("--overwrite"); // anew: the time of a resumed run is not that of the training
+        const fs::path program = hooks_.program.empty() ? fs::read_symlink("/proc/self/exe") : hooks_.program;
+        std::vector<std::string> command = {
+            program.string(), "train",         "--config",
+            config,           "--time-frames", std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
+        if (holds_same_run(options))
+            command.push_back("--overwrite");  // from the start: a resumed run would not tell the time of the training
         std::vector<std::pair<std::string, std::string>> environment;
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const auto begin = Clock::now();
@@ -124,7 +130,8 @@ class CellRunner {
         outcome.code = ExitCode(process.exit_code);
         if (outcome.code == ExitCode::kOk) {
             outcome.result = finished_cell(options);
-            if (!outcome.result) outcome.error = "no scores; does the scene have test views?", outcome.code = ExitCode::kDataset;
+            if (!outcome.result)
+                outcome.error = "no scores; does the scene have test views?", outcome.code = ExitCode::kDataset;
         } else if (outcome.code != ExitCode::kInterrupted) {
             outcome.error = error_of(process);
         }
@@ -134,17 +141,18 @@ class CellRunner {
     void finish(std::size_t k, const CellOutcome& outcome) {
         const std::lock_guard lock(mutex_);
         if (outcome.result) {
-            log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr, outcome.result->num_gaussians, outcome.result->train_seconds);
+            log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr,
+                     outcome.result->num_gaussians, outcome.result->train_seconds);
         } else if (!outcome.error.empty()) {
             log_error("{}: {}", cells_[k].name, outcome.error);
             if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
         } else {
             log_warning("{}: stopped", name(k));
-            if (!past_deadline()) summary_.interrupted = true; // by a signal, if perhaps only to the child
+            if (!past_deadline()) summary_.interrupted = true;  // by a signal, if perhaps only to the child
         }
         try {
             hooks_.done(k, outcome);
-        } catch (...) { // a full disk stops the others, too
+        } catch (...) {  // a full disk stops the others, too
             hook_failure_ = std::current_exception();
         }
     }
@@ -154,7 +162,7 @@ class CellRunner {
 
     const std::vector<Cell>& cells_;
     const CellHooks& hooks_;
-    std::mutex mutex_; ///< of all below
+    std::mutex mutex_;  ///< guards all below
     std::vector<std::size_t> pending_;
     std::exception_ptr hook_failure_;
     CellsSummary summary_;
@@ -162,12 +170,16 @@ class CellRunner {
 
 }  // namespace
 
-CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks) { return CellRunner(cells, hooks).run(); }
+CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks) {
+    return CellRunner(cells, hooks).run();
+}
 
 void throw_unless_complete(const CellsSummary& summary, std::size_t num_cells, const fs::path& file) {
-    if (summary.interrupted) throw Interrupted("interrupted; the same command trains what is missing in " + file.parent_path().string());
+    if (summary.interrupted)
+        throw Interrupted("interrupted; the same command trains what is missing in " + file.parent_path().string());
     if (summary.num_failed > 0)
-        throw Error(summary.first_code, fmt::format("{} of {} runs failed; the messages are in {}", summary.num_failed, num_cells, file.string()));
+        throw Error(summary.first_code, fmt::format("{} of {} runs failed; the messages are in {}", summary.num_failed,
+                                                    num_cells, file.string()));
 }
 
 }  // namespace gs

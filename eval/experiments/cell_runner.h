@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trains many runs as processes of this program, one after another or one on each GPU, and keeps those that are finished.
+// Trains many runs as processes of this program, one after another or one on each GPU, and keeps those that are
+// finished.
 #pragma once
 
 #include <chrono>
@@ -14,43 +15,47 @@
 
 namespace gs {
 
-/// A run to train. All cells of one call go to the same device.
-struct Cell {
-    std::string name;      ///< for messages
-    TrainOptions options;  ///< validated; `model` is its own folder
-};
-
-/// How one cell ended: with a result, or an error, or (with neither) stopped by the user or the deadline.
+/// How one cell ended: with a result, with an error, or with neither when the user or the deadline stopped it.
 struct CellOutcome {
-    std::optional<CellResult> result;
-    std::string error;
+    std::optional<CellResult> result = {};
+    std::string error = {};
     ExitCode code = ExitCode::kOk;
-    std::optional<double> wall_seconds;  ///< of the process; empty: nothing was trained
+    std::optional<double> wall_seconds = {};  ///< from start to end of the process; empty: nothing was trained
 };
 
-/// Calls that never overlap.
+/// How the caller takes part. The calls never overlap.
 struct CellHooks {
-    /// A cell has ended, or was finished before (these come first). An exception stops everything and leaves run_cells.
+    /// Is told of every cell that has ended, and first of those that were finished before. An exception stops
+    /// everything and leaves run_cells.
     std::function<void(std::size_t cell, const CellOutcome&)> done;
-    /// Which of the pending cells, given in their order, is trained next; empty = none of them now. Without it, the first.
+    /// Picks the cell to train next out of the pending ones, which come in their order; nothing = none of them now.
+    /// Without it the first is next.
     std::function<std::optional<std::size_t>(const std::vector<std::size_t>& pending)> choose = {};
-    /// When runs under way are stopped and no others started.
+    /// The time at which runs under way are stopped and from which none is started.
     std::optional<std::chrono::steady_clock::time_point> deadline = {};
+    /// The program that trains, called as `program train --config FILE --time-frames N [--overwrite]`; empty: this
+    /// program.
+    std::filesystem::path program = {};
 };
 
-/// What the runs came to.
+/// What became of all cells together.
 struct CellsSummary {
     int num_failed = 0;
-    ExitCode first_code = ExitCode::kOk;  ///< of the first failure
-    bool interrupted = false;             ///< before all were trained
+    ExitCode first_code = ExitCode::kOk;  ///< exit code of the first failure
+    bool interrupted = false;             ///< the user stopped the runs before all were trained
 };
 
-/// Trains the cells whose folders do not hold them yet (with `overwrite` all). A run that fails does not stop the others; once
-/// interrupted() nothing more is started, and runs under way write their checkpoint and end. Cells that were not reached are not `done`.
-/// Call catch_interrupts() before.
+/// Trains the cells whose folders do not hold them yet, or all of them with the option `overwrite`. All cells go to the
+/// same device. A run that fails does not stop the others. Once interrupted() is true nothing more is started, and runs
+/// under way write their checkpoint and end. Cells that were not reached are not `done`. Call catch_interrupts()
+/// before. Throws DeviceError for a device that is not there.
 CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks);
 
-/// Throws Interrupted where the user stopped the runs, else Error with the exit code of the first failure if there was one. `file` has the messages.
+/// What trains cells: run_cells, or what a test puts in its place.
+using CellsRunner = std::function<CellsSummary(const std::vector<Cell>&, const CellHooks&)>;
+
+/// Throws Interrupted if the user stopped the runs, else Error with the exit code of the first failure if a run failed.
+/// `file` is the table that has the runs' messages.
 void throw_unless_complete(const CellsSummary& summary, std::size_t num_cells, const std::filesystem::path& file);
 
 }  // namespace gs

@@ -10,18 +10,21 @@
 namespace gs {
 namespace {
 
-/// Of each of these points the distance between its two neighbours in every objective, relative to the objective's range, summed;
-/// infinite for the ends.
+/// Returns for each point the distance between its two neighbours in every objective, relative to the objective's
+/// range, summed over the objectives; infinite for the ends.
 std::vector<double> crowding_distance(const std::vector<Objectives>& points) {
     std::vector<double> distance(points.size(), 0);
     std::vector<std::size_t> order(points.size());
     for (std::size_t k = 0; k < std::tuple_size_v<Objectives>; ++k) {
         std::iota(order.begin(), order.end(), std::size_t(0));
-        std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return points[a][k] < points[b][k]; });
+        std::stable_sort(order.begin(), order.end(),
+                         [&](std::size_t a, std::size_t b) { return points[a][k] < points[b][k]; });
         const double range = points[order.back()][k] - points[order.front()][k];
-        if (!(range > 0) || !std::isfinite(range)) continue; // all alike, or a perfect score: says nothing about distances
+        if (!(range > 0) || !std::isfinite(range))
+            continue;  // all alike, or a perfect score: says nothing about distances
         distance[order.front()] = distance[order.back()] = std::numeric_limits<double>::infinity();
-        for (std::size_t i = 1; i + 1 < order.size(); ++i) distance[order[i]] += (points[order[i + 1]][k] - points[order[i - 1]][k]) / range;
+        for (std::size_t i = 1; i + 1 < order.size(); ++i)
+            distance[order[i]] += (points[order[i + 1]][k] - points[order[i - 1]][k]) / range;
     }
     return distance;
 }
@@ -45,7 +48,9 @@ bool dominates(const Objectives& a, const Objectives& b) {
 
 std::vector<bool> pareto_front(const std::vector<Objectives>& points) {
     std::vector<bool> front;
-    for (const Objectives& p : points) front.push_back(std::none_of(points.begin(), points.end(), [&](const Objectives& other) { return dominates(other, p); }));
+    for (const Objectives& p : points)
+        front.push_back(
+            std::none_of(points.begin(), points.end(), [&](const Objectives& other) { return dominates(other, p); }));
     return front;
 }
 
@@ -61,7 +66,8 @@ std::vector<std::size_t> better_half(const std::vector<Objectives>& points) {
             const std::vector<double> distance = crowding_distance(chosen(points, front));
             std::vector<std::size_t> order(front.size());
             std::iota(order.begin(), order.end(), std::size_t(0));
-            std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return distance[a] > distance[b]; });
+            std::stable_sort(order.begin(), order.end(),
+                             [&](std::size_t a, std::size_t b) { return distance[a] > distance[b]; });
             order.resize(wanted - kept.size());
             for (const std::size_t i : order) kept.push_back(front[i]);
         } else {

@@ -43,7 +43,8 @@ std::vector<Row> activation_rows() {
     std::vector<Row> rows;
     for (const std::string& activation : words<ColorActivation>())
         for (const Rate& rate : kRates)
-            rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name), fmt::format("{}-{}", activation, rate.name),
+            rows.push_back({fmt::format("{}, opacity rate {}", activation, rate.name),
+                            fmt::format("{}-{}", activation, rate.name),
                             [kind = *choice_of<ColorActivation>(activation), value = rate.value](TrainOptions& o) {
                                 o.color_activation = kind, o.opacity_lr = value;
                             }});
@@ -59,7 +60,7 @@ constexpr Suite kSuites[] = {{"densification", densification_rows}, {"activation
 std::vector<Row> rows_of(const std::string& suite) {
     for (const Suite& s : kSuites)
         if (s.name == suite) return s.rows();
-    throw UsageError(fmt::format("--suite: '{}' is not one of {}", suite, fmt::join(suite_names(), ", ")));
+    throw UsageError(fmt::format("suite: '{}' is not one of {}", suite, fmt::join(suite_names(), ", ")));
 }
 
 }  // namespace
@@ -70,20 +71,21 @@ std::vector<std::string> suite_names() {
     return names;
 }
 
-std::vector<SuiteCell> suite_cells(const std::string& suite, const std::vector<std::string>& appearances, const TrainOptions& base) {
-    std::vector<SuiteCell> cells;
+std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances,
+                                   const TrainOptions& base) {
+    std::vector<SuiteLine> lines;
     for (const std::string& appearance : appearances)
         for (const Row& row : rows_of(suite)) {
-            SuiteCell cell{row.name, appearance, base};
-            cell.options.appearance = appearance;
-            cell.options.eval = true;
-            cell.options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
-            row.vary(cell.options);
-            require_named_appearance(cell.options);
-            validate(cell.options);
-            cells.push_back(std::move(cell));
+            TrainOptions options = base;
+            options.appearance = appearance;
+            options.eval = true;
+            options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
+            row.vary(options);
+            require_named_appearance(options);
+            validate(options);
+            lines.push_back({row.name, appearance, {fmt::format("{}, {}", row.name, appearance), std::move(options)}});
         }
-    return cells;
+    return lines;
 }
 
 }  // namespace gs

@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// In one cell of the table.
+/// Returns the text as one field of the table: without line breaks and bars.
 std::string one_line(std::string text) {
     std::replace(text.begin(), text.end(), '\n', ' ');
     std::replace(text.begin(), text.end(), '|', '/');
@@ -22,7 +22,7 @@ std::string one_line(std::string text) {
 }
 
 Json json_of(const SuiteLine& line) {
-    Json json = {{"row", line.cell.row}, {"appearance", line.cell.appearance}, {"run", line.cell.options.model}};
+    Json json = {{"row", line.row}, {"appearance", line.appearance}, {"run", line.cell.options.model}};
     json["status"] = line.result ? "finished" : line.error.empty() ? "not trained" : "failed";
     if (!line.error.empty()) json["error"] = line.error;
     if (!line.result) return json;
@@ -33,22 +33,27 @@ Json json_of(const SuiteLine& line) {
 }  // namespace
 
 std::string format_suite(const std::vector<SuiteLine>& lines) {
-    std::string out = "| run | appearance | PSNR | SSIM | #Gs | training, s | FPS | MB |\n|---|---|---:|---:|---:|---:|---:|---:|\n";
+    std::string out =
+        "| run | appearance | PSNR | SSIM | #Gs | training, s | FPS | MB |\n|---|---|---:|---:|---:|---:|---:|---:|\n";
     for (const SuiteLine& line : lines) {
-        out += fmt::format("| {} | {} |", line.cell.row, line.cell.appearance);
+        out += fmt::format("| {} | {} |", line.row, line.appearance);
         if (line.result) {
             const CellResult& r = *line.result;
-            out += fmt::format(" {:.2f} | {:.4f} | {} | {:.1f} | {:.1f} | {:.1f} |\n", r.psnr, r.ssim, r.num_gaussians, r.train_seconds,
-                               r.frame_seconds > 0 ? 1 / r.frame_seconds : 0, 1e-6 * double(r.bytes));
+            out += fmt::format(" {:.2f} | {:.4f} | {} | {:.1f} | {:.1f} | {:.1f} |\n", r.psnr, r.ssim, r.num_gaussians,
+                               r.train_seconds, r.frame_seconds > 0 ? 1 / r.frame_seconds : 0, 1e-6 * double(r.bytes));
         } else {
-            out += fmt::format(" {} | | | | | |\n", line.error.empty() ? "not trained" : "failed: " + one_line(line.error));
+            out += fmt::format(" {} | | | | | |\n",
+                               line.error.empty() ? "not trained" : "failed: " + one_line(line.error));
         }
     }
     return out;
 }
 
 void write_suite(const std::filesystem::path& folder, const std::string& suite, const std::vector<SuiteLine>& lines) {
-    Json json = {{"suite", suite}, {"scene", lines.empty() ? "" : lines.front().cell.options.source}, {"program", version_text()}, {"runs", Json::array()}};
+    Json json = {{"suite", suite},
+                 {"scene", lines.empty() ? "" : lines.front().cell.options.source},
+                 {"program", version_text()},
+                 {"runs", Json::array()}};
     for (const SuiteLine& line : lines) json["runs"].push_back(json_of(line));
     write_text_atomic(folder / "suite.md", format_suite(lines));
     write_text_atomic(folder / "suite.json", json.dump(1) + "\n");

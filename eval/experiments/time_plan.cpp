@@ -20,7 +20,8 @@ std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
         const double iterations = double(options.iterations) / double(run.options.iterations);
         const double gaussians = double(options.cap_max) / double(run.options.cap_max);
         // A step of 1 % in size weighs more than another appearance: these differ by less than a factor of two.
-        const double distance = std::abs(std::log(iterations)) + std::abs(std::log(gaussians)) + (run.options.appearance == options.appearance ? 0 : 0.01);
+        const double distance = std::abs(std::log(iterations)) + std::abs(std::log(gaussians)) +
+                                (run.options.appearance == options.appearance ? 0 : 0.01);
         if (distance >= least) continue;
         least = distance;
         expected = overhead_seconds_ + run.train_seconds * iterations * gaussians;

@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-constexpr double kSame = 0.05;  ///< costs that differ by less are not worth any quality, or a number
+constexpr double kSame = 0.05;  ///< costs that differ by a smaller share count as equal
 
 std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs) {
     std::vector<Objectives> points;
@@ -26,10 +26,13 @@ std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<s
 }
 
 /// "2.1 times the bytes"
-std::string times(double ratio, const std::string& of_what) { return fmt::format("{:.{}f} times {}", ratio, ratio < 9.95 ? 1 : 0, of_what); }
+std::string times(double ratio, const std::string& of_what) {
+    return fmt::format("{:.{}f} times {}", ratio, ratio < 9.95 ? 1 : 0, of_what);
+}
 
 /// "2.1 times LESS" or "1.3 times MORE", or SAME.
-std::string compared(double own, double other, const std::string& less, const std::string& more, const std::string& same) {
+std::string compared(double own, double other, const std::string& less, const std::string& more,
+                     const std::string& same) {
     if (!(own > 0 && other > 0) || std::abs(own / other - 1) < kSame) return same;
     return own < other ? times(other / own, less) : times(own / other, more);
 }
@@ -44,48 +47,59 @@ class Recommender {
         const auto frame = [](const CellResult& r) { return r.frame_seconds; };
         const std::size_t smallest = least(bytes), fastest = least(frame), best = front_.front();
         std::vector<std::string> given_up;
-        if (smallest != best) given_up.push_back(times(bytes(result(best)) / bytes(result(smallest)), "the bytes of the smallest"));
-        if (fastest != best) given_up.push_back(times(frame(result(best)) / frame(result(fastest)), "the frame time of the fastest"));
-        const std::string price = given_up.empty() ? "gives up nothing" : fmt::format("costs {}", fmt::join(given_up, " and "));
+        if (smallest != best)
+            given_up.push_back(times(bytes(result(best)) / bytes(result(smallest)), "the bytes of the smallest"));
+        if (fastest != best)
+            given_up.push_back(times(frame(result(best)) / frame(result(fastest)), "the frame time of the fastest"));
+        const std::string price =
+            given_up.empty() ? "gives up nothing" : fmt::format("costs {}", fmt::join(given_up, " and "));
         return {{"best", best, fmt::format("{}; {}", described(best), price)},
                 {"smallest", smallest, against_best(smallest, "smaller")},
                 {"fastest", fastest,
-                 fastest == smallest && fastest != best ? "the smallest itself; " + nothing_is("faster to render") : against_best(fastest, "faster to render")}};
+                 fastest == smallest && fastest != best ? "the smallest itself; " + nothing_is("faster to render")
+                                                        : against_best(fastest, "faster to render")}};
     }
 
   private:
     const CellResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
-    /// Of those near enough to the best in quality the one of least cost, or a better one that costs about the same.
-    template <class Cost>
-    std::size_t least(const Cost& cost) const {
+    /// Among the runs near enough to the best in quality, returns the one of least cost, or a better one that costs
+    /// about the same.
+    template <class Cost> std::size_t least(const Cost& cost) const {
         std::vector<std::size_t> allowed;
         for (const std::size_t k : front_)
             if (quality(k) >= quality(front_.front()) - tradeoff_.give_up) allowed.push_back(k);
         double low = cost(result(allowed.front()));
         for (const std::size_t k : allowed) low = std::min(low, cost(result(k)));
-        return *std::find_if(allowed.begin(), allowed.end(), [&](std::size_t k) { return cost(result(k)) <= low * (1 + kSame); });
+        return *std::find_if(allowed.begin(), allowed.end(),
+                             [&](std::size_t k) { return cost(result(k)) <= low * (1 + kSame); });
     }
 
     std::string described(std::size_t k) const {
         const CellResult& r = result(k);
-        return fmt::format("{} ({}, {}, {} FPS, trained in {})", configuration_name(tradeoff_.axes, tradeoff_.runs[k].configuration),
-                           quality_text(quality(k), tradeoff_.quality), bytes_text(r.bytes), fps_text(r), duration_text(r.train_seconds));
+        return fmt::format("{} ({}, {}, {} FPS, trained in {})",
+                           configuration_name(tradeoff_.axes, tradeoff_.runs[k].configuration),
+                           quality_text(quality(k), tradeoff_.quality), bytes_text(r.bytes), fps_text(r),
+                           duration_text(r.train_seconds));
     }
 
     std::string nothing_is(const std::string& adjective) const {
-        return fmt::format("nothing within {} of the best is {} by more than {:.0f} %", loss_text(tradeoff_.give_up, tradeoff_.quality), adjective, 100 * kSame);
+        return fmt::format("nothing within {} of the best is {} by more than {:.0f} %",
+                           loss_text(tradeoff_.give_up, tradeoff_.quality), adjective, 100 * kSame);
     }
 
     std::string against_best(std::size_t k, const std::string& adjective) const {
         const std::size_t best = front_.front();
         if (k == best) return "the best itself; " + nothing_is(adjective);
         const CellResult &own = result(k), &other = result(best);
-        return fmt::format("{}; gives up {} against the best, and is {}, {}, {}", described(k), loss_text(quality(best) - quality(k), tradeoff_.quality),
+        return fmt::format("{}; gives up {} against the best, and is {}, {}, {}", described(k),
+                           loss_text(quality(best) - quality(k), tradeoff_.quality),
                            compared(double(own.bytes), double(other.bytes), "smaller", "larger", "about as large"),
-                           compared(own.train_seconds, other.train_seconds, "faster to train", "slower to train", "about as fast to train"),
-                           compared(own.frame_seconds, other.frame_seconds, "faster to render", "slower to render", "about as fast to render"));
+                           compared(own.train_seconds, other.train_seconds, "faster to train", "slower to train",
+                                    "about as fast to train"),
+                           compared(own.frame_seconds, other.frame_seconds, "faster to render", "slower to render",
+                                    "about as fast to render"));
     }
 
     const Tradeoff& tradeoff_;
@@ -96,17 +110,21 @@ class Recommender {
 
 std::string quality_name(Quality quality) { return quality == Quality::kPsnr ? "PSNR" : "SSIM"; }
 
-double quality_of(const CellResult& result, Quality quality) { return quality == Quality::kPsnr ? result.psnr : result.ssim; }
+double quality_of(const CellResult& result, Quality quality) {
+    return quality == Quality::kPsnr ? result.psnr : result.ssim;
+}
 
 Ranking rank_runs(const Tradeoff& tradeoff) {
     std::vector<std::size_t> finished;
     for (std::size_t k = 0; k < tradeoff.runs.size(); ++k)
         if (tradeoff.runs[k].result) finished.push_back(k);
     const auto quality = [&](std::size_t k) { return quality_of(*tradeoff.runs[k].result, tradeoff.quality); };
-    std::stable_sort(finished.begin(), finished.end(), [&](std::size_t a, std::size_t b) { return quality(a) > quality(b); });
+    std::stable_sort(finished.begin(), finished.end(),
+                     [&](std::size_t a, std::size_t b) { return quality(a) > quality(b); });
     const std::vector<bool> in_front = pareto_front(objectives(tradeoff, finished));
     Ranking ranking;
-    for (std::size_t i = 0; i < finished.size(); ++i) (in_front[i] ? ranking.frontier : ranking.dominated).push_back(finished[i]);
+    for (std::size_t i = 0; i < finished.size(); ++i)
+        (in_front[i] ? ranking.frontier : ranking.dominated).push_back(finished[i]);
     return ranking;
 }
 

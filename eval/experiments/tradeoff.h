@@ -28,23 +28,24 @@ struct Tradeoff {
     std::string source;
     std::vector<TradeoffAxis> axes;
     Quality quality = Quality::kPsnr;
-    double give_up = 1;  ///< in units of the quality, what a recommendation may be worse than the best
+    double give_up = 1;  ///< how much worse than the best a recommendation may be, in units of the quality
     std::vector<TradeoffRun> runs;
-    std::vector<std::string> remarks;  ///< what a reader has to know besides, one sentence each
+    std::vector<std::string> remarks;  ///< what else a reader has to know, one sentence each
 };
 
-/// "PSNR", "SSIM"
+/// Returns "PSNR" or "SSIM".
 std::string quality_name(Quality quality);
 double quality_of(const CellResult& result, Quality quality);
 
 /// Indices of the finished runs, each list by falling quality.
 struct Ranking {
-    std::vector<std::size_t> frontier;   ///< no other dominates these in quality, training time, frame time and bytes
+    std::vector<std::size_t> frontier;  ///< no other dominates these in quality, training time, frame time and bytes
     std::vector<std::size_t> dominated;
 };
 Ranking rank_runs(const Tradeoff& tradeoff);
 
-/// Of these finished runs those worth a longer training: better_half over the same four.
+/// Returns those of these finished runs that are worth a longer training: better_half over quality, training time,
+/// frame time and bytes.
 std::vector<std::size_t> promoted(const Tradeoff& tradeoff, const std::vector<std::size_t>& runs);
 
 /// One of best, smallest, fastest.
@@ -54,20 +55,21 @@ struct Recommendation {
     std::string text;  ///< what it is, and what it gives up
 };
 
-/// best: highest quality. smallest, fastest: fewest bytes, shortest frame among the part of the frontier that is no more than `give_up` worse;
-/// a better one is preferred where it costs at most 5 % more. In the order best, smallest, fastest; empty when nothing is finished.
+/// Returns the recommendations in the order best, smallest, fastest; none when nothing is finished. best has the
+/// highest quality. smallest and fastest have the fewest bytes and the shortest frame among the part of the frontier
+/// that is at most `give_up` worse; a better one is preferred where it costs at most 5 % more.
 std::vector<Recommendation> recommend(const Tradeoff& tradeoff);
 
-/// Table, recommendations, and what was not trained and why, as Markdown.
+/// Returns Markdown: the table, the recommendations, and what was not trained and why.
 std::string format_tradeoff(const Tradeoff& tradeoff);
 
-/// The same as a page that needs nothing beside it, with a plot of the quality over each cost.
+/// Returns the same as an HTML page that needs no other file, with a plot of the quality over each cost.
 std::string tradeoff_page(const Tradeoff& tradeoff);
 
-/// All figures, as JSON.
+/// Returns all figures as JSON.
 std::string tradeoff_json(const Tradeoff& tradeoff);
 
-/// tradeoff.md, tradeoff.html and tradeoff.json in the folder, each atomically. Throws DataError.
+/// Writes tradeoff.md, tradeoff.html and tradeoff.json to the folder, each atomically. Throws DataError.
 void write_tradeoff(const std::filesystem::path& folder, const Tradeoff& tradeoff);
 
 }  // namespace gs

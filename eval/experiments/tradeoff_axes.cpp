@@ -25,7 +25,7 @@ namespace {
 
 constexpr const char* kBudget = "budget";
 constexpr const char* kPrecision = "precision";
-constexpr std::size_t kMaxConfigurations = 1000; // more is a mistyped list, not a plan
+constexpr std::size_t kMaxConfigurations = 1000;  // more is a mistyped list, not a plan
 
 std::vector<std::string> split(const std::string& text) {
     std::vector<std::string> parts;
@@ -42,12 +42,14 @@ bool is_number(const std::string& text, double& value) {
 
 /// Options that decide which pictures are scored, where, or nothing about the model, do not make a trade-off.
 bool may_vary(const Option& option) {
-    return training_options(TrainOptions{}).contains(option.key) && option.group != "Input and output" && option.key != "device" && option.key != "background";
+    return training_options(TrainOptions{}).contains(option.key) && option.group != "Input and output" &&
+           option.key != "device" && option.key != "background";
 }
 
 const Option* find_option(const std::string& name) {
     const auto& table = train_option_table();
-    const auto found = std::find_if(table.begin(), table.end(), [&](const Option& option) { return option.key == name; });
+    const auto found =
+        std::find_if(table.begin(), table.end(), [&](const Option& option) { return option.key == name; });
     return found == table.end() ? nullptr : &*found;
 }
 
@@ -55,7 +57,9 @@ void check_name(const std::string& name) {
     if (name == kBudget || name == kPrecision) return;
     const Option* option = find_option(name);
     if (option && may_vary(*option)) return;
-    if (option) throw UsageError(fmt::format("--axes: '{}' cannot be an axis: runs with other values of it would not compare, or not differ", name));
+    if (option)
+        throw UsageError(fmt::format(
+            "--axes: '{}' cannot be an axis: runs with other values of it would not compare, or not differ", name));
     std::vector<std::string> known = {kBudget, kPrecision};
     for (const Option& o : train_option_table())
         if (may_vary(o)) known.push_back(o.key);
@@ -64,12 +68,17 @@ void check_name(const std::string& name) {
 
 std::vector<std::string> default_values(const std::string& name, const TrainOptions& base) {
     if (name == kBudget) return {"0.1", "0.3", "1"};
-    if (name == kPrecision) return uses_cuda(base.device) ? std::vector<std::string>{"full", "fast"} : std::vector<std::string>{"full", "cutoffs"};
+    if (name == kPrecision)
+        return uses_cuda(base.device) ? std::vector<std::string>{"full", "fast"}
+                                      : std::vector<std::string>{"full", "cutoffs"};
     if (name == "appearance") return {"none", "nasg", "neural", "sh"};
-    if (name == "iterations") return {std::to_string(std::max<std::int64_t>(1, base.iterations / 4)), std::to_string(base.iterations)};
+    if (name == "iterations")
+        return {std::to_string(std::max<std::int64_t>(1, base.iterations / 4)), std::to_string(base.iterations)};
     const Option& option = *find_option(name);
     if (std::holds_alternative<bool TrainOptions::*>(option.field)) return {"false", "true"};
-    if (option.choices.empty()) throw UsageError(fmt::format("--axes: {} has no default values; write {}=A,B ({})", name, name, option_range(option)));
+    if (option.choices.empty())
+        throw UsageError(
+            fmt::format("--axes: {} has no default values; write {}=A,B ({})", name, name, option_range(option)));
     return option.choices;
 }
 
@@ -82,13 +91,15 @@ double parse_share(const std::string& text) {
 
 void apply_precision(TrainOptions& options, const std::string& name) {
     const PrecisionLevel& level = precision_level(name);
-    if (level.gpu_only && !uses_cuda(options.device)) throw UsageError(fmt::format("--axes precision: '{}' is of the GPU; the CPU computes in fp32", name));
+    if (level.gpu_only && !uses_cuda(options.device))
+        throw UsageError(fmt::format("--axes precision: '{}' is of the GPU; the CPU computes in fp32", name));
     level.apply(options);
 }
 
 std::string folder_name(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values) {
     std::string name;
-    for (std::size_t a = 0; a < axes.size(); ++a) name += fmt::format("{}{}-{}", a > 0 ? "_" : "", axes[a].name, values[a]);
+    for (std::size_t a = 0; a < axes.size(); ++a)
+        name += fmt::format("{}{}-{}", a > 0 ? "_" : "", axes[a].name, values[a]);
     std::replace(name.begin(), name.end(), '/', '-');
     return name;
 }
@@ -102,21 +113,26 @@ double distance_on(const TradeoffAxis& axis, const std::string& a, const std::st
     std::sort(numbers.begin(), numbers.end());
     double of_a = 0, of_b = 0;
     is_number(a, of_a), is_number(b, of_b);
-    const auto place = [&](double v) { return double(std::lower_bound(numbers.begin(), numbers.end(), v) - numbers.begin()); };
+    const auto place = [&](double v) {
+        return double(std::lower_bound(numbers.begin(), numbers.end(), v) - numbers.begin());
+    };
     return std::abs(place(of_a) - place(of_b)) / double(numbers.size() - 1);
 }
 
 void spread(const std::vector<TradeoffAxis>& axes, std::vector<Configuration>& list) {
     const auto work = [](const Configuration& c) { return double(c.options.iterations) * double(c.options.cap_max); };
-    std::iter_swap(list.begin(), std::min_element(list.begin(), list.end(), [&](const auto& a, const auto& b) { return work(a) < work(b); }));
-    std::vector<double> nearest(list.size(), std::numeric_limits<double>::infinity()); // to those before
+    std::iter_swap(list.begin(), std::min_element(list.begin(), list.end(),
+                                                  [&](const auto& a, const auto& b) { return work(a) < work(b); }));
+    std::vector<double> nearest(list.size(), std::numeric_limits<double>::infinity());  // to those before
     for (std::size_t k = 1; k < list.size(); ++k) {
         for (std::size_t i = k; i < list.size(); ++i) {
             double distance = 0;
-            for (std::size_t a = 0; a < axes.size(); ++a) distance += distance_on(axes[a], list[i].values[a], list[k - 1].values[a]);
+            for (std::size_t a = 0; a < axes.size(); ++a)
+                distance += distance_on(axes[a], list[i].values[a], list[k - 1].values[a]);
             nearest[i] = std::min(nearest[i], distance);
         }
-        const auto farthest = std::size_t(std::max_element(nearest.begin() + std::ptrdiff_t(k), nearest.end()) - nearest.begin());
+        const auto farthest =
+            std::size_t(std::max_element(nearest.begin() + std::ptrdiff_t(k), nearest.end()) - nearest.begin());
         std::swap(list[k], list[farthest]);
         std::swap(nearest[k], nearest[farthest]);
     }
@@ -145,7 +161,8 @@ std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, cons
     return axes;
 }
 
-Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values, const TrainOptions& base) {
+Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values,
+                                 const TrainOptions& base) {
     Configuration configuration{values, base};
     TrainOptions& options = configuration.options;
     options.eval = true;
@@ -161,7 +178,7 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
     }
     require_named_appearance(options);
     validate(options);
-    limit_budget(options, share); // of the cap that another axis may have set
+    limit_budget(options, share);  // of the cap that another axis may have set
     return configuration;
 }
 
@@ -169,21 +186,27 @@ std::vector<Configuration> spread_grid(const std::vector<TradeoffAxis>& axes, co
     std::size_t count = 1;
     for (const TradeoffAxis& axis : axes) {
         count *= axis.values.size();
-        if (count > kMaxConfigurations) throw UsageError(fmt::format("--axes: more than {} configurations; name fewer values", kMaxConfigurations));
+        if (count > kMaxConfigurations)
+            throw UsageError(fmt::format("--axes: more than {} configurations; name fewer values", kMaxConfigurations));
     }
-    if (count < 2) throw UsageError("--axes: that is one configuration only; a trade-off needs an axis with two values or more, e.g. --axes budget=0.1,1");
+    if (count < 2)
+        throw UsageError(
+            "--axes: that is one configuration only; a trade-off needs an axis with two values or more, e.g. --axes "
+            "budget=0.1,1");
     std::vector<Configuration> list;
     for (std::size_t k = 0; k < count; ++k) {
         std::vector<std::string> values(axes.size());
         std::size_t rest = k;
-        for (std::size_t a = axes.size(); a-- > 0; rest /= axes[a].values.size()) values[a] = axes[a].values[rest % axes[a].values.size()];
+        for (std::size_t a = axes.size(); a-- > 0; rest /= axes[a].values.size())
+            values[a] = axes[a].values[rest % axes[a].values.size()];
         list.push_back(make_configuration(axes, values, base));
     }
     std::map<std::map<std::string, std::string>, std::size_t> seen;
     for (std::size_t k = 0; k < count; ++k) {
         const auto [same, is_new] = seen.emplace(training_options(list[k].options), k);
         if (!is_new)
-            throw UsageError(fmt::format("--axes: '{}' and '{}' are the same training", configuration_name(axes, list[same->second]),
+            throw UsageError(fmt::format("--axes: '{}' and '{}' are the same training",
+                                         configuration_name(axes, list[same->second]),
                                          configuration_name(axes, list[k])));
     }
     spread(axes, list);

@@ -10,7 +10,7 @@
 namespace gs {
 
 struct TradeoffAxis {
-    std::string name;                 ///< key of an option, "budget": share of --cap-max, or "precision": a name of precision_levels()
+    std::string name;  ///< key of an option, "budget": share of --cap-max, or "precision": a name of precision_levels()
     std::vector<std::string> values;  ///< as text
 };
 
@@ -20,20 +20,22 @@ struct Configuration {
     TrainOptions options;  ///< validated, with `eval`; `model` is its own folder
 };
 
-/// Reads "appearance=none,sh", "budget=0.1,1", or names without values ("appearance,budget"), which take their default values: appearance
-/// none, nasg, neural, sh; budget 0.1, 0.3, 1; precision full, and fast on a GPU or cutoffs on the
+/// Reads "appearance=none,sh", "budget=0.1,1", or names without values ("appearance,budget"), which take their default
+/// values: appearance none, nasg, neural, sh; budget 0.1, 0.3, 1; precision full, and fast on a GPU or cutoffs on the
 /// CPU; iterations a quarter and all of `base.iterations`; any other option all its choices. Axes may
-/// be any option that changes the model, its time or its size, and leaves scores comparable. Values are not checked yet. Throws UsageError for an
-/// unknown name (naming the nearest), a name twice, or without values where there are no default ones.
+/// be any option that changes the model, its time or its size, and leaves scores comparable. Values are not checked
+/// yet. Throws UsageError for an unknown name (naming the nearest), a name twice, or without values where there are no
+/// default ones.
 std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, const TrainOptions& base);
 
-/// `base` (not validated, so that "0 or -1 = by strategy" is decided by each configuration) with these values, in the folder
-/// <base.model>/<axis>-<value>_<axis>-<value>. Throws UsageError for a value that its option refuses.
-Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values, const TrainOptions& base);
+/// `base` (not validated, so that "0 or -1 = by strategy" is decided by each configuration) with these values, in the
+/// folder <base.model>/<axis>-<value>_<axis>-<value>. Throws UsageError for a value that its option refuses.
+Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values,
+                                 const TrainOptions& base);
 
-/// All combinations in the order in which they are to be trained: first the cheapest (iterations times --cap-max), then always the one that
-/// differs most from all before, so that whatever is left of the time, those that are trained span the whole. Throws UsageError for less
-/// than two, more than 1000, and equal ones.
+/// All combinations in the order in which they are to be trained: first the cheapest (iterations times --cap-max), then
+/// always the one that differs most from all before, so that whatever is left of the time, those that are trained span
+/// the whole. Throws UsageError for less than two, more than 1000, and equal ones.
 std::vector<Configuration> spread_grid(const std::vector<TradeoffAxis>& axes, const TrainOptions& base);
 
 /// "appearance sh, budget 0.3, iterations 7500"

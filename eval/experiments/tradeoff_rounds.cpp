@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// Of --iterations, by round.
+/// What --iterations is divided by in each round.
 constexpr std::int64_t kDivisors[] = {4, 2, 1};
 
 }  // namespace
@@ -27,7 +27,8 @@ Rounds plan_halving(std::vector<std::string> words, const TrainOptions& base, st
     axes = parse_axes(words, base);
     if (std::any_of(axes.begin(), axes.end(), [](const TradeoffAxis& axis) { return axis.name == "iterations"; }))
         throw UsageError("--axes iterations: --search halving varies the iterations itself, up to --iterations");
-    if (base.iterations < kDivisors[0]) throw UsageError(fmt::format("--search halving: needs at least {} --iterations", kDivisors[0]));
+    if (base.iterations < kDivisors[0])
+        throw UsageError(fmt::format("--search halving: needs at least {} --iterations", kDivisors[0]));
     axes.push_back({"iterations", {std::to_string(base.iterations)}});
     const std::vector<Configuration> full = spread_grid(axes, base);
     axes.back().values.clear();

@@ -44,7 +44,8 @@ std::string titles(const std::vector<Recommendation>& recommendations, std::size
 
 Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier) {
     Json json = {{"run", run.configuration.options.model}, {"status", state_name(run.state)}};
-    for (std::size_t a = 0; a < tradeoff.axes.size(); ++a) json["values"][tradeoff.axes[a].name] = run.configuration.values[a];
+    for (std::size_t a = 0; a < tradeoff.axes.size(); ++a)
+        json["values"][tradeoff.axes[a].name] = run.configuration.values[a];
     if (!run.error.empty()) json["error"] = run.error;
     if (!run.result) return json;
     json["pareto_optimal"] = in_frontier;
@@ -54,20 +55,27 @@ Json json_of(const Tradeoff& tradeoff, const TradeoffRun& run, bool in_frontier)
 
 }  // namespace
 
-std::string quality_text(double value, Quality quality) { return quality == Quality::kPsnr ? fmt::format("{:.2f} dB", value) : fmt::format("SSIM {:.4f}", value); }
+std::string quality_text(double value, Quality quality) {
+    return quality == Quality::kPsnr ? fmt::format("{:.2f} dB", value) : fmt::format("SSIM {:.4f}", value);
+}
 
 std::string loss_text(double difference, Quality quality) {
     return quality == Quality::kPsnr ? fmt::format("{:.2f} dB", difference) : fmt::format("{:.4f} SSIM", difference);
 }
 
-std::string bytes_text(std::int64_t bytes) { return fmt::format("{:.{}f} MB", 1e-6 * double(bytes), bytes < 10'000'000 ? 2 : bytes < 100'000'000 ? 1 : 0); }
+std::string bytes_text(std::int64_t bytes) {
+    return fmt::format("{:.{}f} MB", 1e-6 * double(bytes), bytes < 10'000'000 ? 2 : bytes < 100'000'000 ? 1 : 0);
+}
 
-std::string fps_text(const CellResult& result) { return result.frame_seconds > 0 ? fmt::format("{:.1f}", 1 / result.frame_seconds) : "-"; }
+std::string fps_text(const CellResult& result) {
+    return result.frame_seconds > 0 ? fmt::format("{:.1f}", 1 / result.frame_seconds) : "-";
+}
 
 TextTable tradeoff_table(const Tradeoff& tradeoff) {
     const Ranking ranking = rank_runs(tradeoff);
     const std::vector<Recommendation> recommendations = recommend(tradeoff);
-    const bool memory = std::any_of(tradeoff.runs.begin(), tradeoff.runs.end(), [](const TradeoffRun& run) { return run.result && run.result->peak_device_bytes; });
+    const bool memory = std::any_of(tradeoff.runs.begin(), tradeoff.runs.end(),
+                                    [](const TradeoffRun& run) { return run.result && run.result->peak_device_bytes; });
     TextTable table;
     table.title = fmt::format("Trade-off of {}", scene_name(tradeoff.source));
     for (const TradeoffAxis& axis : tradeoff.axes) table.header.push_back(axis.name);
@@ -92,7 +100,8 @@ TextTable tradeoff_table(const Tradeoff& tradeoff) {
         add(duration_text(r.train_seconds));
         add(fps_text(r));
         add(bytes_text(r.bytes));
-        if (memory) add(r.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*r.peak_device_bytes) / double(1 << 30)) : "-");
+        if (memory)
+            add(r.peak_device_bytes ? fmt::format("{:.2f} GiB", double(*r.peak_device_bytes) / double(1 << 30)) : "-");
         table.lines.push_back(std::move(line));
     }
     return table;
@@ -100,17 +109,25 @@ TextTable tradeoff_table(const Tradeoff& tradeoff) {
 
 std::vector<std::string> tradeoff_notes(const Tradeoff& tradeoff) {
     std::vector<std::string> notes = tradeoff.remarks;
-    const auto finished = std::find_if(tradeoff.runs.begin(), tradeoff.runs.end(), [](const TradeoffRun& run) { return run.result.has_value(); });
+    const auto finished = std::find_if(tradeoff.runs.begin(), tradeoff.runs.end(),
+                                       [](const TradeoffRun& run) { return run.result.has_value(); });
     if (finished == tradeoff.runs.end()) return notes;
-    notes.push_back(fmt::format("Optimal: no other configuration is at least as good in {}, training time, FPS and size, and better in one of them.",
-                                quality_name(tradeoff.quality)));
-    notes.push_back(fmt::format("One run each (seed {}): small differences may be chance, and times depend on what else the machine did. Size: of the PLY.",
-                                finished->configuration.options.seed));
+    notes.push_back(
+        fmt::format("Optimal: no other configuration is at least as good in {}, training time, FPS and size, and "
+                    "better in one of them.",
+                    quality_name(tradeoff.quality)));
+    notes.push_back(
+        fmt::format("One run each (seed {}): small differences may be chance, and times depend on what else the "
+                    "machine did. Size: of the PLY.",
+                    finished->configuration.options.seed));
     notes.push_back(finished->result->protocol);
     return notes;
 }
 
-std::string state_text(const TradeoffRun& run) { return run.error.empty() ? state_name(run.state) : fmt::format("{}: {}", state_name(run.state), one_line(run.error)); }
+std::string state_text(const TradeoffRun& run) {
+    return run.error.empty() ? state_name(run.state)
+                             : fmt::format("{}: {}", state_name(run.state), one_line(run.error));
+}
 
 std::string format_tradeoff(const Tradeoff& tradeoff) {
     std::string text;
@@ -133,16 +150,22 @@ std::string format_tradeoff(const Tradeoff& tradeoff) {
 }
 
 std::string tradeoff_json(const Tradeoff& tradeoff) {
-    Json json = {{"source", tradeoff.source}, {"program", version_text()}, {"quality", quality_name(tradeoff.quality)}, {"give_up", tradeoff.give_up}};
+    Json json = {{"source", tradeoff.source},
+                 {"program", version_text()},
+                 {"quality", quality_name(tradeoff.quality)},
+                 {"give_up", tradeoff.give_up}};
     json["axes"] = Json::array();
-    for (const TradeoffAxis& axis : tradeoff.axes) json["axes"].push_back({{"name", axis.name}, {"values", axis.values}});
+    for (const TradeoffAxis& axis : tradeoff.axes)
+        json["axes"].push_back({{"name", axis.name}, {"values", axis.values}});
     const std::vector<std::size_t> front = rank_runs(tradeoff).frontier;
     json["runs"] = Json::array();
     for (std::size_t k = 0; k < tradeoff.runs.size(); ++k)
-        json["runs"].push_back(json_of(tradeoff, tradeoff.runs[k], std::find(front.begin(), front.end(), k) != front.end()));
+        json["runs"].push_back(
+            json_of(tradeoff, tradeoff.runs[k], std::find(front.begin(), front.end(), k) != front.end()));
     json["remarks"] = tradeoff.remarks;
     json["recommendations"] = Json::object();
-    for (const Recommendation& r : recommend(tradeoff)) json["recommendations"][r.name] = {{"run", tradeoff.runs[r.run].configuration.options.model}, {"text", r.text}};
+    for (const Recommendation& r : recommend(tradeoff))
+        json["recommendations"][r.name] = {{"run", tradeoff.runs[r.run].configuration.options.model}, {"text", r.text}};
     return json.dump(1) + "\n";
 }
 

@@ -18,7 +18,8 @@ void ColourFit::add(const RenderedImage& render, const Image& photograph) {
     for (int y = 0; y < render.height; ++y) {
         for (int x = 0; x < render.width; ++x) {
             const Eigen::Vector4d color = color_at(render, std::size_t(y) * render.width + x);
-            const Eigen::Vector3d wanted(photograph.value(x, y, 0), photograph.value(x, y, 1), photograph.value(x, y, 2));
+            const Eigen::Vector3d wanted(photograph.value(x, y, 0), photograph.value(x, y, 1),
+                                         photograph.value(x, y, 2));
             normal_ += color * color.transpose();
             right_ += color * wanted.transpose();
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Maps of colours that bring renders closest to photographs.
+// Affine maps of colours that bring renders closest to photographs.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,15 +9,15 @@
 
 namespace gs {
 
-/// photograph = A (red, green, blue, 1).
+/// The matrix A of the map photograph = A (red, green, blue, 1).
 using ColourMap = Eigen::Matrix<double, 3, 4>;
 
-/// The affine map of least squares over all pixels added so far.
+/// Finds the affine map that fits all pixels added so far best in the least-squares sense.
 class ColourFit {
   public:
-    /// Both of one size; the photograph as 8-bit rgb.
+    /// Adds the pixels of two images of one size. The photograph has at least 3 channels.
     void add(const RenderedImage& render, const Image& photograph);
-    /// Where the pixels leave it open, the one with the smallest entries.
+    /// Returns the best map. Where the pixels allow several, it is the one with the smallest entries.
     ColourMap solve() const;
 
   private:
@@ -25,6 +25,7 @@ class ColourFit {
     Eigen::Matrix<double, 4, 3> right_ = Eigen::Matrix<double, 4, 3>::Zero();
 };
 
+/// Replaces every colour of `render` by its image under `map`.
 void apply_colours(const ColourMap& map, RenderedImage& render);
 
 }  // namespace gs

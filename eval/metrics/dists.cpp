@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// DISTS from the moments of feature maps.
+// Computes DISTS from the moments of feature maps.
 #include "eval/metrics/dists.h"
 
 #include <utility>
@@ -10,14 +10,16 @@
 namespace gs {
 namespace {
 
-constexpr std::array<double, 3> kMean = {0.485, 0.456, 0.406}, kDeviation = {0.229, 0.224, 0.225};  ///< of ImageNet
-constexpr double kC1 = 1e-6, kC2 = 1e-6;  ///< keep the quotients of channels that are zero at 1
+constexpr std::array<double, 3> kMean = {0.485, 0.456, 0.406}, kDeviation = {0.229, 0.224, 0.225};  ///< ImageNet's
+constexpr double kC1 = 1e-6, kC2 = 1e-6;  ///< make a channel that is 0 in both images agree
 constexpr int kImageChannels = 3;
 
-/// How much a channel of the two maps disagrees, weighted.
+/// Returns the weighted disagreement of the two maps in one channel.
 double channel_distance(const ChannelComparison& c, double alpha, double beta) {
-    // One minus the similarities, without the cancellation: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb + c).
-    const double texture = (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kC1);
+    // This form of one minus the similarity does not cancel: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb +
+    // c).
+    const double texture =
+        (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kC1);
     const double structure = c.difference / (c.variance_a + c.variance_b + kC2);
     return alpha * texture + beta * structure;
 }
@@ -32,7 +34,8 @@ Dists::Dists(std::shared_ptr<const FeatureNet> vgg16, const std::filesystem::pat
     alpha_ = weights.read("alpha", {1, channels, 1, 1});
     beta_ = weights.read("beta", {1, channels, 1, 1});
     for (int i = 0; i < channels; ++i) weight_sum_ += double(alpha_[std::size_t(i)]) + beta_[std::size_t(i)];
-    if (!(weight_sum_ > 0)) throw DataError(path.string() + ": tensors 'alpha' and 'beta' do not add up to more than 0");
+    if (!(weight_sum_ > 0))
+        throw DataError(path.string() + ": tensors 'alpha' and 'beta' do not add up to more than 0");
 }
 
 double Dists::operator()(const Image& a, const Image& b) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layouts of VGG16 and AlexNet.
+// Defines the layouts of VGG16 and AlexNet.
 #include "eval/metrics/feature_net.h"
 
 #include <fmt/format.h>
@@ -27,24 +27,27 @@ Tensor NetStage::run(const TensorEngine& engine, Tensor in, Pooling pooling) con
     return in;
 }
 
-std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file) {
+std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine,
+                                             const std::filesystem::path& file) {
     const MetricWeights weights(file);
     FeatureNet net{std::move(engine), {}};
     int in = 3, index = 0;
     for (const auto& [channels, count] : {std::pair(64, 2), {128, 2}, {256, 3}, {512, 3}, {512, 3}}) {
         NetStage stage{!net.stages.empty(), {}};
         for (int i = 0; i < count; ++i) {
-            stage.layers.push_back(weights.read_layer(*net.engine, fmt::format("features.{}", index), {in, channels, 3, 1, 1}));
+            stage.layers.push_back(
+                weights.read_layer(*net.engine, fmt::format("features.{}", index), {in, channels, 3, 1, 1}));
             in = channels;
-            index += 2;  // a ReLU follows
+            index += 2;  // torchvision counts the ReLU as a layer
         }
-        index += 1;  // pooling
+        index += 1;  // the pooling counts, too
         net.stages.push_back(std::move(stage));
     }
     return std::make_shared<const FeatureNet>(std::move(net));
 }
 
-std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file) {
+std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine,
+                                               const std::filesystem::path& file) {
     const MetricWeights weights(file);
     FeatureNet net{std::move(engine), {}};
     const auto add = [&](bool pools, int index, const ConvLayer& layer) {
@@ -58,13 +61,16 @@ std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngin
     return std::make_shared<const FeatureNet>(std::move(net));
 }
 
-Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset, const std::array<double, 3>& scale) {
-    if (image.channels != 3) throw UsageError(fmt::format("learned metrics compare rgb images, not {} channels", image.channels));
+Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset,
+                        const std::array<double, 3>& scale) {
+    if (image.channels != 3)
+        throw UsageError(fmt::format("learned metrics compare rgb images, not {} channels", image.channels));
     std::vector<float> values;
     values.reserve(std::size_t(3) * image.height * image.width);
     for (int c = 0; c < 3; ++c) {
         for (int y = 0; y < image.height; ++y) {
-            for (int x = 0; x < image.width; ++x) values.push_back(float((double(image.value(x, y, c)) - offset[c]) / scale[c]));
+            for (int x = 0; x < image.width; ++x)
+                values.push_back(float((double(image.value(x, y, c)) - offset[c]) / scale[c]));
         }
     }
     return engine.upload(3, image.height, image.width, values);
@@ -73,7 +79,8 @@ Tensor normalized_input(const TensorEngine& engine, const Image& image, const st
 void require_net_size(const Image& a, const Image& b, int min_side) {
     require_same_size(a, b);
     if (std::min(a.width, a.height) < min_side)
-        throw UsageError(fmt::format("{}x{} pixels are fewer than the {} in each direction that the net needs", a.width, a.height, min_side));
+        throw UsageError(fmt::format("{}x{} pixels are fewer than the {} in each direction that the net needs", a.width,
+                                     a.height, min_side));
 }
 
 }  // namespace gs

@@ -12,13 +12,14 @@
 
 namespace gs {
 
+/// The operation that shrinks feature maps between stages.
 enum class Pooling {
-    kMax2,  ///< 2x2, stride 2
-    kMax3,  ///< 3x3, stride 2
+    kMax2,  ///< maximum of 2x2, stride 2
+    kMax3,  ///< maximum of 3x3, stride 2
     kL2     ///< TensorEngine::l2_pool
 };
 
-/// Convolutions, each with a ReLU; before them pooling where `pools`.
+/// Convolutions, each followed by a ReLU. Pooling precedes them where `pools`.
 struct NetStage {
     bool pools = false;
     std::vector<ConvLayer> layers;
@@ -27,22 +28,29 @@ struct NetStage {
     Tensor run(const TensorEngine& engine, Tensor in, Pooling pooling) const;
 };
 
+/// The stages of one net. Its weights are on the engine.
 struct FeatureNet {
     std::shared_ptr<const TensorEngine> engine;  ///< holds the weights
     std::vector<NetStage> stages;
 };
 
-/// Stages end with relu1_2, relu2_2, relu3_3, relu4_3, relu5_3 (64, 128, 256, 512, 512 channels); metrics differ in the pooling
-/// between them. File: features.N.{weight,bias} as torchvision numbers them; 59 MB. Throws DataError as MetricWeights.
-/// Source: Simonyan and Zisserman 2015, configuration D. 196 billion multiply-adds for 800x800 pixels.
-std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file);
+/// Loads VGG16. Its stages end with relu1_2, relu2_2, relu3_3, relu4_3, relu5_3 (64, 128, 256, 512, 512 channels);
+/// metrics differ in the pooling between them. The file (59 MB) holds features.N.{weight,bias} as torchvision numbers
+/// them. An image of 800x800 pixels takes 196 billion multiply-adds. Throws DataError as MetricWeights does.
+/// Source: Simonyan and Zisserman 2015, configuration D.
+std::shared_ptr<const FeatureNet> load_vgg16(std::shared_ptr<const TensorEngine> engine,
+                                             const std::filesystem::path& file);
 
-/// Stages end with the five ReLUs (64, 192, 384, 256, 256 channels); pooling is kMax3. File and errors as above. Source: Krizhevsky
-/// 2014, "One weird trick for parallelizing convolutional neural networks", as torchvision lays it out.
-std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& file);
+/// Loads AlexNet. Its stages end with the five ReLUs (64, 192, 384, 256, 256 channels); its pooling is kMax3. File and
+/// errors are as for load_vgg16. Source: Krizhevsky 2014, "One weird trick for parallelizing convolutional neural
+/// networks", as torchvision lays it out.
+std::shared_ptr<const FeatureNet> load_alexnet(std::shared_ptr<const TensorEngine> engine,
+                                               const std::filesystem::path& file);
 
-/// (3,H,W): (value - offset) / scale by channel, of an image with 3 channels. Throws UsageError for other images.
-Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset, const std::array<double, 3>& scale);
+/// Returns (value - offset) / scale of an image as a tensor (3,H,W), with one offset and scale for each channel. Throws
+/// UsageError unless the image has 3 channels.
+Tensor normalized_input(const TensorEngine& engine, const Image& image, const std::array<double, 3>& offset,
+                        const std::array<double, 3>& scale);
 
 /// Throws UsageError unless both images have one size and at least `min_side` pixels in each direction.
 void require_net_size(const Image& a, const Image& b, int min_side);

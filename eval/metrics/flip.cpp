@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// LDR-FLIP: a colour pipeline and a feature pipeline over separable filters.
+// Computes LDR-FLIP with a colour pipeline and a feature pipeline over separable filters.
 #include "eval/metrics/flip.h"
 
 #include <fmt/format.h>
@@ -18,14 +18,15 @@ namespace gs {
 namespace {
 
 using Colour = std::array<double, 3>;
-using Taps = std::vector<double>;  ///< odd count, the middle one at the pixel
+using Taps = std::vector<double>;  ///< an odd number of weights; the middle one is for the pixel itself
 
-/// Exponents of colour and feature differences, and the curve that maps colour differences to [0,1]: section 4 of the paper.
+/// Exponents of colour and feature differences, and the bend of the curve that maps colour differences to [0,1].
+/// Source: section 4 of the paper.
 constexpr double kColourExponent = 0.7, kFeatureExponent = 0.5, kBendAt = 0.4, kBendValue = 0.95;
-/// Width of the human detector of edges in degrees: section 4.2.
+/// Width of the human detector of edges, in degrees. Source: section 4.2.
 constexpr double kFeatureWidth = 0.082;
 
-/// White of the standard illuminant D65, and linear rgb to XYZ and back.
+/// The white of the standard illuminant D65, and the matrices from linear rgb to XYZ and back.
 constexpr Colour kWhite = {0.950428545, 1.0, 1.088900371};
 constexpr double kXyzFromRgb[3][3] = {{10135552 / 24577794.0, 8788810 / 24577794.0, 4435075 / 24577794.0},
                                       {2613072 / 12288897.0, 8788810 / 12288897.0, 887015 / 12288897.0},
@@ -42,7 +43,7 @@ Colour product(const double (&m)[3][3], const Colour& v) {
 
 double linear_from_srgb(double v) { return v > 0.04045 ? std::pow((v + 0.055) / 1.055, 2.4) : v / 12.92; }
 
-/// The opponent space YCxCz in which contrast sensitivity is known: linear in light.
+/// Converts to the opponent space YCxCz, which is linear in light and in which contrast sensitivity is known.
 Colour ycxcz_from_rgb(const Colour& rgb) {
     const Colour xyz = product(kXyzFromRgb, rgb);
     const double x = xyz[0] / kWhite[0], y = xyz[1] / kWhite[1], z = xyz[2] / kWhite[2];
@@ -54,7 +55,7 @@ Colour rgb_from_ycxcz(const Colour& c) {
     return product(kRgbFromXyz, {(y + c[1] / 500) * kWhite[0], y * kWhite[1], (y - c[2] / 200) * kWhite[2]});
 }
 
-/// CIELAB with chroma scaled by lightness: colours look less colourful in the dark (Hunt).
+/// Converts to CIELAB with chroma scaled by lightness, since colours look less colourful in the dark (Hunt).
 Colour hunt_lab_from_rgb(const Colour& rgb) {
     const Colour xyz = product(kXyzFromRgb, rgb);
     Colour f{};
@@ -67,7 +68,7 @@ Colour hunt_lab_from_rgb(const Colour& rgb) {
     return {lightness, 0.01 * lightness * 500 * (f[0] - f[1]), 0.01 * lightness * 200 * (f[1] - f[2])};
 }
 
-/// City-block distance of lightness and chroma, Euclidean within chroma.
+/// Returns the difference of lightness plus the Euclidean distance of chroma.
 double hyab(const Colour& a, const Colour& b) { return std::abs(a[0] - b[0]) + std::hypot(a[1] - b[1], a[2] - b[2]); }
 
 struct Plane {
@@ -76,7 +77,7 @@ struct Plane {
     Plane(int w, int h) : width(w), height(h), values(std::size_t(w) * h) {}
 };
 
-/// Correlation with taps along x, then with others along y; borders are repeated.
+/// Correlates with one set of taps along x, then with another along y. Borders are repeated.
 Plane filtered(const Plane& in, const Taps& along_x, const Taps& along_y) {
     const int rx = int(along_x.size() / 2), ry = int(along_y.size() / 2);
     Plane rows(in.width, in.height), out(in.width, in.height);
@@ -115,14 +116,16 @@ void scale(Taps& taps, double factor) {
     for (double& t : taps) t *= factor;
 }
 
-/// One term a sqrt(pi/b) exp(-pi^2 x^2 / b) of a contrast sensitivity function, x in degrees: table 1 of the paper.
+/// One term a sqrt(pi/b) exp(-pi^2 x^2 / b) of a contrast sensitivity function, x in degrees. Source: table 1 of the
+/// paper.
 struct CsfTerm {
     double a, b;
 };
 const std::array<std::vector<CsfTerm>, 3> kCsf = {{{{1, 0.0047}}, {{1, 0.0053}}, {{34.1, 0.04}, {13.5, 0.025}}}};
-constexpr double kWidestB = 0.04;  ///< sets the radius of all three filters: three deviations
+constexpr double kWidestB = 0.04;  ///< gives all three filters their radius of three deviations
 
-/// One channel seen through its contrast sensitivity function. A sum of Gaussians: each is separable, the sum is not.
+/// Filters a channel by its contrast sensitivity function, a sum of Gaussians. Each of them is separable, the sum is
+/// not.
 Plane seen(const Plane& in, const std::vector<CsfTerm>& terms, double ppd) {
     const double pi = std::numbers::pi;
     const int radius = int(std::ceil(3 * std::sqrt(kWidestB / (2 * pi * pi)) * ppd));
@@ -142,14 +145,15 @@ Plane seen(const Plane& in, const std::vector<CsfTerm>& terms, double ppd) {
     return out;
 }
 
-/// An image in YCxCz.
+/// Returns the three planes of an image in YCxCz.
 std::array<Plane, 3> opponent_planes(const Image& image) {
     const Plane empty(image.width, image.height);
     std::array<Plane, 3> planes = {empty, empty, empty};
     parallel_for(image.height, [&](std::int64_t y) {
         for (int x = 0; x < image.width; ++x) {
             Colour rgb{};
-            for (int c = 0; c < 3; ++c) rgb[c] = linear_from_srgb(std::clamp(double(image.value(x, int(y), c)), 0.0, 1.0));
+            for (int c = 0; c < 3; ++c)
+                rgb[c] = linear_from_srgb(std::clamp(double(image.value(x, int(y), c)), 0.0, 1.0));
             const Colour opponent = ycxcz_from_rgb(rgb);
             for (int c = 0; c < 3; ++c) planes[c].values[std::size_t(y) * image.width + x] = opponent[c];
         }
@@ -157,9 +161,10 @@ std::array<Plane, 3> opponent_planes(const Image& image) {
     return planes;
 }
 
-/// What the colour pipeline compares: filtered, clamped to displayable colours, in CIELAB.
+/// Returns what the colour pipeline compares: filtered colours, clamped to displayable ones, in scaled CIELAB.
 std::vector<Colour> perceived_colours(const std::array<Plane, 3>& opponent, double ppd) {
-    const Plane y = seen(opponent[0], kCsf[0], ppd), cx = seen(opponent[1], kCsf[1], ppd), cz = seen(opponent[2], kCsf[2], ppd);
+    const Plane y = seen(opponent[0], kCsf[0], ppd), cx = seen(opponent[1], kCsf[1], ppd),
+                cz = seen(opponent[2], kCsf[2], ppd);
     std::vector<Colour> colours(y.values.size());
     parallel_for_rows(std::int64_t(colours.size()), [&](std::int64_t p) {
         Colour rgb = rgb_from_ycxcz({y.values[p], cx.values[p], cz.values[p]});
@@ -169,7 +174,7 @@ std::vector<Colour> perceived_colours(const std::array<Plane, 3>& opponent, doub
     return colours;
 }
 
-/// Strength of edges and of points in each pixel.
+/// The strength of edges and of points in each pixel.
 struct Features {
     std::vector<double> edges, points;
 };
@@ -189,7 +194,7 @@ Features features(const Plane& y, double ppd) {
     const auto gaussian = [&](double x) { return std::exp(-x * x / (2 * deviation * deviation)); };
     Taps across = taps(radius, gaussian);
     scale(across, 1 / sum(across));
-    // First and second derivative, positive and negative weights each scaled to a sum of one.
+    // Scales the positive and the negative weights of a derivative to a sum of one each.
     const auto balanced = [](Taps taps) {
         double positive = 0, negative = 0;
         for (const double t : taps) (t > 0 ? positive : negative) += std::abs(t);
@@ -197,11 +202,13 @@ Features features(const Plane& y, double ppd) {
         return taps;
     };
     const Taps edge = balanced(taps(radius, [&](double x) { return -x * gaussian(x); }));
-    const Taps point = balanced(taps(radius, [&](double x) { return (x * x / (deviation * deviation) - 1) * gaussian(x); }));
+    const Taps point =
+        balanced(taps(radius, [&](double x) { return (x * x / (deviation * deviation) - 1) * gaussian(x); }));
     return {strength(luminance, edge, across), strength(luminance, point, across)};
 }
 
-/// Colour differences to the power of kColourExponent, to [0,1]: most of the range for those below kBendAt of the largest.
+/// Maps a colour difference, taken to the power of kColourExponent, to [0,1]. Most of the range goes to differences
+/// below kBendAt of the largest.
 double redistributed(double difference, double largest) {
     const double bend = kBendAt * largest;
     if (difference < bend) return kBendValue / bend * difference;
@@ -216,9 +223,10 @@ std::vector<double> flip_map(const Image& a, const Image& b, double pixels_per_d
     if (!(pixels_per_degree >= 1 && pixels_per_degree <= 1000))
         throw UsageError(fmt::format("FLIP at {} pixels per degree: not in [1, 1000]", pixels_per_degree));
     const std::array<Plane, 3> oa = opponent_planes(a), ob = opponent_planes(b);
-    const std::vector<Colour> ca = perceived_colours(oa, pixels_per_degree), cb = perceived_colours(ob, pixels_per_degree);
+    const std::vector<Colour> ca = perceived_colours(oa, pixels_per_degree),
+                              cb = perceived_colours(ob, pixels_per_degree);
     const Features fa = features(oa[0], pixels_per_degree), fb = features(ob[0], pixels_per_degree);
-    // No two displayable colours differ more than green and blue.
+    // Green and blue differ more than any other two displayable colours.
     const double largest = std::pow(hyab(hunt_lab_from_rgb({0, 1, 0}), hunt_lab_from_rgb({0, 0, 1})), kColourExponent);
     std::vector<double> map(ca.size());
     parallel_for_rows(std::int64_t(map.size()), [&](std::int64_t p) {

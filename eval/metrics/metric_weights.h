@@ -14,13 +14,14 @@ namespace gs {
 /// A file of float tensors whose names and shapes are known beforehand.
 class MetricWeights {
   public:
-    /// Throws DataError naming the file when it cannot be read.
+    /// Opens the file. Throws DataError naming it when it cannot be read.
     explicit MetricWeights(const std::filesystem::path& path) : path_(path), file_(path) {}
 
-    /// Throws DataError naming file and tensor when it is missing, has another shape or type, or holds a value that is not finite.
+    /// Returns the values of a tensor, row-major. Throws DataError naming file and tensor when the tensor is missing,
+    /// has another shape or type, or holds a value that is not finite.
     std::vector<float> read(const std::string& name, const std::vector<std::int64_t>& shape) const;
 
-    /// `name`.weight and `name`.bias of a layer whose sizes are filled in, for `engine`. Throws as above.
+    /// Loads `name`.weight and `name`.bias to `engine` for a layer whose sizes are filled in. Throws as read() does.
     ConvLayer read_layer(const TensorEngine& engine, const std::string& name, ConvLayer layer) const;
 
   private:

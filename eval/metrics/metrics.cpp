@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The list of metrics.
+// Lists the metrics and makes them by name.
 #include "eval/metrics/metrics.h"
 
 #include <fmt/format.h>
@@ -28,30 +28,33 @@ const MetricInfo& metric_info(const std::string& name) {
 
 MetricScore measured(double value) { return {value, ""}; }
 
-/// compute() of a metric with weights. It is shared, as functions are copied.
-template <class Net>
-auto checked_size(std::shared_ptr<const Net> net, int min_side) {
+/// Returns compute() of a metric with weights. The net is shared because functions are copied.
+template <class Net> auto checked_size(std::shared_ptr<const Net> net, int min_side) {
     return [net, min_side](const Image& render, const Image& truth) {
         require_same_size(render, truth);
         if (std::min(render.width, render.height) < min_side)
-            return MetricScore{std::nullopt, fmt::format("not measured: images of {}x{} pixels, the net needs {} in each direction",
-                                                         render.width, render.height, min_side)};
+            return MetricScore{std::nullopt,
+                               fmt::format("not measured: images of {}x{} pixels, the net needs {} in each direction",
+                                           render.width, render.height, min_side)};
         return measured((*net)(render, truth));
     };
 }
 
 std::optional<MetricScore> without_weights(const std::filesystem::path& folder, const std::vector<std::string>& files) {
-    if (folder.empty()) return MetricScore{std::nullopt, "not measured: no weights (see scripts/export_metric_weights.py)"};
+    if (folder.empty())
+        return MetricScore{std::nullopt, "not measured: no weights (see scripts/export_metric_weights.py)"};
     for (const std::string& file : files) {
         std::error_code ignored;
         if (!std::filesystem::exists(folder / file, ignored))
-            return MetricScore{std::nullopt, fmt::format("not measured: no weights: {} is missing (see scripts/export_metric_weights.py)",
-                                                         (folder / file).string())};
+            return MetricScore{
+                std::nullopt,
+                fmt::format("not measured: no weights: {} is missing (see scripts/export_metric_weights.py)",
+                            (folder / file).string())};
     }
     return std::nullopt;
 }
 
-/// What learned metrics share, made when the first of them asks.
+/// The engine and net that learned metrics share. Each is made when the first metric asks for it.
 class SharedNets {
   public:
     explicit SharedNets(const MetricOptions& options) : options_(options) {}
@@ -73,7 +76,7 @@ class SharedNets {
 
 Metric make_metric(const std::string& name, const MetricOptions& options, SharedNets& nets) {
     Metric metric{metric_info(name), "", nullptr};
-    // Of a metric with weights: absent files are an answer, damaged ones are an error now rather than after rendering.
+    // Absent weights are an answer. Damaged ones are an error now rather than after rendering.
     const auto learned = [&](const std::vector<std::string>& files, const auto& load) {
         if (const auto missing = without_weights(options.weights, files)) {
             metric.compute = [score = *missing](const Image&, const Image&) { return score; };
@@ -86,21 +89,31 @@ Metric make_metric(const std::string& name, const MetricOptions& options, Shared
         metric.compute = [](const Image& a, const Image& b) { return measured(psnr(a, b)); };
     } else if (name == "ssim") {
         metric.protocol = describe_ssim(options.ssim_border);
-        metric.compute = [border = options.ssim_border](const Image& a, const Image& b) { return measured(ssim(a, b, border)); };
+        metric.compute = [border = options.ssim_border](const Image& a, const Image& b) {
+            return measured(ssim(a, b, border));
+        };
     } else if (name == "flip") {
         metric.protocol = describe_flip(options.flip_pixels_per_degree);
-        metric.compute = [ppd = options.flip_pixels_per_degree](const Image& a, const Image& b) { return measured(flip(a, b, ppd)); };
+        metric.compute = [ppd = options.flip_pixels_per_degree](const Image& a, const Image& b) {
+            return measured(flip(a, b, ppd));
+        };
     } else if (name == "dists") {
         metric.protocol = Dists::describe();
-        learned(Dists::files(), [&] { return checked_size(std::make_shared<const Dists>(nets.vgg16(), options.weights), Dists::kMinSide); });
+        learned(Dists::files(), [&] {
+            return checked_size(std::make_shared<const Dists>(nets.vgg16(), options.weights), Dists::kMinSide);
+        });
     } else if (name == "milo") {
         metric.protocol = Milo::describe();
-        learned(Milo::files(), [&] { return checked_size(std::make_shared<const Milo>(nets.engine(), options.weights), Milo::kMinSide); });
+        learned(Milo::files(), [&] {
+            return checked_size(std::make_shared<const Milo>(nets.engine(), options.weights), Milo::kMinSide);
+        });
     } else {
         const LpipsNet kind = name == "lpips-vgg" ? LpipsNet::kVgg : LpipsNet::kAlex;
         metric.protocol = Lpips::describe(kind, options.lpips_range);
         learned(Lpips::files(kind), [&] {
-            const auto net = kind == LpipsNet::kVgg ? nets.vgg16() : load_alexnet(nets.engine(), options.weights / "alexnet.safetensors");
+            const auto net = kind == LpipsNet::kVgg
+                                 ? nets.vgg16()
+                                 : load_alexnet(nets.engine(), options.weights / "alexnet.safetensors");
             const auto lpips = std::make_shared<const Lpips>(net, kind, options.weights, options.lpips_range);
             return checked_size(lpips, lpips->min_side());
         });
@@ -112,8 +125,13 @@ Metric make_metric(const std::string& name, const MetricOptions& options, Shared
 
 const std::vector<MetricInfo>& known_metrics() {
     static const std::vector<MetricInfo> all = {
-        {"psnr", "PSNR", true, 2},  {"ssim", "SSIM", true, 4},   {"lpips-vgg", "LPIPS-VGG", false, 4}, {"lpips-alex", "LPIPS-Alex", false, 4},
-        {"flip", "FLIP", false, 4}, {"dists", "DISTS", false, 4}, {"milo", "MILO", false, 4},
+        {"psnr", "PSNR", true, 2},
+        {"ssim", "SSIM", true, 4},
+        {"lpips-vgg", "LPIPS-VGG", false, 4},
+        {"lpips-alex", "LPIPS-Alex", false, 4},
+        {"flip", "FLIP", false, 4},
+        {"dists", "DISTS", false, 4},
+        {"milo", "MILO", false, 4},
     };
     return all;
 }
@@ -134,7 +152,9 @@ std::vector<std::string> parse_metric_names(const std::string& list) {
         wanted.push_back(name);
         begin = end + 1;
     }
-    const auto is_wanted = [&](const std::string& name) { return std::find(wanted.begin(), wanted.end(), name) != wanted.end(); };
+    const auto is_wanted = [&](const std::string& name) {
+        return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
+    };
     std::vector<std::string> names;
     for (const MetricInfo& info : known_metrics()) {
         if (is_wanted("all") || is_wanted(info.name)) names.push_back(info.name);
@@ -147,7 +167,8 @@ std::filesystem::path metric_weights_folder(const std::string& given) {
     const std::string folder = !given.empty() ? given : variable != nullptr ? variable : "";
     std::error_code ignored;
     if (!folder.empty() && !std::filesystem::is_directory(folder, ignored))
-        throw UsageError(fmt::format("{}: '{}' is no folder", given.empty() ? "GSAPP_METRIC_WEIGHTS" : "--metric-weights", folder));
+        throw UsageError(
+            fmt::format("{}: '{}' is no folder", given.empty() ? "GSAPP_METRIC_WEIGHTS" : "--metric-weights", folder));
     return folder;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// MILO's mask, from the coarsest scale to the finest.
+// Computes MILO's mask from the coarsest scale to the finest.
 #include "eval/metrics/milo.h"
 
 #include <fmt/format.h>
@@ -16,19 +16,21 @@ constexpr int kHalvings = 3;
 
 }  // namespace
 
-Milo::Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& folder) : engine_(std::move(engine)) {
+Milo::Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& folder)
+    : engine_(std::move(engine)) {
     const MetricWeights weights(folder / files()[0]);
     int in = 7, index = 0;  // two images and a mask
     for (const int out : {32, 64, 32, 16, 1}) {
-        layers_.push_back(weights.read_layer(*engine_, fmt::format("mask_finder_1.netBasic.{}", index), {in, out, 3, 1, 1}));
+        layers_.push_back(
+            weights.read_layer(*engine_, fmt::format("mask_finder_1.netBasic.{}", index), {in, out, 3, 1, 1}));
         in = out;
-        index += 2;  // a ReLU follows
+        index += 2;  // the ReLU counts as a layer
     }
 }
 
 double Milo::operator()(const Image& render, const Image& truth) const {
     require_net_size(render, truth, kMinSide);
-    // Finest first.
+    // The finest scale comes first.
     std::vector<Tensor> truths = {normalized_input(*engine_, truth, {0, 0, 0}, {1, 1, 1})},
                         renders = {normalized_input(*engine_, render, {0, 0, 0}, {1, 1, 1})};
     for (int i = 0; i < kHalvings; ++i) {

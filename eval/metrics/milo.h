@@ -12,25 +12,30 @@
 
 namespace gs {
 
+/// The MILO metric.
 class Milo {
   public:
-    /// Reads milo.safetensors of the folder (mask_finder_1.netBasic.{0,2,4,6,8}.{weight,bias} as in the authors' MILO.pth).
-    /// Throws DataError naming file and tensor.
+    /// Reads mask_finder_1.netBasic.{0,2,4,6,8}.{weight,bias}, named as in the authors' MILO.pth, from milo.safetensors
+    /// in `folder`. Throws DataError naming file and tensor.
     Milo(std::shared_ptr<const TensorEngine> engine, const std::filesystem::path& folder);
 
-    /// The authors' "raw error", not its remapping to opinion scores: 0 for identical images, lower is better. A net of five
-    /// 3x3 convolutions sees truth, render and the upsampled mask of the next coarser of four scales; the last mask weights
-    /// |truth - render|, whose mean over pixels and channels is the result. Not symmetric. Values in [0,1], 3 channels. Throws
-    /// UsageError when sizes differ or are below kMinSide. Independent of the number of threads.
-    /// Source: Cogalan et al. 2025, "MILO: A Lightweight Perceptual Quality Metric for Image and Latent-Space Optimization",
-    /// doi 10.1145/3763340; order of the inputs, pooling and upsampling as in the authors' program (ugurcogalan06/MILO).
+    /// Returns the authors' "raw error", before its remapping to opinion scores: 0 for identical images, lower is
+    /// better, not symmetric. A net of five 3x3 convolutions sees truth, render and the upsampled mask of the next
+    /// coarser of four scales. The result is the mean over pixels and channels of |truth - render|, weighted by the
+    /// finest mask. The images have values in [0,1] and 3 channels. Throws UsageError when sizes differ or are below
+    /// kMinSide. The result does not depend on the number of threads.
+    /// Source: Cogalan et al. 2025, "MILO: A Lightweight Perceptual Quality Metric for Image and Latent-Space
+    /// Optimization", doi 10.1145/3763340; order of the inputs, pooling and upsampling as in the authors' program
+    /// (ugurcogalan06/MILO).
     double operator()(const Image& render, const Image& truth) const;
 
-    static constexpr int kMinSide = 16;  ///< the mask begins with a sixteenth of the image
-    /// The files that the constructor reads.
+    static constexpr int kMinSide = 16;  ///< fewest pixels in either direction; the first mask has a sixteenth of them
+    /// Names the files that the constructor reads.
     static std::vector<std::string> files() { return {"milo.safetensors"}; }
-    /// One sentence for the protocol in results.json.
-    static std::string describe() { return "MILO raw error (mean of mask times absolute difference), images at their size in [0,1]"; }
+    /// Returns one sentence for the protocol in results.json.
+    static std::string describe() {
+        return "MILO raw error (mean of mask times absolute difference), images at their size in [0,1]";
+    }
 
   private:
     std::shared_ptr<const TensorEngine> engine_;

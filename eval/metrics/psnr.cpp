@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PSNR in double precision, summed row by row.
+// Computes PSNR in double precision, summed row by row.
 #include "eval/metrics/psnr.h"
 
 #include <fmt/format.h>
@@ -12,9 +12,10 @@
 namespace gs {
 
 void require_same_size(const Image& a, const Image& b) {
-    if (a.width == b.width && a.height == b.height && a.channels == b.channels && a.bytes() > 0 && b.bytes() > 0) return;
-    throw UsageError(fmt::format("images to compare must be of one size and not empty: {}x{}x{} and {}x{}x{}", a.width, a.height,
-                                 a.channels, b.width, b.height, b.channels));
+    if (a.width == b.width && a.height == b.height && a.channels == b.channels && a.bytes() > 0 && b.bytes() > 0)
+        return;
+    throw UsageError(fmt::format("images to compare must be of one size and not empty: {}x{}x{} and {}x{}x{}", a.width,
+                                 a.height, a.channels, b.width, b.height, b.channels));
 }
 
 double psnr(const Image& a, const Image& b) {

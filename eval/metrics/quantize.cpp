@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From renders and photographs to comparable images.
+// Turns renders and photographs into comparable images.
 #include "eval/metrics/quantize.h"
 
 namespace gs {
@@ -10,12 +10,11 @@ std::uint8_t quantize(float v) {
     return std::uint8_t(gs_min(v, 1.0f) * 255.0f + 0.5f);
 }
 
-/// NaN becomes 0.
+/// Clamps to [0,1]. NaN becomes 0.
 float clamped(float v) { return v > 0 ? gs_min(v, 1.0f) : 0.0f; }
 
-/// An rgb image with sample(x, y, c) in every place, rounded where `eight_bit`.
-template <class Sample>
-Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
+/// Returns an rgb image of sample(x, y, c), rounded to 8 bits where `eight_bit`.
+template <class Sample> Image filled_rgb(int width, int height, bool eight_bit, const Sample& sample) {
     Image image{width, height, 3, {}, {}};
     const std::size_t size = std::size_t(width) * height * 3;
     if (eight_bit)
@@ -61,6 +60,8 @@ Image quantized_target(const Image& image, const Vec3<float>& background) {
 
 Image float_render(const RenderedImage& render) { return comparable_render(render, false); }
 
-Image float_target(const Image& image, const Vec3<float>& background) { return comparable_target(image, background, false); }
+Image float_target(const Image& image, const Vec3<float>& background) {
+    return comparable_target(image, background, false);
+}
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The images that metrics compare: rounding and compositing of the evaluation protocols.
+// Rounds and composites images as the evaluation protocols compare them.
 #pragma once
 
 #include "kernels/backend.h"
@@ -7,17 +7,17 @@
 
 namespace gs {
 
-/// 8-bit rgb of a render: clamp to [0,1], *255, +0.5, truncate. NaN becomes 0.
+/// Returns a render as 8-bit rgb: clamped to [0,1], times 255, plus 0.5, truncated. NaN becomes 0.
 Image quantized_render(const RenderedImage& render);
 
-/// 8-bit rgb of a photograph: alpha, if any, composited on `background`, then rounded like the render. 8-bit rgb passes
-/// unchanged.
+/// Returns a photograph as 8-bit rgb: composited on `background` where it has alpha, then rounded like the render.
+/// 8-bit rgb passes unchanged.
 Image quantized_target(const Image& image, const Vec3<float>& background);
 
-/// The same without rounding: float rgb, clamped to [0,1]; NaN becomes 0.
+/// Returns a render as float rgb, clamped to [0,1]. NaN becomes 0.
 Image float_render(const RenderedImage& render);
 
-/// Float rgb of a photograph, composited like quantized_target, clamped to [0,1].
+/// Returns a photograph as float rgb, composited like quantized_target and clamped to [0,1].
 Image float_target(const Image& image, const Vec3<float>& background);
 
 }  // namespace gs

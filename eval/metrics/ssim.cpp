@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM by separable filtering in double precision.
+// Computes SSIM by separable filtering in double precision.
 #include "eval/metrics/ssim.h"
 
 #include <fmt/format.h>
@@ -26,13 +26,13 @@ std::array<double, kTaps> gaussian_window() {
     return taps;
 }
 
-/// One channel with `pad` pixels added on each side, so that every window that counts lies inside.
+/// One channel, padded on each side so that every window that counts lies inside.
 struct Plane {
     int width, height;
     std::vector<double> values;
 };
 
-/// Index of pixel i in an image of n pixels, mirrored about the first and last pixel.
+/// Returns the index of pixel i in a row of n pixels that is mirrored about its first and last pixel.
 int reflected(int i, int n) { return i < 0 ? -i : (i >= n ? 2 * n - 2 - i : i); }
 
 Plane padded_channel(const Image& image, int channel, SsimBorder border) {
@@ -53,26 +53,28 @@ Plane padded_channel(const Image& image, int channel, SsimBorder border) {
 double ssim_of_moments(const double m[5]) {
     const double variance_a = std::max(m[2] - m[0] * m[0], 0.0), variance_b = std::max(m[3] - m[1] * m[1], 0.0);
     const double covariance = m[4] - m[0] * m[1];
-    return (2 * m[0] * m[1] + kC1) * (2 * covariance + kC2) / ((m[0] * m[0] + m[1] * m[1] + kC1) * (variance_a + variance_b + kC2));
+    return (2 * m[0] * m[1] + kC1) * (2 * covariance + kC2) /
+           ((m[0] * m[0] + m[1] * m[1] + kC1) * (variance_a + variance_b + kC2));
 }
 
-/// Sum of the SSIM map over all windows that lie inside the planes.
+/// Returns the sum of the SSIM map over all windows that lie inside the planes.
 double ssim_sum(const Plane& a, const Plane& b) {
     static const auto taps = gaussian_window();
     const int width = a.width - 2 * kRadius, height = a.height - 2 * kRadius;
-    // Moments a, b, aa, bb, ab filtered along x: (a.height, width, 5).
+    // The moments a, b, aa, bb, ab, filtered along x: (a.height, width, 5).
     std::vector<double> rows(std::size_t(a.height) * width * 5);
     parallel_for(a.height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
             double* m = &rows[(std::size_t(y) * width + x) * 5];
             for (int k = 0; k < kTaps; ++k) {
-                const double va = a.values[std::size_t(y) * a.width + x + k], vb = b.values[std::size_t(y) * a.width + x + k];
+                const double va = a.values[std::size_t(y) * a.width + x + k],
+                             vb = b.values[std::size_t(y) * a.width + x + k];
                 m[0] += taps[k] * va, m[1] += taps[k] * vb;
                 m[2] += taps[k] * va * va, m[3] += taps[k] * vb * vb, m[4] += taps[k] * va * vb;
             }
         }
     });
-    std::vector<double> row_sums(height);  // summed in order afterwards: the same result for any number of threads
+    std::vector<double> row_sums(height);  // summed in order, so that the number of threads does not matter
     parallel_for(height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
             double m[5] = {};

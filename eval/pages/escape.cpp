@@ -7,9 +7,9 @@
 namespace gs {
 namespace {
 
-/// `text` with every character replaced by what `replacement` returns; a null pointer keeps it.
-template <class Replacement>
-std::string replaced(const std::string& text, const Replacement& replacement) {
+/// Returns `text` with every character replaced by what `replacement` returns for it; a null pointer keeps the
+/// character.
+template <class Replacement> std::string replaced(const std::string& text, const Replacement& replacement) {
     std::string out;
     for (const char c : text) {
         if (const char* with = replacement(c))
@@ -29,13 +29,20 @@ std::string one_line(const std::string& text) {
 std::string markdown_escaped(const std::string& text) {
     return replaced(one_line(text), [](char c) -> const char* {
         switch (c) {
-            case '|': return "\\|";
-            case '*': return "\\*";
-            case '`': return "\\`";
-            case '\\': return "\\\\";
-            case '<': return "&lt;";
-            case '&': return "&amp;";
-            default: return nullptr;
+            case '|':
+                return "\\|";
+            case '*':
+                return "\\*";
+            case '`':
+                return "\\`";
+            case '\\':
+                return "\\\\";
+            case '<':
+                return "&lt;";
+            case '&':
+                return "&amp;";
+            default:
+                return nullptr;
         }
     });
 }
@@ -48,19 +55,32 @@ std::string csv_escaped(const std::string& text) {
 std::string latex_escaped(const std::string& text) {
     return replaced(one_line(text), [](char c) -> const char* {
         switch (c) {
-            case '\\': return "\\textbackslash{}";
-            case '~': return "\\textasciitilde{}";
-            case '^': return "\\textasciicircum{}";
-            case '<': return "\\textless{}";
-            case '>': return "\\textgreater{}";
-            case '&': return "\\&";
-            case '%': return "\\%";
-            case '$': return "\\$";
-            case '#': return "\\#";
-            case '_': return "\\_";
-            case '{': return "\\{";
-            case '}': return "\\}";
-            default: return nullptr;
+            case '\\':
+                return "\\textbackslash{}";
+            case '~':
+                return "\\textasciitilde{}";
+            case '^':
+                return "\\textasciicircum{}";
+            case '<':
+                return "\\textless{}";
+            case '>':
+                return "\\textgreater{}";
+            case '&':
+                return "\\&";
+            case '%':
+                return "\\%";
+            case '$':
+                return "\\$";
+            case '#':
+                return "\\#";
+            case '_':
+                return "\\_";
+            case '{':
+                return "\\{";
+            case '}':
+                return "\\}";
+            default:
+                return nullptr;
         }
     });
 }
@@ -68,12 +88,18 @@ std::string latex_escaped(const std::string& text) {
 std::string html_escaped(const std::string& text) {
     return replaced(text, [](char c) -> const char* {
         switch (c) {
-            case '<': return "&lt;";
-            case '>': return "&gt;";
-            case '&': return "&amp;";
-            case '"': return "&quot;";
-            case '\'': return "&#39;";
-            default: return nullptr;
+            case '<':
+                return "&lt;";
+            case '>':
+                return "&gt;";
+            case '&':
+                return "&amp;";
+            case '"':
+                return "&quot;";
+            case '\'':
+                return "&#39;";
+            default:
+                return nullptr;
         }
     });
 }

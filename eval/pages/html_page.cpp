@@ -11,7 +11,8 @@ namespace {
 
 std::string html_of(const TextCell& cell) {
     std::string text = html_escaped(cell.text);
-    if (cell.place > 0) text = fmt::format("<span class=\"place{0}\">{1}<sup title=\"place {0}\">{0}</sup></span>", cell.place, text);
+    if (cell.place > 0)
+        text = fmt::format("<span class=\"place{0}\">{1}<sup title=\"place {0}\">{0}</sup></span>", cell.place, text);
     return cell.deviation.empty() ? text : text + " &plusmn; " + html_escaped(cell.deviation);
 }
 
@@ -24,10 +25,13 @@ std::string page_head(const std::string& title) {
 }
 
 std::string html_table(const TextTable& table, const std::string& note) {
-    std::string html = fmt::format("<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\">\n<table>\n<caption>{0}</caption>\n<thead><tr>",
-                                   html_escaped(table.title));
+    std::string html = fmt::format(
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" "
+        "aria-label=\"{0}\">\n<table>\n<caption>{0}</caption>\n<thead><tr>",
+        html_escaped(table.title));
     for (std::size_t c = 0; c < table.header.size(); ++c)
-        html += fmt::format("<th scope=\"col\"{}>{}</th>", c < table.num_labels ? "" : " class=\"number\"", html_escaped(table.header[c]));
+        html += fmt::format("<th scope=\"col\"{}>{}</th>", c < table.num_labels ? "" : " class=\"number\"",
+                            html_escaped(table.header[c]));
     html += "</tr></thead>\n<tbody>\n";
     for (std::size_t i = 0; i < table.lines.size(); ++i) {
         const auto& line = table.lines[i];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the pages that gsapp writes have in common.
+// The head, tables and placeholders of the pages that gsapp writes.
 #pragma once
 
 #include <string>
@@ -8,16 +8,16 @@
 
 namespace gs {
 
-/// eval/pages/page_head.html: everything before <body>, style included, with {{title}} to be filled in.
+/// The text of eval/pages/page_head.html: everything before <body>, style included, with the placeholder {{title}}.
 extern const char* const kPageHead;
 
-/// kPageHead with its title.
+/// Returns kPageHead with its title.
 std::string page_head(const std::string& title);
 
-/// The table, with `note` (empty: none) below it, both escaped.
+/// Returns the table, and below it `note` unless it is empty. Both are escaped.
 std::string html_table(const TextTable& table, const std::string& note);
 
-/// Replaces the one place where {{key}} stands.
+/// Replaces the first {{key}} of the page, which must have one.
 void fill(std::string& page, const std::string& key, const std::string& text);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables as Markdown.
+// Writes tables as Markdown.
 #include "eval/pages/text_table.h"
 
 #include <fmt/format.h>
@@ -18,7 +18,7 @@ std::string markdown_of(const TextCell& cell) {
     return cell.deviation.empty() ? text : text + " ± " + markdown_escaped(cell.deviation);
 }
 
-/// Code points; what UTF-8 continues is not counted.
+/// Counts the code points of UTF-8 text.
 std::size_t width_of(const std::string& text) {
     return std::size_t(std::count_if(text.begin(), text.end(), [](unsigned char c) { return (c & 0xC0) != 0x80; }));
 }
@@ -40,12 +40,14 @@ std::string markdown_table(const TextTable& table) {
         text += "|";
         for (std::size_t c = 0; c < widths.size(); ++c) {
             const std::string padding(widths[c] - width_of(lines[i][c]), ' ');
-            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding) : fmt::format(" {}{} |", padding, lines[i][c]);
+            text += c < table.num_labels ? fmt::format(" {}{} |", lines[i][c], padding)
+                                         : fmt::format(" {}{} |", padding, lines[i][c]);
         }
         text += "\n";
         if (i > 0) continue;
         text += "|";
-        for (std::size_t c = 0; c < widths.size(); ++c) text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
+        for (std::size_t c = 0; c < widths.size(); ++c)
+            text += fmt::format(" {}{} |", std::string(widths[c] - 1, '-'), c < table.num_labels ? "-" : ":");
         text += "\n";
     }
     return text;

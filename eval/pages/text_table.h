@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A table for readers, before it is Markdown, LaTeX or HTML.
+// A table for readers before it becomes Markdown, LaTeX or HTML.
 #pragma once
 
 #include <string>
@@ -7,21 +7,23 @@
 
 namespace gs {
 
-/// Text that is not escaped yet.
+/// The text of a cell, not escaped yet.
 struct TextCell {
-    std::string text, deviation = {};  ///< deviation empty: none
-    int place = 0;                     ///< as in ColumnStats
+    std::string text, deviation = {};  ///< no deviation where it is empty
+    int place = 0;                     ///< 1, 2, 3 in its column, 0 = none (see ColumnStats)
 };
 
+/// A title, a header and lines of cells.
 struct TextTable {
     std::string title;  ///< may be empty
     std::vector<std::string> header;
     std::size_t num_labels = 0;  ///< leading columns that hold words; the others are aligned right
     std::vector<std::vector<TextCell>> lines;
-    std::size_t first_grey = std::size_t(-1);  ///< lines from this one on matter less
+    std::size_t first_grey = std::size_t(-1);  ///< lines from this one on are shown grey
 };
 
-/// Columns padded to one width, so that the text reads as a table in a terminal, too. Ends with a newline.
+/// Returns the table in Markdown, ending with a newline. Columns are padded, so that it reads as a table in a terminal,
+/// too.
 std::string markdown_table(const TextTable& table);
 
 }  // namespace gs

@@ -20,24 +20,31 @@ std::string whole(double v) { return fmt::format("{:.0f}", v); }
 std::string one_digit(double v) { return fmt::format("{:.1f}", v); }
 std::string gibibytes(double v) { return fmt::format("{:.2f} GiB", v / double(1 << 30)); }
 
-/// The metrics in the order of columns. "LPIPS" is what 3DGS's metrics.py writes, without naming the net.
+/// Returns the metrics in the order of columns. 3DGS's metrics.py writes "LPIPS" without naming the net.
 std::vector<MetricInfo> column_metrics() {
     std::vector<MetricInfo> metrics = known_metrics();
-    const auto flip = std::find_if(metrics.begin(), metrics.end(), [](const MetricInfo& info) { return info.name == "flip"; });
+    const auto flip =
+        std::find_if(metrics.begin(), metrics.end(), [](const MetricInfo& info) { return info.name == "flip"; });
     metrics.insert(flip, {"lpips", "LPIPS", false, 4});
     return metrics;
 }
 
-std::optional<double> as_double(const std::optional<std::int64_t>& n) { return n ? std::optional(double(*n)) : std::nullopt; }
+std::optional<double> as_double(const std::optional<std::int64_t>& n) {
+    return n ? std::optional(double(*n)) : std::nullopt;
+}
 
 const std::vector<Column>& cost_columns() {
     static const std::vector<Column> columns = {
-        {"bytes_per_gaussian", "bytes/G", Better::kLower, whole, [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
+        {"bytes_per_gaussian", "bytes/G", Better::kLower, whole,
+         [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
         {"num_gaussians", "#Gs", Better::kNeither, whole, [](const TableRow& r) { return as_double(r.num_gaussians); }},
-        {"train_seconds", "train time", Better::kLower, duration_text, [](const TableRow& r) { return r.train_seconds; }},
-        {"peak_device_bytes", "peak memory", Better::kLower, gibibytes, [](const TableRow& r) { return as_double(r.peak_device_bytes); }},
-        {"fps", "FPS", Better::kHigher, one_digit,
-         [](const TableRow& r) { return r.frame_seconds && *r.frame_seconds > 0 ? std::optional(1 / *r.frame_seconds) : std::nullopt; }}};
+        {"train_seconds", "train time", Better::kLower, duration_text,
+         [](const TableRow& r) { return r.train_seconds; }},
+        {"peak_device_bytes", "peak memory", Better::kLower, gibibytes,
+         [](const TableRow& r) { return as_double(r.peak_device_bytes); }},
+        {"fps", "FPS", Better::kHigher, one_digit, [](const TableRow& r) {
+             return r.frame_seconds && *r.frame_seconds > 0 ? std::optional(1 / *r.frame_seconds) : std::nullopt;
+         }}};
     return columns;
 }
 
@@ -51,7 +58,9 @@ std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
     }
     std::vector<Column> columns;
     for (const MetricInfo& m : column_metrics())
-        if (wanted.erase(m.key) > 0) columns.push_back({m.key, m.key, m.higher_is_better ? Better::kHigher : Better::kLower, m.decimals == 2 ? two_digits : four_digits});
+        if (wanted.erase(m.key) > 0)
+            columns.push_back({m.key, m.key, m.higher_is_better ? Better::kHigher : Better::kLower,
+                               m.decimals == 2 ? two_digits : four_digits});
     for (const std::string& name : wanted) columns.push_back({name, name, Better::kNeither, four_digits});
     columns.insert(columns.end(), cost_columns().begin(), cost_columns().end());
     return columns;

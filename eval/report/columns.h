@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numeric columns of tables: metrics by the names in results.json, then what a run cost.
+// The numeric columns of tables: metrics by their names in results.json, then the costs of a run.
 #pragma once
 
 #include <optional>
@@ -10,21 +10,23 @@
 
 namespace gs {
 
+/// The direction in which a column's values are better.
 enum class Better { kNeither, kHigher, kLower };
 
+/// A column: its names, and how its values are read and written.
 struct Column {
-    std::string key;    ///< in CSV and JSON; of a metric its name in results.json
-    std::string title;  ///< for readers
+    std::string key;    ///< name in CSV and JSON; a metric's name in results.json
+    std::string title;  ///< heading for readers
     Better better = Better::kNeither;
-    std::string (*text)(double) = nullptr;  ///< rounded for readers, with its unit
-    std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< where it is no metric
+    std::string (*text)(double) = nullptr;                     ///< value rounded for readers, with its unit
+    std::optional<double> (*cost)(const TableRow&) = nullptr;  ///< value of a cost; null for a metric
 };
 
-/// PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then bytes/G, #Gs, train time, peak memory
-/// and FPS.
+/// Returns PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then bytes/G,
+/// #Gs, train time, peak memory and FPS.
 std::vector<Column> table_columns(const std::vector<TableRow>& rows);
 
-/// The row's value; empty where it has none.
+/// Returns the row's value; empty where it has none.
 std::optional<double> column_value(const Column& column, const TableRow& row);
 
 }  // namespace gs

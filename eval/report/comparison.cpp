@@ -18,7 +18,8 @@ namespace {
 using Sample = std::vector<std::optional<double>>;  ///< one value per column
 
 bool same_experiment(const TableRow& a, const TableRow& b) {
-    return !a.training.empty() && a.scene == b.scene && a.iteration == b.iteration && a.correction == b.correction && a.training == b.training;
+    return !a.training.empty() && a.scene == b.scene && a.iteration == b.iteration && a.correction == b.correction &&
+           a.training == b.training;
 }
 
 std::string label_of(const std::vector<TableRow>& rows) {
@@ -38,23 +39,28 @@ std::vector<Sample> samples_of(const ComparisonLine& line, const std::vector<Col
     return samples;
 }
 
-/// A column that one run lacks is empty: the mean of the others would be taken for that of all.
-std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples, const std::vector<Column>& columns) {
+/// Returns the statistics of every column. A column that one run lacks is empty, since readers would take the mean of
+/// the others for that of all.
+std::vector<std::optional<ColumnStats>> stats_of(const std::vector<Sample>& samples,
+                                                 const std::vector<Column>& columns) {
     std::vector<std::optional<ColumnStats>> stats;
     for (std::size_t c = 0; c < columns.size(); ++c) {
         std::vector<double> values;
         for (const Sample& sample : samples)
             if (sample[c]) values.push_back(*sample[c]);
-        stats.push_back(values.size() == samples.size() ? std::optional(column_stats(values, columns[c].better)) : std::nullopt);
+        stats.push_back(values.size() == samples.size() ? std::optional(column_stats(values, columns[c].better))
+                                                        : std::nullopt);
     }
     return stats;
 }
 
-/// Element by element; empty where one of the samples is.
+/// Returns the mean element by element; empty where one of the samples is.
 Sample mean_sample(const std::vector<Sample>& samples) {
     Sample mean(samples[0].size(), 0.0);
     for (const Sample& sample : samples)
-        for (std::size_t c = 0; c < mean.size(); ++c) mean[c] = mean[c] && sample[c] ? std::optional(*mean[c] + *sample[c] / double(samples.size())) : std::nullopt;
+        for (std::size_t c = 0; c < mean.size(); ++c)
+            mean[c] =
+                mean[c] && sample[c] ? std::optional(*mean[c] + *sample[c] / double(samples.size())) : std::nullopt;
     return mean;
 }
 
@@ -64,12 +70,13 @@ std::vector<std::uint64_t> seeds_of(const ComparisonLine& line) {
     return seeds;
 }
 
-/// The same runs of several scenes.
+/// Returns the line of a dataset from lines of its scenes.
 ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, const std::vector<Column>& columns) {
     ComparisonLine line = *scenes[0];
     line.num_scenes = scenes.size();
     line.label = fmt::format("mean of {} scenes", scenes.size());
-    const bool paired = std::all_of(scenes.begin(), scenes.end(), [&](const ComparisonLine* s) { return seeds_of(*s) == seeds_of(line); });
+    const bool paired = std::all_of(scenes.begin(), scenes.end(),
+                                    [&](const ComparisonLine* s) { return seeds_of(*s) == seeds_of(line); });
     const std::size_t num_runs = paired ? line.rows.size() : 1;
     std::vector<Sample> runs;
     for (std::size_t k = 0; k < num_runs; ++k) {
@@ -83,14 +90,17 @@ ComparisonLine dataset_line(const std::vector<const ComparisonLine*>& scenes, co
     line.num_runs = num_runs;
     if (num_runs > 1) line.label += fmt::format(", {} runs each", num_runs);
     line.values = stats_of(runs, columns);
-    for (std::size_t k = 1; k < scenes.size(); ++k) line.rows.insert(line.rows.end(), scenes[k]->rows.begin(), scenes[k]->rows.end());
+    for (std::size_t k = 1; k < scenes.size(); ++k)
+        line.rows.insert(line.rows.end(), scenes[k]->rows.begin(), scenes[k]->rows.end());
     return line;
 }
 
-/// What a reader would take two runs of one scene for the same by.
-std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) { return {line.model, line.strategy, line.correction}; }
+/// Returns what readers see of a line: lines of one look seem to be the same experiment.
+std::tuple<std::string, std::string, std::string> look_of(const ComparisonLine& line) {
+    return {line.model, line.strategy, line.correction};
+}
 
-/// Says on every line by which options it differs from lines of the same look.
+/// Writes on every line the options in which lines of the same look differ.
 void name_options(ComparisonTable& table) {
     std::map<std::tuple<std::string, std::string, std::string>, std::vector<ComparisonLine*>> looks;
     for (ComparisonLine& line : table.lines) looks[look_of(line)].push_back(&line);
@@ -117,9 +127,10 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
         for (ComparisonLine& line : table.lines)
             if (line.values[c] && line.num_scenes == table.num_scenes) stats.push_back(&*line.values[c]);
         const double sign = columns[c].better == Better::kHigher ? -1 : 1;
-        std::stable_sort(stats.begin(), stats.end(), [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
+        std::stable_sort(stats.begin(), stats.end(),
+                         [&](const ColumnStats* a, const ColumnStats* b) { return sign * a->mean < sign * b->mean; });
         const auto text = [&](const ColumnStats* s) { return columns[c].text(s->mean); };
-        // One line alone, or lines that are all equal, have no best.
+        // There is no best where all lines read the same, or only one line is there.
         if (stats.empty() || text(stats.front()) == text(stats.back())) continue;
         int place = 1;
         for (std::size_t i = 0; i < stats.size(); ++i) {
@@ -133,7 +144,8 @@ void give_places(ComparisonTable& table, const std::vector<Column>& columns) {
 std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
     std::vector<ComparisonLine> lines;
     for (const TableRow& row : rows) {
-        const auto same = std::find_if(lines.begin(), lines.end(), [&](const ComparisonLine& line) { return same_experiment(line.rows[0], row); });
+        const auto same = std::find_if(lines.begin(), lines.end(),
+                                       [&](const ComparisonLine& line) { return same_experiment(line.rows[0], row); });
         if (same == lines.end()) {
             ComparisonLine line;
             line.rows = {row};
@@ -144,15 +156,17 @@ std::vector<ComparisonLine> grouped(const std::vector<TableRow>& rows) {
         }
     }
     for (ComparisonLine& line : lines) {
-        std::stable_sort(line.rows.begin(), line.rows.end(), [](const TableRow& a, const TableRow& b) { return a.seed < b.seed; });
+        std::stable_sort(line.rows.begin(), line.rows.end(),
+                         [](const TableRow& a, const TableRow& b) { return a.seed < b.seed; });
         line.label = label_of(line.rows);
         line.num_runs = line.rows.size();
     }
     return lines;
 }
 
-/// Tables of the datasets of which there are several scenes.
-std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes, const std::vector<Column>& columns) {
+/// Returns the tables of the datasets that have several scenes.
+std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& scenes,
+                                            const std::vector<Column>& columns) {
     std::vector<std::string> order;
     for (const ComparisonTable& scene : scenes)
         if (std::find(order.begin(), order.end(), scene.dataset) == order.end()) order.push_back(scene.dataset);
@@ -163,10 +177,12 @@ std::vector<ComparisonTable> dataset_tables(const std::vector<ComparisonTable>& 
         for (const ComparisonTable& scene : scenes) {
             if (scene.dataset != dataset) continue;
             ++table.num_scenes;
-            std::set<std::size_t> taken;  // a second line of the same look and options in one scene stands for itself
+            std::set<std::size_t> taken;  // matches of this scene; a second line of one look and options starts its own
             for (const ComparisonLine& line : scene.lines) {
                 std::size_t k = 0;
-                while (k < matches.size() && (taken.count(k) > 0 || look_of(*matches[k][0]) != look_of(line) || matches[k][0]->options != line.options)) ++k;
+                while (k < matches.size() && (taken.count(k) > 0 || look_of(*matches[k][0]) != look_of(line) ||
+                                              matches[k][0]->options != line.options))
+                    ++k;
                 if (k == matches.size()) matches.emplace_back();
                 matches[k].push_back(&line);
                 taken.insert(k);
@@ -188,7 +204,8 @@ ColumnStats column_stats(const std::vector<double>& values, Better better) {
     for (const double v : values) stats.mean += v / n;
     stats.worst = stats.mean;
     if (better != Better::kNeither) {
-        const auto worst = better == Better::kHigher ? std::min_element(values.begin(), values.end()) : std::max_element(values.begin(), values.end());
+        const auto worst = better == Better::kHigher ? std::min_element(values.begin(), values.end())
+                                                     : std::max_element(values.begin(), values.end());
         stats.worst = *worst;
         stats.worst_run = std::size_t(worst - values.begin());
     }
@@ -215,7 +232,9 @@ Comparison compare_runs(const std::vector<TableRow>& rows) {
         line.values = stats_of(samples_of(line, comparison.columns), comparison.columns);
         const TableRow& row = line.rows[0];
         auto& tables = comparison.tables;
-        auto table = std::find_if(tables.begin(), tables.end(), [&](const ComparisonTable& t) { return t.dataset == row.dataset && t.scene == row.scene; });
+        auto table = std::find_if(tables.begin(), tables.end(), [&](const ComparisonTable& t) {
+            return t.dataset == row.dataset && t.scene == row.scene;
+        });
         if (table == tables.end()) table = tables.insert(tables.end(), {row.dataset, row.scene, 1, {}});
         table->lines.push_back(std::move(line));
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables for programs: CSV and JSON.
+// Writes tables for programs: CSV and JSON.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -29,11 +29,14 @@ Json json_of(const ColumnStats& stats, const ComparisonLine& line) {
 }
 
 Json json_of(const ComparisonLine& line, const std::vector<Column>& columns) {
-    Json json = {{"model", line.model}, {"strategy", line.strategy},     {"options", line.options},      {"ppisp_eval", line.correction},
-                 {"num_runs", line.num_runs}, {"num_scenes", line.num_scenes}, {"runs", Json::array()}, {"values", Json::object()}};
+    Json json = {{"model", line.model},           {"strategy", line.strategy}, {"options", line.options},
+                 {"ppisp_eval", line.correction}, {"num_runs", line.num_runs}, {"num_scenes", line.num_scenes},
+                 {"runs", Json::array()},         {"values", Json::object()}};
     for (const TableRow& row : line.rows)
-        json["runs"].push_back({{"run", row.run}, {"scene", row.scene}, {"seed", row.seed}, {"iteration", row.iteration}});
-    for (std::size_t c = 0; c < columns.size(); ++c) json["values"][columns[c].key] = line.values[c] ? json_of(*line.values[c], line) : Json(nullptr);
+        json["runs"].push_back(
+            {{"run", row.run}, {"scene", row.scene}, {"seed", row.seed}, {"iteration", row.iteration}});
+    for (std::size_t c = 0; c < columns.size(); ++c)
+        json["values"][columns[c].key] = line.values[c] ? json_of(*line.values[c], line) : Json(nullptr);
     return json;
 }
 
@@ -48,18 +51,22 @@ std::string joined(const std::vector<std::string>& cells) {
 std::string comparison_json(const Comparison& comparison) {
     Json json = {{"protocol", comparison.protocol}, {"columns", Json::array()}, {"tables", Json::array()}};
     for (const Column& column : comparison.columns)
-        json["columns"].push_back({{"key", column.key}, {"title", column.title}, {"better", direction_name(column.better)}});
+        json["columns"].push_back(
+            {{"key", column.key}, {"title", column.title}, {"better", direction_name(column.better)}});
     for (const ComparisonTable& table : comparison.tables) {
         Json lines = Json::array();
         for (const ComparisonLine& line : table.lines) lines.push_back(json_of(line, comparison.columns));
-        json["tables"].push_back({{"dataset", table.dataset}, {"scene", table.scene.empty() ? Json(nullptr) : Json(table.scene)}, {"lines", lines}});
+        json["tables"].push_back({{"dataset", table.dataset},
+                                  {"scene", table.scene.empty() ? Json(nullptr) : Json(table.scene)},
+                                  {"lines", lines}});
     }
-    // Names of files need not be UTF-8; JSON must be.
+    // JSON must be UTF-8, which names of files need not be.
     return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 std::string comparison_csv(const Comparison& comparison) {
-    std::vector<std::string> cells = {"run", "dataset", "scene", "model", "strategy", "options", "ppisp", "runs", "scenes"};
+    std::vector<std::string> cells = {"run",     "dataset", "scene", "model", "strategy",
+                                      "options", "ppisp",   "runs",  "scenes"};
     for (const Column& column : comparison.columns) {
         cells.push_back(column.key);
         cells.push_back(column.key + "_deviation");
@@ -69,8 +76,15 @@ std::string comparison_csv(const Comparison& comparison) {
     std::string text = joined(cells);
     for (const ComparisonTable& table : comparison.tables) {
         for (const ComparisonLine& line : table.lines) {
-            cells = {line.label,      table.dataset,   table.scene, line.model, line.strategy, line.options,
-                     line.correction, std::to_string(line.num_runs), std::to_string(line.num_scenes)};
+            cells = {line.label,
+                     table.dataset,
+                     table.scene,
+                     line.model,
+                     line.strategy,
+                     line.options,
+                     line.correction,
+                     std::to_string(line.num_runs),
+                     std::to_string(line.num_scenes)};
             for (const auto& stats : line.values) {
                 cells.push_back(stats ? fmt::format("{}", stats->mean) : "");
                 cells.push_back(stats && stats->deviation ? fmt::format("{}", *stats->deviation) : "");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables as text for people and programs.
+// Writes tables as text for people and programs.
 #pragma once
 
 #include <string>
@@ -9,22 +9,25 @@
 
 namespace gs {
 
+/// The formats of format_comparison.
 enum class TableFormat { kMarkdown, kCsv, kLatex, kJson };
 
-/// markdown | csv | latex | json. Throws UsageError naming these.
+/// Parses markdown | csv | latex | json. Throws UsageError naming these.
 TableFormat parse_table_format(const std::string& name);
 
-/// All tables; ends with a newline. Markdown and LaTeX (booktabs) are rounded for reading, have mean +- deviation and the worst run where
-/// runs were repeated, mark places 1, 2, 3 (bold, underlined, italic), and the protocol in one line under every table. CSV (one table, one
-/// line a row) and JSON carry full numbers: times in seconds, memory in bytes.
+/// Writes all tables, ending with a newline. Markdown and LaTeX (booktabs) are rounded for reading. They show mean +-
+/// deviation and the worst run where runs were repeated, mark places 1, 2, 3 (bold, underlined, italic), and state the
+/// protocol in one line under every table. CSV (one table, one line a row) and JSON carry full numbers: times in
+/// seconds, memory in bytes.
 std::string format_comparison(const Comparison& comparison, TableFormat format);
 
-// format_comparison's two forms for programs.
+/// Writes all tables as CSV.
 std::string comparison_csv(const Comparison& comparison);
+/// Writes all tables as JSON.
 std::string comparison_json(const Comparison& comparison);
 
-/// What a table shows; shared by Markdown, LaTeX and HTML. Columns of words that say nothing (no options, no correction, one run) and of
-/// costs that no line has are left out.
+/// Returns the cells that Markdown, LaTeX and HTML show. Leaves out columns of words that say nothing (no options, no
+/// correction, one run) and columns of costs that no line has.
 TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables for readers: what stands in each cell, and LaTeX made of it.
+// Fills the cells of tables for readers and writes them as LaTeX.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ std::string or_dash(const std::string& text) { return text.empty() ? "-" : text;
 
 TextCell cell_of(const ComparisonLine& line, const Column& column, const std::optional<ColumnStats>& stats) {
     if (stats) {
-        // Of a metric even "+- 0" says something; sizes are mostly equal by construction.
+        // "+- 0" says something about a metric; sizes are mostly equal by construction.
         const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
         return {column.text(stats->mean), varies ? column.text(*stats->deviation) : "", stats->place};
     }
@@ -27,12 +27,14 @@ TextCell cell_of(const ComparisonLine& line, const Column& column, const std::op
     return {std::any_of(line.rows.begin(), line.rows.end(), lacks_weights) ? "no weights" : "not measured", "", 0};
 }
 
-/// The run of least PSNR.
+/// Returns the lowest PSNR and its run.
 TextCell worst_cell(const ComparisonLine& line, const Column& psnr, const std::optional<ColumnStats>& stats) {
     if (line.num_runs < 2 || !stats) return {"-", "", 0};
     const std::string value = psnr.text(stats->worst);
-    // Of a dataset the k-th run is one of every scene.
-    return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.rows[stats->worst_run].seed) : fmt::format("{} ({})", value, line.rows[stats->worst_run].run), "", 0};
+    // A dataset's k-th run has one row in every scene, so that the seed names it.
+    return {line.num_scenes > 1 ? fmt::format("{} (seed {})", value, line.rows[stats->worst_run].seed)
+                                : fmt::format("{} ({})", value, line.rows[stats->worst_run].run),
+            "", 0};
 }
 
 std::string latex_of(const TextCell& cell) {
@@ -42,8 +44,9 @@ std::string latex_of(const TextCell& cell) {
 }
 
 std::string latex(const TextTable& table, const std::string& protocol) {
-    std::string text = fmt::format("% {}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n", one_line(table.title), std::string(table.num_labels, 'l'),
-                                   std::string(table.header.size() - table.num_labels, 'r'));
+    std::string text =
+        fmt::format("% {}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n", one_line(table.title),
+                    std::string(table.num_labels, 'l'), std::string(table.header.size() - table.num_labels, 'r'));
     const auto joined = [](const std::vector<std::string>& cells) {
         std::string line;
         for (std::size_t c = 0; c < cells.size(); ++c) line += (c > 0 ? " & " : "") + cells[c];
@@ -57,7 +60,8 @@ std::string latex(const TextTable& table, const std::string& protocol) {
         for (const TextCell& cell : line) cells.push_back(latex_of(cell));
         text += joined(cells);
     }
-    return text + fmt::format("\\bottomrule\n\\multicolumn{{{}}}{{l}}{{\\footnotesize {}}} \\\\\n\\end{{tabular}}\n", table.header.size(), latex_escaped(protocol));
+    return text + fmt::format("\\bottomrule\n\\multicolumn{{{}}}{{l}}{{\\footnotesize {}}} \\\\\n\\end{{tabular}}\n",
+                              table.header.size(), latex_escaped(protocol));
 }
 
 }  // namespace
@@ -94,7 +98,8 @@ TextTable text_table(const ComparisonTable& table, const std::vector<Column>& co
         out.header.push_back(columns[c].title);
     }
     for (const ComparisonLine& line : table.lines) {
-        std::vector<TextCell> cells = {{or_dash(line.label), "", 0}, {or_dash(line.model), "", 0}, {or_dash(line.strategy), "", 0}};
+        std::vector<TextCell> cells = {
+            {or_dash(line.label), "", 0}, {or_dash(line.model), "", 0}, {or_dash(line.strategy), "", 0}};
         if (options) cells.push_back({or_dash(line.options), "", 0});
         if (correction) cells.push_back({or_dash(line.correction), "", 0});
         if (repeated) cells.push_back(worst_cell(line, columns[0], line.values[0]));
@@ -111,7 +116,8 @@ std::string format_comparison(const Comparison& comparison, TableFormat format) 
     for (const ComparisonTable& table : comparison.tables) {
         if (!text.empty()) text += "\n";
         const TextTable cells = text_table(table, comparison.columns);
-        text += format == TableFormat::kLatex ? latex(cells, comparison.protocol) : markdown_table(cells) + "\n" + comparison.protocol + "\n";
+        text += format == TableFormat::kLatex ? latex(cells, comparison.protocol)
+                                              : markdown_table(cells) + "\n" + comparison.protocol + "\n";
     }
     return text;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: everything put into its place.
+// Puts every part of the page into its place.
 #include "eval/report/report.h"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// Of all scenes; tables of datasets repeat them.
+/// Returns the rows of all scenes. The tables of datasets repeat them and are skipped.
 std::vector<const TableRow*> rows_of(const Comparison& comparison) {
     std::vector<const TableRow*> rows;
     for (const ComparisonTable& table : comparison.tables) {
@@ -30,7 +30,8 @@ std::vector<const TableRow*> rows_of(const Comparison& comparison) {
 
 std::string report_tables(const Comparison& comparison) {
     std::string html;
-    for (const ComparisonTable& table : comparison.tables) html += html_table(text_table(table, comparison.columns), comparison.protocol);
+    for (const ComparisonTable& table : comparison.tables)
+        html += html_table(text_table(table, comparison.columns), comparison.protocol);
     return html;
 }
 
@@ -50,14 +51,17 @@ std::string report_frame_times(const Comparison& comparison) {
         html = html_table(table, kFrameProtocol);
     }
     if (!unmeasured.empty())
-        html += fmt::format("<p class=\"note\">Not measured: {}. <code>gsapp bench --frames RUN</code> measures runs, and the next page shows it.</p>\n",
-                            html_escaped(fmt::format("{}", fmt::join(unmeasured, ", "))));
+        html += fmt::format(
+            "<p class=\"note\">Not measured: {}. <code>gsapp bench frames RUN</code> measures runs, and the next page "
+            "shows it.</p>\n",
+            html_escaped(fmt::format("{}", fmt::join(unmeasured, ", "))));
     return html;
 }
 
 std::string report_stability(const Comparison& comparison) {
     std::vector<std::string> models;
-    for (const TableRow* row : rows_of(comparison)) models.push_back(row->model.substr(0, row->model.find(' ')));  // without the degree
+    for (const TableRow* row : rows_of(comparison))
+        models.push_back(row->model.substr(0, row->model.find(' ')));  // no degree
     TextTable table = stability_table(measure_stability(models));
     table.title = "Largest errors of single precision at the extremes of every input";
     return html_table(table, "");
@@ -65,7 +69,7 @@ std::string report_stability(const Comparison& comparison) {
 
 void write_report(const std::filesystem::path& path, const Comparison& comparison, const ReportOptions& options) {
     std::string page = page_head("gsapp: comparison of runs") + kReportPage;
-    // From the end of the page: texts of users may hold marks themselves.
+    // Fills in from the end of the page, because texts of users may hold placeholders themselves.
     fill(page, "pictures", report_pictures(comparison, options));
     fill(page, "program", html_escaped(version_text()));
     fill(page, "stability", report_stability(comparison));

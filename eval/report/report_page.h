@@ -4,7 +4,8 @@
 
 namespace gs {
 
-/// eval/report/report_page.html: the body of write_report's page, with {{tables}}, {{plots}}, {{program}} and {{pictures}}, in this order, to be filled in.
+/// The text of eval/report/report_page.html: the body of write_report's page, with the placeholders {{tables}},
+/// {{frames}}, {{plots}}, {{stability}}, {{program}} and {{pictures}} in this order.
 extern const char* const kReportPage;
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of the run folders as data URIs.
+// Embeds pictures of the run folders as data URIs.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,8 +17,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kJpegQuality = 90;    ///< no artefact is seen beside those of the models
-constexpr int kErrorGain = 4;       ///< errors of a trained model are a few per cent; the page names the factor
+constexpr int kJpegQuality = 90;  ///< its artefacts vanish beside those of the models
+constexpr int kErrorGain = 4;     ///< factor on errors, a few per cent for a trained model; the page names it
 
 std::string base64(const std::vector<std::uint8_t>& bytes) {
     static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -32,21 +32,23 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
     return text;
 }
 
-/// |a - b|, amplified.
+/// Returns |a - b|, amplified.
 Image error_of(const Image& a, const Image& b) {
     Image error = a;
-    for (std::size_t i = 0; i < error.u8.size(); ++i) error.u8[i] = std::uint8_t(std::min(255, kErrorGain * std::abs(int(a.u8[i]) - int(b.u8[i]))));
+    for (std::size_t i = 0; i < error.u8.size(); ++i)
+        error.u8[i] = std::uint8_t(std::min(255, kErrorGain * std::abs(int(a.u8[i]) - int(b.u8[i]))));
     return error;
 }
 
-/// Data URIs, each kept once: runs of one scene share their photographs.
+/// The data URIs, each kept once because runs of one scene share their photographs.
 class Images {
   public:
     explicit Images(int max_width) : max_width_(max_width) {}
 
     int add(const Image& image) {
         const bool wide = image.width > max_width_;
-        const Image shown = wide ? resize_image(image, max_width_, std::max(1, image.height * max_width_ / image.width)) : image;
+        const Image shown =
+            wide ? resize_image(image, max_width_, std::max(1, image.height * max_width_ / image.width)) : image;
         const auto [at, added] = index_.try_emplace(base64(encode_jpeg(shown, kJpegQuality)), int(uris_.size()));
         if (added) uris_.push_back("data:image/jpeg;base64," + at->first);
         return at->second;
@@ -59,15 +61,18 @@ class Images {
     std::vector<std::string> uris_;
 };
 
-/// File index and name of the test views that the run has pictures of.
+/// Returns file index and name of up to `max_views` test views that the run has pictures of.
 std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_views) {
     std::vector<std::pair<int, std::string>> all, chosen;
     std::ifstream file(RunFolder{row.folder}.per_view(), std::ios::binary);
     const Json json = Json::parse(file, nullptr, false);
     const std::string key = fmt::format("ours_{}", row.iteration);
     if (json.is_object() && json.contains("image_names") && json.at("image_names").contains(key))
-        for (const auto& [picture, name] : json.at("image_names").at(key).items()) all.emplace_back(int(all.size()), name.is_string() ? name.get<std::string>() : picture);
-    const auto missing = [&](const auto& view) { return !std::filesystem::exists(RunFolder{row.folder}.render("test", row.iteration, view.first)); };
+        for (const auto& [picture, name] : json.at("image_names").at(key).items())
+            all.emplace_back(int(all.size()), name.is_string() ? name.get<std::string>() : picture);
+    const auto missing = [&](const auto& view) {
+        return !std::filesystem::exists(RunFolder{row.folder}.render("test", row.iteration, view.first));
+    };
     all.erase(std::remove_if(all.begin(), all.end(), missing), all.end());
     const std::size_t count = std::min<std::size_t>(std::size_t(max_views), all.size());
     for (std::size_t i = 0; i < count; ++i) chosen.push_back(all[i * all.size() / count]);
@@ -76,9 +81,14 @@ std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_v
 
 Json layers_of(const TableRow& row, const std::vector<std::pair<int, std::string>>& views, Images& images) {
     const RunFolder folder{row.folder};
-    Json layers = {{"full", Json::array()}, {"base", Json::array()}, {"residual", Json::array()}, {"reference", Json::array()}, {"error", Json::array()}};
+    Json layers = {{"full", Json::array()},
+                   {"base", Json::array()},
+                   {"residual", Json::array()},
+                   {"reference", Json::array()},
+                   {"error", Json::array()}};
     for (const auto& [index, name] : views) {
-        const Image full = read_image(folder.render("test", row.iteration, index)), truth = read_image(folder.ground_truth("test", row.iteration, index));
+        const Image full = read_image(folder.render("test", row.iteration, index)),
+                    truth = read_image(folder.ground_truth("test", row.iteration, index));
         layers["full"].push_back(images.add(full));
         layers["reference"].push_back(images.add(truth));
         layers["error"].push_back(full.u8.size() == truth.u8.size() ? images.add(error_of(full, truth)) : -1);
@@ -103,15 +113,17 @@ std::string report_pictures(const Comparison& comparison, const ReportOptions& o
             Json own = Json::array();
             for (const auto& view : views) own.push_back(view.second);
             if (names.empty()) names = own;
-            if (own.empty() || own != names) continue; // other views than those of the first run do not compare
-            runs.push_back({{"label", line.rows[0].run + (line.model.empty() ? "" : ", " + line.model)}, {"layers", layers_of(line.rows[0], views, images)}});
+            if (own.empty() || own != names) continue;  // runs with other views than the first one do not compare
+            runs.push_back({{"label", line.rows[0].run + (line.model.empty() ? "" : ", " + line.model)},
+                            {"layers", layers_of(line.rows[0], views, images)}});
         }
         if (!runs.empty()) scenes.push_back({{"name", table.scene}, {"views", names}, {"runs", runs}});
     }
     const Json json = {{"gain", kErrorGain}, {"scenes", scenes}, {"images", images.uris()}};
     std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
-    // "</script>" in a name would end the element.
-    for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at)) text.replace(at, 1, "\\u003c");
+    // A name that contains "</script>" would end the element.
+    for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at))
+        text.replace(at, 1, "\\u003c");
     return text;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which plots the page of a comparison has.
+// Chooses and fills the plots of the page.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,7 +14,8 @@ namespace {
 struct Cost {
     const char *key, *title, *axis;
 };
-constexpr Cost kCosts[] = {{"train_seconds", "training time", "training time, s"}, {"bytes_per_gaussian", "appearance size", "appearance, bytes a Gaussian"}};
+constexpr Cost kCosts[] = {{"train_seconds", "training time", "training time, s"},
+                           {"bytes_per_gaussian", "appearance size", "appearance, bytes a Gaussian"}};
 
 }  // namespace
 
@@ -22,7 +23,8 @@ std::string report_plots(const Comparison& comparison) {
     std::string out;
     for (const ComparisonTable& table : comparison.tables) {
         for (const Cost& cost : kCosts) {
-            const auto column = std::find_if(comparison.columns.begin(), comparison.columns.end(), [&](const Column& c) { return c.key == cost.key; });
+            const auto column = std::find_if(comparison.columns.begin(), comparison.columns.end(),
+                                             [&](const Column& c) { return c.key == cost.key; });
             const std::size_t k = std::size_t(column - comparison.columns.begin());
             ScatterPlot plot;
             for (const ComparisonLine& line : table.lines) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading results.json.
+// Reads results.json and config.yaml of a run.
 #include "eval/report/table.h"
 
 #include <fmt/format.h>
@@ -30,21 +30,25 @@ std::optional<std::int64_t> iteration_of(const std::string& key) {
 
 double score(const Json& json, const std::string& file, const std::string& key, const std::string& name) {
     const Json& object = json.at(key);
-    if (!object.is_object() || !object.contains(name)) throw DataError(fmt::format("{}: {} has no {}", file, key, name));
+    if (!object.is_object() || !object.contains(name))
+        throw DataError(fmt::format("{}: {} has no {}", file, key, name));
     const Json& value = object.at(name);
     if (value.is_null()) return std::numeric_limits<double>::infinity();
-    if (!value.is_number()) throw DataError(fmt::format("{}: {}.{} is not a number: {}", file, key, name, value.dump()));
+    if (!value.is_number())
+        throw DataError(fmt::format("{}: {}.{} is not a number: {}", file, key, name, value.dump()));
     return value.get<double>();
 }
 
-/// json[section][key], or null when any of it is missing.
+/// Returns json[section][key], or null when either is missing.
 Json fact(const Json& json, const char* section, const std::string& key) {
     const auto found = json.find(section);
     return found != json.end() && found->is_object() && found->contains(key) ? found->at(key) : Json();
 }
 
 std::string text_fact(const Json& object, const char* name) {
-    return object.is_object() && object.contains(name) && object.at(name).is_string() ? object.at(name).get<std::string>() : "";
+    return object.is_object() && object.contains(name) && object.at(name).is_string()
+               ? object.at(name).get<std::string>()
+               : "";
 }
 
 std::optional<std::int64_t> count_fact(const Json& object, const char* name) {
@@ -57,11 +61,11 @@ std::optional<double> number_fact(const Json& object, const char* name) {
     return object.at(name).get<double>();
 }
 
-/// Empty unless all of it is there.
+/// Returns the frame times; empty unless all of their numbers are there.
 std::optional<FrameTimes> frame_times_fact(const Json& object) {
     const auto views = count_fact(object, "num_views"), frames = count_fact(object, "frames_per_view");
-    const auto mean = number_fact(object, "mean_seconds"), median = number_fact(object, "median_seconds"), min = number_fact(object, "min_seconds"),
-               max = number_fact(object, "max_seconds");
+    const auto mean = number_fact(object, "mean_seconds"), median = number_fact(object, "median_seconds"),
+               min = number_fact(object, "min_seconds"), max = number_fact(object, "max_seconds");
     if (!views || !frames || !mean || !median || !min || !max) return std::nullopt;
     return FrameTimes{text_fact(object, "device"), int(*views), int(*frames), *mean, *median, *min, *max};
 }
@@ -71,7 +75,8 @@ std::optional<FrameTimes> frame_times_fact(const Json& object) {
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration) {
     const std::string file = RunFolder{run_folder}.results().string();
     std::ifstream stream(file, std::ios::binary);
-    if (!stream) throw DataError(fmt::format("{}: cannot be read; 'gsapp eval {}' writes it", file, run_folder.string()));
+    if (!stream)
+        throw DataError(fmt::format("{}: cannot be read; 'gsapp eval {}' writes it", file, run_folder.string()));
     const Json json = Json::parse(stream, nullptr, false);
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", file));
     std::optional<std::int64_t> chosen;
@@ -84,15 +89,16 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     const std::string key = fmt::format("ours_{}", *chosen);
     TableRow row;
     row.folder = run_folder;
-    const auto folder = std::filesystem::absolute(run_folder).lexically_normal();  // also "." has a name
+    const auto folder = std::filesystem::absolute(run_folder).lexically_normal();  // so that "." has a name, too
     row.run = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
     row.iteration = *chosen;
     row.psnr = score(json, file, key, "PSNR");
     row.ssim = score(json, file, key, "SSIM");
     for (const auto& [name, value] : json.at(key).items())
         if (name != "PSNR" && name != "SSIM" && value.is_number()) row.further_metrics[name] = value.get<double>();
-    const Json run = fact(json, "run", key), timing = fact(json, "timing", key), count = fact(json, "num_gaussians", key),
-               protocol = fact(json, "protocol", key), not_measured = fact(json, "not_measured", key);
+    const Json run = fact(json, "run", key), timing = fact(json, "timing", key),
+               count = fact(json, "num_gaussians", key), protocol = fact(json, "protocol", key),
+               not_measured = fact(json, "not_measured", key);
     for (const auto& [name, reason] : not_measured.items())
         if (reason.is_string()) row.not_measured[name] = reason.get<std::string>();
     row.dataset = text_fact(run, "dataset");
@@ -103,7 +109,8 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.correction = text_fact(protocol, "ppisp_eval");
     row.protocol_name = text_fact(protocol, "name");
     if (!row.protocol_name.empty() && !is_protocol(row.protocol_name))
-        throw DataError(fmt::format("{}: protocol.{}.name '{}' is not known to this version", file, key, row.protocol_name));
+        throw DataError(
+            fmt::format("{}: protocol.{}.name '{}' is not known to this version", file, key, row.protocol_name));
     row.protocol = text_fact(protocol, "line");
     if (count.is_number_integer()) row.num_gaussians = count.get<std::int64_t>();
     row.train_seconds = number_fact(timing, "train_seconds");
@@ -118,7 +125,7 @@ void read_training(TableRow& row, const std::filesystem::path& run_folder) {
         const TrainOptions options = load_run_options(run_folder);
         row.seed = options.seed;
         row.training = training_options(options);
-    } catch (const Error&) { // a folder of another program or version: the run stands for itself
+    } catch (const Error&) {  // the folder is of another program or version
     }
 }
 
@@ -131,21 +138,25 @@ bool holds_same_run(const TrainOptions& options) {
 std::optional<TableRow> finished_run(const TrainOptions& options) {
     const RunFolder folder{options.model};
     std::error_code ignored;
-    if (!std::filesystem::exists(folder.point_cloud(options.iterations), ignored) || !holds_same_run(options)) return std::nullopt;
+    if (!std::filesystem::exists(folder.point_cloud(options.iterations), ignored) || !holds_same_run(options))
+        return std::nullopt;
     try {
         TableRow row = read_table_row(folder.root, options.iterations);
         read_training(row, folder.root);
-        return row.train_seconds ? std::optional(row) : std::nullopt; // the time is written last
-    } catch (const DataError&) { // results of another iteration, or cut short
+        return row.train_seconds ? std::optional(row) : std::nullopt;  // the time is written last
+    } catch (const DataError&) {  // the results are of another iteration or cut short
         return std::nullopt;
     }
 }
 
 void require_one_protocol(const std::vector<TableRow>& rows) {
-    const auto other = std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.protocol != rows[0].protocol; });
+    const auto other =
+        std::find_if(rows.begin(), rows.end(), [&](const TableRow& row) { return row.protocol != rows[0].protocol; });
     if (other == rows.end()) return;
     std::string message = "scores of different protocols do not compare; evaluate the runs again with one --protocol:";
-    for (const TableRow& row : rows) message += fmt::format("\n  {}: {}", row.run, row.protocol.empty() ? "protocol not stated by the file" : row.protocol);
+    for (const TableRow& row : rows)
+        message +=
+            fmt::format("\n  {}: {}", row.run, row.protocol.empty() ? "protocol not stated by the file" : row.protocol);
     throw UsageError(message);
 }
 

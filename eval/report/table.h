@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A row of a table, made from a run folder's files alone.
+// Reads the row of a table from a run folder's files alone.
 #pragma once
 
 #include <cstdint>
@@ -14,41 +14,41 @@
 
 namespace gs {
 
-/// One evaluated model. Fields that the files do not know stay empty.
+/// One evaluated model. Facts that the files do not hold stay empty.
 struct TableRow {
-    std::filesystem::path folder;  ///< of the results
+    std::filesystem::path folder;  ///< the run folder
     std::string run, dataset, scene, model, strategy;
     std::int64_t iteration = 0;
     std::optional<std::int64_t> num_gaussians;
-    double psnr = 0, ssim = 0;  ///< psnr may be infinite
-    std::map<std::string, double> further_metrics;  ///< by their names in results.json
-    std::map<std::string, std::string> not_measured;  ///< why a metric that was asked for has no value, by its name
+    double psnr = 0, ssim = 0;                        ///< psnr in dB, may be infinite
+    std::map<std::string, double> further_metrics;    ///< scores by their names in results.json
+    std::map<std::string, std::string> not_measured;  ///< reason by name, for metrics that were asked for
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;
-    std::optional<FrameTimes> frame_times;  ///< of `gsapp bench --frames`
-    std::optional<std::int64_t> peak_device_bytes;  ///< of training on a GPU
+    std::optional<FrameTimes> frame_times;           ///< of `gsapp bench frames`
+    std::optional<std::int64_t> peak_device_bytes;   ///< of training on a GPU
     std::optional<std::int64_t> bytes_per_gaussian;  ///< of the appearance
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string protocol_name;  ///< one of protocols(); empty: the file does not say
     std::string protocol;       ///< protocol_line; rows with different ones do not compare
     std::uint64_t seed = 0;
-    std::map<std::string, std::string> training;  ///< training_options of its config.yaml; empty where there is none
+    std::map<std::string, std::string> training;  ///< training_options of config.yaml; empty without one
 };
 
-/// Scores of the given iteration of a run, of the last evaluated one when `iteration` is empty. Files of other programs
-/// that have the 3DGS keys are read as well. Throws DataError naming file and field.
+/// Reads the scores of one iteration of a run, or of the last evaluated one when `iteration` is empty. Also reads files
+/// of other programs that have the 3DGS keys. Throws DataError naming file and field.
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
-/// Adds seed and training options out of the run's config.yaml, where it has one that can be read.
+/// Adds seed and training options from the run's config.yaml. Leaves the row as it is where that cannot be read.
 void read_training(TableRow& row, const std::filesystem::path& run_folder);
 
-/// Whether the folder options.model holds a run of the same training options and seed.
+/// Returns whether the folder options.model holds a run of the same training options and seed.
 bool holds_same_run(const TrainOptions& options);
 
-/// The row of that run if it has ended; empty otherwise.
+/// Returns the row of the run that holds_same_run finds if it has ended; empty otherwise.
 std::optional<TableRow> finished_run(const TrainOptions& options);
 
-/// Throws UsageError naming runs and protocols unless all rows are of one protocol (or all of files that state none).
+/// Throws UsageError naming runs and protocols unless all rows have one protocol, or all state none.
 void require_one_protocol(const std::vector<TableRow>& rows);
 
 }  // namespace gs

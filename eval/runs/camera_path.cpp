@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera paths from JSON and from the training cameras.
+// Reads camera paths from JSON and fits orbits to the training cameras.
 #include "eval/runs/camera_path.h"
 
 #include <fmt/format.h>
@@ -50,8 +50,8 @@ Camera camera_from_json(const nlohmann::json& json, const std::string& where) {
     }
 }
 
-/// The point nearest to all optical axes in the least-squares sense. The small pull towards the cameras' mean decides
-/// when all look in one direction and the axes never meet.
+/// Returns the point nearest to all optical axes in the least-squares sense. A small pull towards the cameras' mean
+/// decides where all look in one direction and the axes never meet.
 Vector3d common_target(const std::vector<View>& views) {
     Matrix3d a = Matrix3d::Zero();
     Vector3d b = Vector3d::Zero();
@@ -90,12 +90,12 @@ std::vector<Camera> orbit_path(const std::vector<View>& views, int count) {
         height += offset.dot(up) / double(views.size());
         radius += (offset - offset.dot(up) * up).norm() / double(views.size());
     }
-    // Start where the first camera stands; one on the axis itself starts anywhere.
+    // The orbit starts where the first camera stands, or anywhere if that stands on the axis.
     Vector3d start = views[0].camera.center() - target;
     start -= start.dot(up) * up;
     if (start.norm() < 1e-9) start = up.unitOrthogonal();
     const Vector3d e0 = start.normalized(), e1 = up.cross(e0);
-    if (radius < 1e-6) radius = 1;  // all cameras above the target: an orbit of radius 0 would have no direction
+    if (radius < 1e-6) radius = 1;  // all cameras are above or below the target
     std::vector<Camera> cameras;
     for (int i = 0; i < count; ++i) {
         const double angle = 2 * M_PI * i / count;

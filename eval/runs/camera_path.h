@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras that no photograph belongs to: read from a file, or circling the scene.
+// Makes cameras without photographs: from a file, or on a circle around the scene.
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,12 @@
 namespace gs {
 
 /// Reads a list in the cameras.json format: width, height, position, rotation (3x3, world_from_camera by rows), fy, and
-/// fx (fy when absent); the principal point is the middle. Throws DataError naming file, entry and field.
+/// fx (fy when absent). The principal point is the middle of the image. Throws DataError naming file, entry and field.
 std::vector<Camera> read_camera_path(const std::filesystem::path& path);
 
-/// `count` cameras on a circle around the point that the cameras of `views` look at, at their mean distance and height,
-/// with the first view's intrinsics. "Up" is their mean upward direction. Throws UsageError without views or count < 1.
+/// Returns `count` cameras on a circle around the point that the cameras of `views` look at, at their mean distance and
+/// height and with the first view's intrinsics. "Up" is the cameras' mean upward direction. Throws UsageError without
+/// views and for count < 1.
 std::vector<Camera> orbit_path(const std::vector<View>& views, int count);
 
 }  // namespace gs

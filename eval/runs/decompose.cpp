@@ -7,7 +7,8 @@
 
 namespace gs {
 
-RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>& background, RenderMode mode, const IspView& isp) {
+RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>& background, RenderMode mode,
+                           const IspView& isp) {
     RenderRequest request;
     request.camera = camera;
     if (mode != RenderMode::kResidualOnly) request.background = background, request.isp = isp;
@@ -16,7 +17,8 @@ RenderRequest part_request(const CameraParams<float>& camera, const Vec3<float>&
 }
 
 double mean_value(const RenderedImage& image) {
-    return std::accumulate(image.rgb.begin(), image.rgb.end(), 0.0) / double(std::max<std::size_t>(image.rgb.size(), 1));
+    return std::accumulate(image.rgb.begin(), image.rgb.end(), 0.0) /
+           double(std::max<std::size_t>(image.rgb.size(), 1));
 }
 
 }  // namespace gs

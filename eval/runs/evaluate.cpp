@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The evaluation loop and the side-by-side picture.
+// Runs the evaluation loop and writes the side-by-side picture.
 #include "eval/runs/evaluate.h"
 
 #include <fmt/format.h>
@@ -23,19 +23,21 @@ struct Pair {
     double render_seconds = 0;
 };
 
-/// The photograph, of the size of its camera, as the protocol compares it.
+/// Returns the photograph as the protocol compares it. Throws DataError unless it has the size of its camera.
 Image truth_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
     const Image loaded = view.load().color;
     Image truth = protocol.eight_bit ? quantized_target(loaded, background) : float_target(loaded, background);
     if (truth.width != view.camera.width || truth.height != view.camera.height)
-        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width, truth.height, view.camera.width, view.camera.height));
+        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width,
+                                    truth.height, view.camera.width, view.camera.height));
     return truth;
 }
 
-/// Views as the renderer and, of the aligned modes, the fit make them.
+/// Renders views and, in the aligned modes, fits their colours to the photographs.
 class Renderer {
   public:
-    Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction, const Protocol& protocol)
+    Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction,
+             const Protocol& protocol)
         : backend_(backend), background_(background), correction_(correction), protocol_(protocol) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         before_ = backend_.download_ppisp();
@@ -47,7 +49,7 @@ class Renderer {
     Renderer(const Renderer&) = delete;
     Renderer& operator=(const Renderer&) = delete;
 
-    /// Fits the map that all views share.
+    /// Fits the map that all views share in the mode kSceneAligned.
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         ColourFit fit;
@@ -87,25 +89,29 @@ class Renderer {
     const Vec3<float> background_;
     const EvalCorrection correction_;
     const Protocol protocol_;
-    PpispState before_;  ///< active where the backend's was changed
+    PpispState before_;  ///< the backend's own state while it is changed
     std::optional<ColourMap> common_;
 };
 
-/// Renders the parts beside the full picture, writes them where pictures are wanted, and returns the residual's mean.
-double decompose(Backend& backend, const View& view, int index, const Vec3<float>& background, const EvalOptions& options) {
+/// Renders base and residual, writes them where pictures are wanted, and returns the residual's mean.
+double decompose(Backend& backend, const View& view, int index, const Vec3<float>& background,
+                 const EvalOptions& options) {
     double residual_mean = 0;
     for (const auto& [mode, name] : kPictureParts) {
         if (mode == RenderMode::kFull) continue;
         RenderedImage image;
-        backend.render(part_request(camera_params(view.camera), background, mode, view_isp(view, options.correction)), image);
+        backend.render(part_request(camera_params(view.camera), background, mode, view_isp(view, options.correction)),
+                       image);
         if (mode == RenderMode::kResidualOnly) residual_mean = mean_value(image);
         if (!options.run_folder.empty())
-            write_image(RunFolder{options.run_folder}.picture_part(options.split, options.iteration, name, index), quantized_render(image));
+            write_image(RunFolder{options.run_folder}.picture_part(options.split, options.iteration, name, index),
+                        quantized_render(image));
     }
     return residual_mean;
 }
 
-/// Means over views; a metric that fails on one view has none, since means over different views do not compare.
+/// Returns the means over views. A metric that fails on one view has none, since means over different views do not
+/// compare.
 std::map<std::string, MetricScore> mean_scores(const std::vector<ViewScore>& views) {
     std::map<std::string, MetricScore> means;
     for (const ViewScore& view : views) {
@@ -130,19 +136,22 @@ void paste(const Image& from, Image& to, int left, int top) {
 
 }  // namespace
 
-EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background, const EvalOptions& options) {
+EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
+                          const EvalOptions& options) {
     if (views.empty())
-        throw UsageError(fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
+        throw UsageError(
+            fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
     EvalResult result;
     if (options.decompose) result.residual_mean = 0;
     Renderer renderer(backend, background, options.correction, options.protocol);
     renderer.align(views);
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Pair pair = renderer.pair(views[i]);
-        result.views.push_back(
-            {views[i].name, psnr(pair.render, pair.truth), ssim(pair.render, pair.truth, options.protocol.ssim_border), pair.render_seconds});
+        result.views.push_back({views[i].name, psnr(pair.render, pair.truth),
+                                ssim(pair.render, pair.truth, options.protocol.ssim_border), pair.render_seconds});
         ViewScore& score = result.views.back();
-        for (const Metric& metric : options.metrics) score.scores[metric.info.key] = metric.compute(pair.render, pair.truth);
+        for (const Metric& metric : options.metrics)
+            score.scores[metric.info.key] = metric.compute(pair.render, pair.truth);
         if (options.decompose) {
             score.residual_mean = decompose(backend, views[i], int(i), background, options);
             *result.residual_mean += *score.residual_mean / double(views.size());
@@ -159,12 +168,12 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
     return result;
 }
 
-void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
-                      int max_views, const EvalCorrection& correction) {
+void write_comparison(const std::filesystem::path& path, Backend& backend, const std::vector<View>& views,
+                      const Vec3<float>& background, int max_views, const EvalCorrection& correction) {
     const int count = std::min<int>(max_views, int(views.size()));
     if (count <= 0) throw UsageError(fmt::format("{}: no views to compare", path.string()));
     std::vector<Pair> pairs;
-    Renderer renderer(backend, background, correction, protocols().front()); // a picture: 8 bits
+    Renderer renderer(backend, background, correction, protocols().front());  // a protocol of 8 bits
     renderer.align(views);
     Image sheet{0, 0, 3, {}, {}};
     for (int i = 0; i < count; ++i) {

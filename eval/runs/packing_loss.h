@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a model loses when it is packed for viewers, measured on pictures.
+// Measures on pictures what a model loses when it is packed for viewers.
 #pragma once
 
 #include "eval/runs/saved_run.h"
@@ -7,16 +7,18 @@
 
 namespace gs {
 
+/// The scores before and after packing.
 struct PackingLoss {
-    double psnr = 0;         ///< of the model, dB, mean over the test views
-    double packed_psnr = 0;  ///< of the decoded file, drawn by the same renderer and corrected the same way
+    double psnr = 0;         ///< dB, of the model; mean over the test views
+    double packed_psnr = 0;  ///< dB, of the decoded file, drawn and corrected the same way
 };
 
-/// Both against the photographs, by the protocol `paper`. The decoded colours of each view are evaluated in double and drawn as a
-/// model without view dependence. Needs a test view.
+/// Scores the model and the decoded file against the photographs by the protocol `paper`. The decoded colours of each
+/// view are evaluated in double and drawn as a model without view dependence. Throws UsageError without test views.
 PackingLoss packing_loss(SavedRun& run, const PackedScene& scene);
 
-/// The photometric block of a run with PPISP: predictions of the controllers for the test views. Renders each once.
+/// Returns the photometric block of a run with PPISP, with the corrections of its test views. Renders each of them
+/// once.
 PackedPpisp packed_correction(SavedRun& run);
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of protocols, and a protocol in words.
+// Holds the table of protocols and puts a protocol into words.
 #include "eval/runs/protocol.h"
 
 #include <fmt/format.h>
@@ -29,14 +29,18 @@ std::string colour_name(const Vec3<float>& c) {
 
 const std::vector<Protocol>& protocols() {
     static const std::vector<Protocol> table = {
-        // NeRFICG, the framework of the paper. Its torchmetrics is not pinned; up to 1.4.1 SSIM counts windows inside the image.
-        {"paper", "images_N as shipped, else area resize", true, SsimBorder::kValid, LpipsNet::kVgg, LpipsRange::kSymmetric, kBlack, ""},
-        // 3DGS's metrics.py: reads the PNGs of render.py, and leaves LPIPS's inputs in [0,1]. White for NeRF-synthetic comes from -w.
-        {"inria", "images_N as shipped by -i, else at most 1600 px wide", true, SsimBorder::kZero, LpipsNet::kVgg, LpipsRange::kUnit, std::nullopt,
-         "area resize where 3DGS resizes with PIL bicubic"},
-        // gsplat's simple_trainer: renders stay float; torchmetrics of today mirrors borders.
+        // NeRFICG is the framework of the paper. It does not pin torchmetrics, which up to 1.4.1 counts windows inside
+        // the image for SSIM.
+        {"paper", "images_N as shipped, else area resize", true, SsimBorder::kValid, LpipsNet::kVgg,
+         LpipsRange::kSymmetric, kBlack, ""},
+        // 3DGS's metrics.py reads the PNGs of render.py and leaves LPIPS's inputs in [0,1]. White for NeRF-synthetic
+        // comes from -w.
+        {"inria", "images_N as shipped by -i, else at most 1600 px wide", true, SsimBorder::kZero, LpipsNet::kVgg,
+         LpipsRange::kUnit, std::nullopt, "area resize where 3DGS resizes with PIL bicubic"},
+        // gsplat's simple_trainer keeps renders as float. Current torchmetrics mirrors borders.
         {"gsplat", "images_N", false, SsimBorder::kReflect, LpipsNet::kAlex, LpipsRange::kSymmetric, kBlack,
-         "images_N as shipped, else area resize, where gsplat resizes the full photographs with PIL bicubic (easier targets)"},
+         "images_N as shipped, else area resize, where gsplat resizes the full photographs with PIL bicubic (easier "
+         "targets)"},
     };
     return table;
 }
@@ -60,14 +64,17 @@ std::string protocol_line(const Protocol& protocol, const Vec3<float>& backgroun
     const Protocol& original = find_protocol(protocol.name);
     std::string line = fmt::format("protocol {}: {}; {}; SSIM {}", protocol.name, protocol.images,
                                    protocol.eight_bit ? "8 bits" : "float in [0,1]", short_ssim(protocol.ssim_border));
-    if (protocol.ssim_border != original.ssim_border) line += fmt::format(" (--ssim-border, instead of {})", short_ssim(original.ssim_border));
-    line += fmt::format("; {}, inputs in {}", lpips_metric(protocol.lpips_net), protocol.lpips_range == LpipsRange::kSymmetric ? "[-1,1]" : "[0,1]");
+    if (protocol.ssim_border != original.ssim_border)
+        line += fmt::format(" (--ssim-border, instead of {})", short_ssim(original.ssim_border));
+    line += fmt::format("; {}, inputs in {}", lpips_metric(protocol.lpips_net),
+                        protocol.lpips_range == LpipsRange::kSymmetric ? "[-1,1]" : "[0,1]");
     if (!protocol.background) {
         line += "; background as trained";
     } else {
         line += "; background " + colour_name(background);
-        // Rendering before another colour than the one it was trained on would score the background, not the model.
-        if (!same(background, *protocol.background)) line += fmt::format(" as trained (instead of {})", colour_name(*protocol.background));
+        // A background that the model was not trained on would be scored instead of the model.
+        if (!same(background, *protocol.background))
+            line += fmt::format(" as trained (instead of {})", colour_name(*protocol.background));
     }
     line += "; mean over images";
     return protocol.instead.empty() ? line : line + fmt::format("; deviation: {}", protocol.instead);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How scores are made, as data: the conventions in circulation differ by more than the methods they compare.
+// Evaluation protocols as data. The conventions in circulation differ by more than the methods they compare.
 #pragma once
 
 #include <optional>
@@ -12,31 +12,33 @@
 
 namespace gs {
 
-/// One way to compare renders with photographs. Scores of different ones do not compare.
+/// One way to compare renders with photographs. Scores of different protocols do not compare.
 struct Protocol {
-    std::string name;    ///< as on the command line and in results.json
-    std::string images;  ///< which photographs are compared, and what resizes them
-    bool eight_bit;      ///< both are rounded to 8 bits first; otherwise compared as float, clamped to [0,1]
+    std::string name;    ///< word on the command line and in results.json
+    std::string images;  ///< the photographs that are compared, and what resizes them
+    bool eight_bit;      ///< true: both images are rounded to 8 bits; false: float, clamped to [0,1]
     SsimBorder ssim_border;
     LpipsNet lpips_net;
     LpipsRange lpips_range;
-    std::optional<Vec3<float>> background;  ///< behind the scene; empty: whatever the run was trained on
-    std::string instead;                    ///< what gsapp does where it cannot follow; empty: it follows
+    std::optional<Vec3<float>> background;  ///< colour behind the scene; empty: that of the training
+    std::string instead;                    ///< what gsapp does where it departs from the protocol; may be empty
 };
 
-/// paper, inria, gsplat; the first is the default. Source: docs/evaluation.md.
+/// Returns paper, inria and gsplat; the first is the default. Source: docs/evaluation.md.
 const std::vector<Protocol>& protocols();
 
+/// Returns whether a protocol has this name.
 bool is_protocol(const std::string& name);
 
-/// Throws UsageError naming the known ones.
+/// Returns the protocol of that name. Throws UsageError naming the known ones for another name.
 const Protocol& find_protocol(const std::string& name);
 
-/// The column of results.json that holds the protocol's LPIPS: "LPIPS-VGG" or "LPIPS-Alex".
+/// Returns the key in results.json of the protocol's LPIPS: "LPIPS-VGG" or "LPIPS-Alex".
 const char* lpips_metric(LpipsNet net);
 
-/// One line that says all of it, and what deviates from the protocol of that name: an SSIM border chosen by hand, and a `background` (of
-/// the views that were rendered) that is not the protocol's. Scores compare where these lines are equal.
+/// Describes the protocol in one line, with the deviations from the protocol of that name: an SSIM border chosen by
+/// hand, and a `background` of the rendered views that is not the protocol's. Scores compare where these lines are
+/// equal.
 std::string protocol_line(const Protocol& protocol, const Vec3<float>& background);
 
 }  // namespace gs

@@ -22,16 +22,20 @@ using Cameras = std::vector<CameraParams<float>>;
 
 constexpr float kHalfStep = 0.5f / 255;
 
-/// Whether one of the cameras that draw Gaussian i sees its colour changed by more than `limit`.
-template <class Model> bool shows_residual(const ParameterView<float>& params, std::int64_t i, int degree, const Cameras& cameras, float limit) {
+/// Returns whether the residual changes the colour of Gaussian i by more than `limit` for a camera that draws it.
+template <class Model>
+bool shows_residual(const ParameterView<float>& params, std::int64_t i, int degree, const Cameras& cameras,
+                    float limit) {
     const GaussianGeometry<float> geometry = params.geometry(i);
     return std::any_of(cameras.begin(), cameras.end(), [&](const CameraParams<float>& camera) {
         Splat<float> splat;
         PixelBounds bounds;
         float depth;
         if (!make_splat(geometry, camera, camera.width, camera.height, splat, bounds, depth)) return false;
-        const Vec3<float> residual = model_residual<Model>(params.shared, params.residual(i), params.direction(i, camera.position).unit, degree);
-        const Vec3<float> change = gaussian_color(params.activation, params.base(i), residual, RenderMode::kResidualOnly);
+        const Vec3<float> residual =
+            model_residual<Model>(params.shared, params.residual(i), params.direction(i, camera.position).unit, degree);
+        const Vec3<float> change =
+            gaussian_color(params.activation, params.base(i), residual, RenderMode::kResidualOnly);
         return !(change.x <= limit && change.y <= limit && change.z <= limit);
     });
 }
@@ -39,10 +43,14 @@ template <class Model> bool shows_residual(const ParameterView<float>& params, s
 template <class Model> std::int64_t prune(Gaussians& g, const Cameras& cameras) {
     const ModelInfo& info = appearance_model(g.appearance.model);
     const int width = g[Group::kResidual].width;
-    if (width == 0) throw UsageError(fmt::format("appearance {}: Gaussians have no view-dependent parameters that could be pruned", info.name));
-    if constexpr (kNumSharedOf<Model> > 0) {
-        throw UsageError(fmt::format("appearance {}: view dependence comes from a network that all of them share, and no parameters of one Gaussian make it zero",
-                                     info.name));
+    if (width == 0)
+        throw UsageError(
+            fmt::format("appearance {}: Gaussians have no view-dependent parameters that could be pruned", info.name));
+    if constexpr (kNumSharedOf<Model> != 0) {
+        throw UsageError(
+            fmt::format("appearance {}: view dependence comes from a network that all of them share, and no parameters "
+                        "of one Gaussian make it zero",
+                        info.name));
     } else {
         std::vector<float> zero(static_cast<std::size_t>(width));
         info.init_residual(g.appearance.max_degree, zero.data());
@@ -53,7 +61,9 @@ template <class Model> std::int64_t prune(Gaussians& g, const Cameras& cameras) 
             if (shows_residual<Model>(params, i, g.active_degree, cameras, kHalfStep)) return;
             std::copy(zero.begin(), zero.end(), g[Group::kResidual].param.begin() + i * width);
             if (shows_residual<Model>(params, i, g.active_degree, cameras, 0))
-                throw UsageError(fmt::format("appearance {}: the model names no parameters of a Gaussian that make its view dependence zero", info.name));
+                throw UsageError(fmt::format(
+                    "appearance {}: the model names no parameters of a Gaussian that make its view dependence zero",
+                    info.name));
             ++pruned;
         });
         return pruned;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Merging scores into the JSON files of a run.
+// Merges scores into the JSON files of a run.
 #include "eval/runs/results.h"
 
 #include <fmt/format.h>
@@ -22,11 +22,12 @@ Json existing(const std::filesystem::path& path) {
     if (!std::filesystem::exists(path, ignored)) return Json::object();
     std::ifstream file(path, std::ios::binary);
     Json json = Json::parse(file, nullptr, false);
-    if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object; remove it to have it written anew", path.string()));
+    if (!json.is_object())
+        throw DataError(fmt::format("{}: not a JSON object; remove it to have it written anew", path.string()));
     return json;
 }
 
-/// The object under `key`, made anew if something else stands there.
+/// Returns the object under `key` and makes one where there is none.
 Json& section(Json& json, const char* key) {
     if (!json[key].is_object()) json[key] = Json::object();
     return json[key];
@@ -36,33 +37,39 @@ Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : 
 
 }  // namespace
 
-void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result, const RunFacts& facts) {
+void write_results(const RunFolder& folder, const EvalOptions& options, const EvalResult& result,
+                   const RunFacts& facts) {
     const std::string key = fmt::format("ours_{}", options.iteration);
     Json results = existing(folder.results());
     results[key] = {{"SSIM", result.ssim}, {"PSNR", finite_or_null(result.psnr)}};
     for (const auto& [name, score] : result.scores) {
         if (score.value) results[key][name] = finite_or_null(*score.value);
     }
-    const bool aligned = options.correction.mode == CorrectionMode::kColourAligned || options.correction.mode == CorrectionMode::kSceneAligned;
+    const bool aligned = options.correction.mode == CorrectionMode::kColourAligned ||
+                         options.correction.mode == CorrectionMode::kSceneAligned;
     const Protocol& protocol = options.protocol;
-    const std::string rounding = protocol.eight_bit ? "8 bits: " : "float: ", steps = protocol.eight_bit ? ", *255, +0.5, truncated" : "";
+    const std::string rounding = protocol.eight_bit ? "8 bits: " : "float: ",
+                      steps = protocol.eight_bit ? ", *255, +0.5, truncated" : "";
     section(results, "protocol")[key] = {
         {"name", protocol.name},
         {"line", protocol_line(protocol, facts.background)},
-        {"images", rounding + (aligned ? "aligned to the photographs, " : "") + "clamped to [0,1]" + steps + "; no crop, no mask" + (aligned ? "" : ", no colour alignment")},
+        {"images", rounding + (aligned ? "aligned to the photographs, " : "") + "clamped to [0,1]" + steps +
+                       "; no crop, no mask" + (aligned ? "" : ", no colour alignment")},
         {"image_source", protocol.images},
         {"ppisp_eval", correction_name(options.correction.mode)},
         {"photometric", describe_correction(options.correction)},
         {"psnr", "10 log10(1/MSE) over all pixels and channels, mean over images; null = identical images"},
         {"ssim", describe_ssim(protocol.ssim_border) + ", mean over images"},
-        {"lpips", fmt::format("{}, inputs in {}", lpips_metric(protocol.lpips_net), protocol.lpips_range == LpipsRange::kSymmetric ? "[-1,1]" : "[0,1]")},
+        {"lpips", fmt::format("{}, inputs in {}", lpips_metric(protocol.lpips_net),
+                              protocol.lpips_range == LpipsRange::kSymmetric ? "[-1,1]" : "[0,1]")},
         {"background", {facts.background.x, facts.background.y, facts.background.z}},
         {"split", facts.split_rule},
         {"num_views", result.views.size()},
         {"program", version_text()},
     };
-    for (const Metric& metric : options.metrics) results["protocol"][key][metric.info.name] = metric.protocol + ", mean over images";
-    // Why a score that was asked for is not there; an earlier answer no longer holds.
+    for (const Metric& metric : options.metrics)
+        results["protocol"][key][metric.info.name] = metric.protocol + ", mean over images";
+    // The reasons of this evaluation replace earlier ones.
     section(results, "not_measured").erase(key);
     for (const auto& [name, score] : result.scores) {
         if (!score.value) results["not_measured"][key][name] = score.reason;
@@ -76,12 +83,18 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
     if (!facts.photometric.empty()) section(results, "photometric")[key] = {{"decision", facts.photometric}};
     if (!facts.appearance_choice.is_null()) section(results, "appearance_choice")[key] = facts.appearance_choice;
-    if (result.residual_mean) section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};
+    if (result.residual_mean)
+        section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};
     section(results, "num_gaussians")[key] = facts.num_gaussians;
-    section(results, "run")[key] = {{"dataset", facts.dataset}, {"scene", facts.scene}, {"model", facts.model}, {"strategy", facts.strategy}, {"bytes_per_gaussian", facts.bytes_per_gaussian}};
+    section(results, "run")[key] = {{"dataset", facts.dataset},
+                                    {"scene", facts.scene},
+                                    {"model", facts.model},
+                                    {"strategy", facts.strategy},
+                                    {"bytes_per_gaussian", facts.bytes_per_gaussian}};
 
     Json per_view = existing(folder.per_view());
-    Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object(), residuals = Json::object();
+    Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object(),
+         residuals = Json::object();
     for (std::size_t i = 0; i < result.views.size(); ++i) {
         const std::string file = folder.render(options.split, options.iteration, int(i)).filename().string();
         scores["SSIM"][file] = result.views[i].ssim;
@@ -101,14 +114,11 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
 
 void write_frame_times(const RunFolder& folder, std::int64_t iteration, const FrameTimes& times) {
     Json results = existing(folder.results());
-    section(results, "frame_times")[fmt::format("ours_{}", iteration)] = {{"protocol", kFrameProtocol},
-                                                                          {"device", times.device},
-                                                                          {"num_views", times.num_views},
-                                                                          {"frames_per_view", times.frames_per_view},
-                                                                          {"mean_seconds", times.mean},
-                                                                          {"median_seconds", times.median},
-                                                                          {"min_seconds", times.min},
-                                                                          {"max_seconds", times.max}};
+    section(results, "frame_times")[fmt::format("ours_{}", iteration)] = {
+        {"protocol", kFrameProtocol},   {"device", times.device},
+        {"num_views", times.num_views}, {"frames_per_view", times.frames_per_view},
+        {"mean_seconds", times.mean},   {"median_seconds", times.median},
+        {"min_seconds", times.min},     {"max_seconds", times.max}};
     write_text_atomic(folder.results(), results.dump(1) + "\n");
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a run folder back to a model on a backend.
+// Loads a run folder's model to a backend.
 #include "eval/runs/saved_run.h"
 
 #include <fmt/format.h>
@@ -26,10 +26,13 @@ namespace {
 SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> iteration) {
     std::error_code ignored;
     if (iteration) {
-        if (fs::exists(folder.point_cloud(*iteration), ignored)) return {read_ply(folder.point_cloud(*iteration)), *iteration};
-        if (fs::exists(folder.checkpoint(*iteration), ignored)) return {read_checkpoint(folder.checkpoint(*iteration)).state, *iteration};
+        if (fs::exists(folder.point_cloud(*iteration), ignored))
+            return {read_ply(folder.point_cloud(*iteration)), *iteration};
+        if (fs::exists(folder.checkpoint(*iteration), ignored))
+            return {read_checkpoint(folder.checkpoint(*iteration)).state, *iteration};
         throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
-                                    folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(), *iteration));
+                                    folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(),
+                                    *iteration));
     }
     if (fs::exists(folder.root / "point_cloud", ignored)) {
         const std::int64_t latest = latest_point_cloud(folder.root);
@@ -53,7 +56,9 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     std::error_code ignored;
     if (fs::exists(folder.ppisp(), ignored)) {
         PpispFile file = read_ppisp_json(folder.ppisp());
-        if (file.iteration != model.iteration) log_warning("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration, model.iteration);
+        if (file.iteration != model.iteration)
+            log_warning("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration,
+                        model.iteration);
         model.correction.exif = file.exif, model.correction.mean_exif = file.mean_exif;
         model.state.ppisp = std::move(file.state);
     }
@@ -65,7 +70,7 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     SavedRun run;
     run.folder = run_folder;
     run.options = load_run_options(run_folder);
-    run.options.model = run_folder.string(); // which may have been moved
+    run.options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
     if (instead.device) run.options.device = *instead.device;
     const SavedModel model = read_saved_model(run_folder, iteration);
@@ -88,20 +93,23 @@ nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
     return json;
 }
 
-RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background, std::int64_t num_gaussians) {
+RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
+                   std::int64_t num_gaussians) {
     RunFacts facts;
     facts.dataset = dataset_name(options.source);
     facts.scene = scene_name(options.source);
     facts.model = options.appearance;
     const AppearanceSpec appearance = appearance_spec(options);
-    if (!appearance_model(options.appearance).degree_option.empty()) facts.model += fmt::format(" (degree {})", appearance.max_degree);
+    if (!appearance_model(options.appearance).degree_option.empty())
+        facts.model += fmt::format(" (degree {})", appearance.max_degree);
     facts.appearance_choice = read_appearance_choice(options.model);
     if (!facts.appearance_choice.is_null()) facts.model += " by auto";
     facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.background = background;
     facts.num_gaussians = num_gaussians;
-    facts.bytes_per_gaussian = std::int64_t(sizeof(float)) * (group_width(Group::kBase, appearance) + group_width(Group::kResidual, appearance));
+    facts.bytes_per_gaussian = std::int64_t(sizeof(float)) *
+                               (group_width(Group::kBase, appearance) + group_width(Group::kResidual, appearance));
     return facts;
 }
 

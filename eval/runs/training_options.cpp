@@ -11,10 +11,12 @@
 namespace gs {
 namespace {
 
-/// What a run may differ in and still have made the same figures, but for the seed.
+/// Returns whether runs of one experiment may differ in this option.
 bool is_immaterial(const Option& option) {
-    static const std::vector<std::string> keys = {"source", "model",           "image-cache",     "overwrite",             "resume",
-                                                  "seed",   "auto-tolerance", "test-iterations", "save-iterations", "checkpoint-iterations", "preview-every"};
+    static const std::vector<std::string> keys = {
+        "source",       "model",          "image-cache",     "overwrite",       "resume",
+        "seed",         "auto-tolerance", "test-iterations", "save-iterations", "checkpoint-iterations",
+        "preview-every"};
     return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What makes two runs the same experiment.
+// The options that make two runs the same experiment.
 #pragma once
 
 #include <map>
@@ -9,8 +9,9 @@
 
 namespace gs {
 
-/// The options that decide what a run becomes, as text by key: all but messages, folders, saving along the way and the seed. `source` is
-/// resolved, so that one scene named in two ways counts as one. Two runs with equal maps differ only by chance.
+/// Returns the options that decide what a run becomes, as text by key: all but messages, folders, saving along the way
+/// and the seed. `source` is resolved, so that one scene named in two ways counts as one. Two runs with equal maps
+/// differ only by chance.
 std::map<std::string, std::string> training_options(const TrainOptions& options);
 
 }  // namespace gs

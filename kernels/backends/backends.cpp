@@ -17,7 +17,7 @@ namespace {
 
 /// Returns the entry of the model in one of the lists. Throws UsageError if there is none.
 template <class List> auto of_model(const List& list, const AppearanceSpec& appearance) {
-    const ModelInfo& info = appearance_model(appearance.model); // throws for an unknown name
+    const ModelInfo& info = appearance_model(appearance.model);  // throws for an unknown name
     for (const auto& [name, entry] : list)
         if (info.name == name) return entry;
     throw UsageError("this build cannot run appearance model '" + appearance.model + "' on this device");
@@ -25,9 +25,13 @@ template <class List> auto of_model(const List& list, const AppearanceSpec& appe
 
 }  // namespace
 
-std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) { return of_model(kCpuBackends, appearance)(options); }
+std::unique_ptr<Backend> make_cpu_backend(const AppearanceSpec& appearance, const BackendOptions& options) {
+    return of_model(kCpuBackends, appearance)(options);
+}
 
-std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request) { return of_model(kReferences, model.appearance)(model, request); }
+std::vector<double> render_in_double(const Gaussians& model, const RenderRequest& request) {
+    return of_model(kReferences, model.appearance)(model, request);
+}
 
 std::string cuda_architectures() { return GSAPP_CUDA_ARCHITECTURES; }
 
@@ -42,8 +46,12 @@ int cuda_device_count() { return 0; }
 std::string cuda_driver_description() { throw DeviceError(cuda_unavailable_reason()); }
 Ceilings cuda_ceilings() { throw DeviceError(cuda_unavailable_reason()); }
 std::string cuda_unavailable_reason() { return "this gsapp was built without CUDA"; }
-std::unique_ptr<TensorEngine> make_cuda_tensor_engine() { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
-std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) { throw DeviceError(cuda_unavailable_reason() + "; use --device cpu"); }
+std::unique_ptr<TensorEngine> make_cuda_tensor_engine() {
+    throw DeviceError(cuda_unavailable_reason() + "; use --device cpu");
+}
+std::unique_ptr<Backend> make_cuda_backend(const AppearanceSpec&, const BackendOptions&) {
+    throw DeviceError(cuda_unavailable_reason() + "; use --device cpu");
+}
 #endif
 
 }  // namespace gs

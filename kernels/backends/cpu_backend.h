@@ -17,7 +17,8 @@ namespace gs {
 template <class Model> class CpuBackend final : public Backend, private BackendTimer {
   public:
     /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
-    explicit CpuBackend(const BackendOptions& options) : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
+    explicit CpuBackend(const BackendOptions& options)
+        : raster_(default_max_instances(), Cutoffs<float>::of(options.min_alpha, options.min_transmittance)) {}
 
     std::string describe() const override { return "CPU, " + std::to_string(num_threads()) + " threads"; }
 
@@ -34,8 +35,10 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     Gaussians download(bool with_moments) override {
         if (with_moments) return state_;
         Gaussians out;
-        out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree, out.step = state_.step;
-        for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
+        out.count = state_.count, out.appearance = state_.appearance, out.active_degree = state_.active_degree,
+        out.step = state_.step;
+        for (int g = 0; g < kNumGroups; ++g)
+            out.groups[g].width = state_.groups[g].width, out.groups[g].param = state_.groups[g].param;
         out.shared.width = state_.shared.width, out.shared.param = state_.shared.param;
         out.ppisp = download_ppisp();
         return out;
@@ -58,8 +61,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         out.width = request.camera.width, out.height = request.camera.height;
         out.rgb.resize(3 * pixels);
         out.alpha.resize(pixels);
-        raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree, request.mode, out.rgb.data(),
-                        out.alpha.data());
+        raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree,
+                        request.mode, out.rgb.data(), out.alpha.data());
         for (float& t : out.alpha) t = 1 - t;
         // A residual is not a colour, so it is not corrected.
         if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
@@ -69,7 +72,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     void step(const StepRequest& r) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.isp_rate > 0;
         const LossValues loss = view_loss(r, corrected);
-        ++state_.step; // skipped steps count too, because a device learns of those too late to leave them out
+        ++state_.step;  // skipped steps count too, because a device learns of those too late to leave them out
         if (corrects) ++state_.ppisp.step;
         if (!note_loss(loss)) return;
         if (corrected) {
@@ -105,10 +108,11 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     void synchronize() override {}
     BackendTimer& timer() override { return *this; }
 
-    MemoryUse memory() override { return {}; } // the operating system tells the process's memory
+    MemoryUse memory() override { return {}; }  // the operating system tells the process's memory
 
     DensifyStats densify(const DensifyRequest& r) override {
-        if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return mcmc_densify(state_, *mcmc, r.iteration, r.seed);
+        if (const auto* mcmc = std::get_if<McmcParams>(&r.rule))
+            return mcmc_densify(state_, *mcmc, r.iteration, r.seed);
         return adc_densify(state_, std::get<AdcParams>(r.rule), r.iteration, r.seed);
     }
     void reset_opacity() override { adc_reset_opacity(state_); }
@@ -118,8 +122,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
             const std::size_t pixels = std::size_t(view.camera.width) * view.camera.height;
             image_.resize(3 * pixels);
             transmittance_.resize(pixels);
-            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree, RenderMode::kFull, image_.data(),
-                            transmittance_.data());
+            raster_.forward(ParameterView<float>::of(state_), view.camera, view.background, state_.active_degree,
+                            RenderMode::kFull, image_.data(), transmittance_.data());
             raster_.add_scores(image_.data(), transmittance_.data(), sums);
         }
         return {sums.begin(), sums.end()};
@@ -148,33 +152,41 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         return seconds / (double(repeats) * double(views.size()));
     }
 
-    void measure_stages(bool) override {} // reading the clock costs nothing here
+    void measure_stages(bool) override {}  // reading the clock costs nothing here
 
     std::vector<StageCost> take_stage_costs() override {
         auto& s = raster_.seconds;
         const double gaussians = work_.gaussians, pairs = work_.pairs;
         const ModelInfo& info = appearance_model(state_.appearance.model);
         const bool residual = state_.active_degree > 0;
-        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0); // used parameters of a Gaussian
-        const double operations = residual ? info.operations : 0, operations_backward = residual ? info.operations_backward : 0;
+        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0);  // used parameters of a Gaussian
+        const double operations = residual ? info.operations : 0,
+                     operations_backward = residual ? info.operations_backward : 0;
         // The instructions are counted in the templates: fragment_alpha 17 (10 of them for exp2) + blend_fragment 10
         // forward, fragment_alpha 17 + blend_fragment_backward 34 backward. A splat has 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
-            {"preprocess", s.preprocess, gaussians, "Gaussian", gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
+            {"preprocess", s.preprocess, gaussians, "Gaussian",
+             gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
              work_.visible * (260 + operations),
-             "one Gaussian at a time in scalar code; the floor assumes full vectors; exponentials, a logarithm and the loop over tiles take time", true},
-            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8), work_.instances * 4,
-             "a comparison sort of 8-byte keys; the floor assumes streaming"},
-            {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16, pairs * 27, ""},
-            {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16, work_.pixels * 3 * (110 + 68 + 40 + 70),
-             "each image row is read eleven times from the cache"},
-            {"blend backward", s.blend_backward, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
-            {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian", gaussians * 24 * values + work_.instances * 36,
+             "one Gaussian at a time in scalar code; the floor assumes full vectors; exponentials, a logarithm and the "
+             "loop over tiles take time",
+             true},
+            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8),
+             work_.instances * 4, "a comparison sort of 8-byte keys; the floor assumes streaming"},
+            {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16,
+             pairs * 27, ""},
+            {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16,
+             work_.pixels * 3 * (110 + 68 + 40 + 70), "each image row is read eleven times from the cache"},
+            {"blend backward", s.blend_backward, pairs, "pixel x Gaussian",
+             work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
+            {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian",
+             gaussians * 24 * values + work_.instances * 36,
              work_.visible * (500 + operations_backward) + gaussians * 10 * values,
              "one Gaussian at a time in scalar code; the floor assumes full vectors", true}};
         // A pixel takes 235 instructions forward (six powers of 25 each), and these again and 300 backward.
         if (work_.corrected_pixels > 0)
-            costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel", work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
+            costs.push_back({"PPISP", correction_seconds_, work_.corrected_pixels, "pixel",
+                             work_.corrected_pixels * 3 * 4 * 5, work_.corrected_pixels * 770,
                              "powers and logarithms in scalar code; the floor assumes full vectors"});
         s = {};
         loss_seconds_ = update_seconds_ = correction_seconds_ = 0;
@@ -191,7 +203,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
         dL_dimage_.resize(3 * pixels);
-        raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree, RenderMode::kFull, image_.data(), transmittance_.data());
+        raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree,
+                        RenderMode::kFull, image_.data(), transmittance_.data());
         if (corrected) {
             const StageTimer timer(correction_seconds_);
             work_.corrected_pixels += double(pixels);
@@ -199,7 +212,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
             correction_.apply(state_.ppisp, r.isp, image_.data(), r.camera.width, r.camera.height, corrected_.data());
         }
         const StageTimer timer(loss_seconds_);
-        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim, dL_dimage_.data());
+        return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim,
+                             dL_dimage_.data());
     }
 
     /// Notes the loss. Returns false if it is not finite, so that the step must be skipped.
@@ -231,9 +245,11 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         ModelArrays arrays{};
         for (int g = 0; g < kNumGroups; ++g) {
             auto& group = state_.groups[g];
-            arrays.param[g] = group.param.data(), arrays.m[g] = group.m.data(), arrays.v[g] = group.v.data(), arrays.width[g] = group.width;
+            arrays.param[g] = group.param.data(), arrays.m[g] = group.m.data(), arrays.v[g] = group.v.data(),
+            arrays.width[g] = group.width;
         }
-        if (r.gather_gradient_stats) arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
+        if (r.gather_gradient_stats)
+            arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
         const std::int64_t parts = num_parts(state_.count);
         nonfinite_.assign(parts, 0);
         dL_dshared_.assign(parts * kNumSharedOf<Model>, 0.0f);
@@ -251,7 +267,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
             double sum = 0;
             for (std::int64_t part = 0; part < parts; ++part) sum += dL_dshared_[part * kNumSharedOf<Model> + k];
             auto& shared = state_.shared;
-            if (!update_shared(shared.param[k], shared.m[k], shared.v[k], float(sum), args.shared_step)) ++stats_.num_nonfinite_gradients;
+            if (!update_shared(shared.param[k], shared.m[k], shared.v[k], float(sum), args.shared_step))
+                ++stats_.num_nonfinite_gradients;
         }
     }
 
@@ -273,14 +290,14 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     ImageLoss<float> loss_;
     ViewCorrection correction_;
     std::vector<float> image_, transmittance_, dL_dimage_;
-    std::vector<float> corrected_;  ///< image_ after PPISP, where PPISP is active
-    std::vector<float> dL_dshared_; ///< (parts, shared weights), so that the sum has a fixed order
+    std::vector<float> corrected_;   ///< image_ after PPISP, where PPISP is active
+    std::vector<float> dL_dshared_;  ///< (parts, shared weights), so that the sum has a fixed order
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
-    } work_; ///< work of the steps since the last take_stage_costs
+    } work_;  ///< work of the steps since the last take_stage_costs
 };
 
 }  // namespace gs

@@ -33,12 +33,13 @@ class StageTimer {
 
 template <class Real, class Model> class CpuRasterizer {
   public:
-    explicit CpuRasterizer(std::int64_t max_instances = default_max_instances(), const Cutoffs<Real>& cutoffs = {}) : max_instances_(max_instances), cutoffs_(cutoffs) {}
+    explicit CpuRasterizer(std::int64_t max_instances = default_max_instances(), const Cutoffs<Real>& cutoffs = {})
+        : max_instances_(max_instances), cutoffs_(cutoffs) {}
 
     /// Renders a view into image, planar (3,H,W), and transmittance (H,W). Keeps the intermediate results for
     /// backward().
-    void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background, int degree,
-                 RenderMode mode, Real* image, Real* transmittance) {
+    void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background,
+                 int degree, RenderMode mode, Real* image, Real* transmittance) {
         camera_ = camera;
         depth_key_ = DepthKey::of(float(camera.near_plane), float(camera.far_plane));
         background_ = background;
@@ -57,7 +58,8 @@ template <class Real, class Model> class CpuRasterizer {
         block_masks_.resize(binning_.instances().size());
         processed_.resize(std::size_t(tiles_x_) * tiles_y_);
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
-            processed_[tile] = blend_tile(tile_input(tile), block_masks_.data() + binning_.offsets()[tile], image, transmittance);
+            processed_[tile] =
+                blend_tile(tile_input(tile), block_masks_.data() + binning_.offsets()[tile], image, transmittance);
         });
     }
 
@@ -67,8 +69,8 @@ template <class Real, class Model> class CpuRasterizer {
         const StageTimer timer(seconds.blend_backward);
         sums_.resize(binning_.instances().size());
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
-            blend_tile_backward(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image, transmittance,
-                                dL_dimage, sums_.data());
+            blend_tile_backward(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile],
+                                image, transmittance, dL_dimage, sums_.data());
         });
     }
 
@@ -78,23 +80,27 @@ template <class Real, class Model> class CpuRasterizer {
 
     /// Computes the gradients of Gaussian i, and adds those of shared weights. `params` are those of forward().
     /// Thread-safe.
-    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out, Real* dL_dshared) const {
+    void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out,
+                           Real* dL_dshared) const {
         out = {};
         if (bins_.count[i] == 0) return;
         SplatSums<Real> sum{};
         const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) {
-            sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy, sum.hyy += s[k].hyy;
+            sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy,
+                sum.hyy += s[k].hyy;
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
-        gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
+        gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out),
+                                 out.residual, dL_dshared);
     }
 
     /// Adds the scores of the last forward(), whose mode must be kFull, to `scores` (Gaussians).
     void add_scores(const Real* image, const Real* transmittance, std::vector<double>& scores) {
         score_sums_.resize(binning_.instances().size());
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
-            score_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image, transmittance, score_sums_.data());
+            score_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image,
+                       transmittance, score_sums_.data());
         });
         parallel_for_rows(std::int64_t(scores.size()), [&](std::int64_t i) {
             if (bins_.count[i] == 0) return;
@@ -111,7 +117,8 @@ template <class Real, class Model> class CpuRasterizer {
     std::int64_t num_lane_operations() const {
         std::int64_t n = 0;
         for (std::size_t tile = 0; tile < processed_.size(); ++tile)
-            for (std::int64_t k = 0; k < processed_[tile]; ++k) n += __builtin_popcount(block_masks_[binning_.offsets()[tile] + k]);
+            for (std::int64_t k = 0; k < processed_[tile]; ++k)
+                n += __builtin_popcount(block_masks_[binning_.offsets()[tile] + k]);
         return n;
     }
 
@@ -137,7 +144,9 @@ template <class Real, class Model> class CpuRasterizer {
                 preprocess_one(params, i, mode, bin);
                 bins_.count[i] = static_cast<std::uint32_t>(bin.tiles.size()) - bins_.first[i];
                 // Stops before memory runs out; build() then reports it.
-                if (bins_.count[i] > 0 && instances.load(std::memory_order_relaxed) + std::int64_t(bin.tiles.size()) > max_instances_) break;
+                if (bins_.count[i] > 0 &&
+                    instances.load(std::memory_order_relaxed) + std::int64_t(bin.tiles.size()) > max_instances_)
+                    break;
             }
             instances += static_cast<std::int64_t>(bin.tiles.size());
         });
@@ -152,20 +161,29 @@ template <class Real, class Model> class CpuRasterizer {
         const std::size_t before = bin.tiles.size();
         for (int ty = b.y_min / kCpuTile; ty * kCpuTile < b.y_max; ++ty)
             for (int tx = b.x_min / kCpuTile; tx * kCpuTile < b.x_max; ++tx) {
-                const Real power = min_power_in_rectangle(s, Real(tx * kCpuTile), Real(ty * kCpuTile), Real(kCpuTile - 1), Real(kCpuTile - 1));
+                const Real power = min_power_in_rectangle(s, Real(tx * kCpuTile), Real(ty * kCpuTile),
+                                                          Real(kCpuTile - 1), Real(kCpuTile - 1));
                 if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
             }
         if (bin.tiles.size() == before) return;
         const Vec3<Real> direction = params.direction(i, camera_.position).unit;
         const int degree = mode == RenderMode::kBaseOnly ? 0 : degree_;
-        s.color = gaussian_color(params.activation, params.base(i), model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
+        s.color = gaussian_color(params.activation, params.base(i),
+                                 model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
         bin.depth_keys.push_back(std::uint64_t(depth_key_(float(z))) << 32 | std::uint32_t(i));
     }
 
     TileInput<Real> tile_input(std::int64_t tile) const {
         const std::uint32_t first = binning_.offsets()[tile], last = binning_.offsets()[tile + 1];
-        return {int(tile % tiles_x_) * kCpuTile, int(tile / tiles_x_) * kCpuTile, camera_.width, camera_.height,
-                binning_.instances().data() + first, std::int64_t(last - first), splats_.data(), background_, cutoffs_};
+        return {int(tile % tiles_x_) * kCpuTile,
+                int(tile / tiles_x_) * kCpuTile,
+                camera_.width,
+                camera_.height,
+                binning_.instances().data() + first,
+                std::int64_t(last - first),
+                splats_.data(),
+                background_,
+                cutoffs_};
     }
 
     std::int64_t max_instances_;
@@ -180,7 +198,7 @@ template <class Real, class Model> class CpuRasterizer {
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;
-    std::vector<Real> score_sums_; ///< (slots), only where scores are asked for
+    std::vector<Real> score_sums_;  ///< (slots), only where scores are asked for
 };
 
 }  // namespace gs

@@ -72,7 +72,12 @@ int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
 }  // namespace
 
 CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& options)
-    : kernels_(kernels), options_(options), cutoffs_(Cutoffs<float>::of(options.min_alpha, options.min_transmittance)), stream_(make_stream()), lazy_(model_, stream_), images_(options.image_budget, kInFlight) {
+    : kernels_(kernels),
+      options_(options),
+      cutoffs_(Cutoffs<float>::of(options.min_alpha, options.min_transmittance)),
+      stream_(make_stream()),
+      lazy_(model_, stream_),
+      images_(options.image_budget, kInFlight) {
     model_.packed_moments = options.packed_moments;
     GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
     for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
@@ -91,15 +96,16 @@ std::string CudaBackend::describe() const {
     int device = 0;
     GS_CUDA(cudaGetDevice(&device));
     GS_CUDA(cudaGetDeviceProperties(&p, device));
-    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "") + (options_.separate_appearance ? ", separate appearance" : "");
+    return std::string("CUDA, ") + p.name + (options_.deterministic ? ", deterministic" : "") +
+           (options_.separate_appearance ? ", separate appearance" : "");
 }
 
 // --- the model ------------------------------------------------------------------------------------------------------
 
 void CudaBackend::upload(const Gaussians& state) {
-    abandon_steps(); // they belong to the old model
+    abandon_steps();  // they belong to the old model
     stats_ = {};
-    model_.count = 0; // stays 0 if there is no memory
+    model_.count = 0;  // stays 0 if there is no memory
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
@@ -115,7 +121,8 @@ void CudaBackend::upload(const Gaussians& state) {
     }
     meta_.shared.width = state.shared.width;
     if (state.shared.width != kernels_.shared.count)
-        throw UsageError("the model holds " + std::to_string(state.shared.width) + " shared weights, but its appearance model has " + std::to_string(kernels_.shared.count));
+        throw UsageError("the model holds " + std::to_string(state.shared.width) +
+                         " shared weights, but its appearance model has " + std::to_string(kernels_.shared.count));
     if (kernels_.shared.count > 0) {
         const std::size_t n = std::size_t(kernels_.shared.count);
         model_.shared_param.upload(state.shared.param);
@@ -129,7 +136,7 @@ void CudaBackend::upload(const Gaussians& state) {
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
     ppisp_.upload(state.ppisp);
-    sizes_ = {}; // PPISP takes some of the scratch block
+    sizes_ = {};  // PPISP takes some of the scratch block
     model_.count = state.count;
     half_residuals_current_ = false;
     lazy_.reset(meta_.step);
@@ -164,15 +171,15 @@ Gaussians CudaBackend::download(bool with_moments) {
 
 void CudaBackend::set_active_degree(int degree) {
     if (degree == meta_.active_degree) return;
-    synchronize(); // a repeated step must see the degree that it began with
+    synchronize();  // a repeated step must see the degree that it began with
     meta_.active_degree = degree;
 }
 
 void CudaBackend::upload_ppisp(const PpispState& state) {
-    synchronize(); // a repeated step must see the PPISP that it began with
+    synchronize();  // a repeated step must see the PPISP that it began with
     GS_CUDA(cudaStreamSynchronize(stream_));
     ppisp_.upload(state);
-    sizes_ = {}; // PPISP takes some of the scratch block
+    sizes_ = {};  // PPISP takes some of the scratch block
     GS_CUDA(cudaDeviceSynchronize());
 }
 
@@ -195,7 +202,9 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     if (!sizes.for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
-    if (kernels_.shared.count > 0) shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) * std::size_t(kernels_.shared.count));
+    if (kernels_.shared.count > 0)
+        shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
+                                     std::size_t(kernels_.shared.count));
     if (options_.separate_appearance && kernels_.directional) {
         separate_.dL_dresiduals = c.take<float>(std::size_t(sizes.n) * model_.width[int(Group::kResidual)]);
         separate_.dL_dmeans = c.take<Vec3<float>>(sizes.n);
@@ -207,18 +216,36 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
 
 void CudaBackend::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
-    sizes_ = {}; // stays empty if there is no memory
+    sizes_ = {};  // stays empty if there is no memory
     scratch_.carve([&](Carver& c) { take(c, sizes); });
     sizes_ = sizes;
 }
 
-PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode, const LazyArgs& lazy) const {
+PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, RenderMode mode,
+                                            const LazyArgs& lazy) const {
     const auto p = [&](Group g) { return model_.param[int(g)].get(); };
-    const ParameterView<float> view{model_.count,       p(Group::kMean), p(Group::kScale),    p(Group::kRotation),
-                                    p(Group::kOpacity), p(Group::kBase), p(Group::kResidual), model_.width[int(Group::kResidual)], meta_.appearance.activation,
+    const ParameterView<float> view{model_.count,
+                                    p(Group::kMean),
+                                    p(Group::kScale),
+                                    p(Group::kRotation),
+                                    p(Group::kOpacity),
+                                    p(Group::kBase),
+                                    p(Group::kResidual),
+                                    model_.width[int(Group::kResidual)],
+                                    meta_.appearance.activation,
                                     model_.shared_param.get()};
-    return {view, camera, kernels_.directional ? meta_.active_degree : 0, padded(camera.width, kCudaTileX), padded(camera.height, kCudaTileY), mode,
-            DepthKey::of(camera.near_plane, camera.far_plane), cutoffs_, lazy, {}, {}, nullptr};
+    return {view,
+            camera,
+            kernels_.directional ? meta_.active_degree : 0,
+            padded(camera.width, kCudaTileX),
+            padded(camera.height, kCudaTileY),
+            mode,
+            DepthKey::of(camera.near_plane, camera.far_plane),
+            cutoffs_,
+            lazy,
+            {},
+            {},
+            nullptr};
 }
 
 PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
@@ -226,7 +253,8 @@ PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
     if (!options_.half_residuals || model_.floats(int(Group::kResidual)) == 0) return args;
     if (!half_residuals_current_) {
         const std::size_t n = model_.floats(int(Group::kResidual));
-        round_to_half<<<num_blocks(n, kHalfBlock), kHalfBlock, 0, stream_>>>(n, model_.param[int(Group::kResidual)].get(), half_residuals_.reserve(n));
+        round_to_half<<<num_blocks(n, kHalfBlock), kHalfBlock, 0, stream_>>>(
+            n, model_.param[int(Group::kResidual)].get(), half_residuals_.reserve(n));
         GS_CUDA_LAUNCHED("round_to_half");
         half_residuals_current_ = true;
     }
@@ -241,14 +269,14 @@ BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<floa
 CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
     const CameraParams<float>& camera = args.camera;
     if (std::max(camera.width, camera.height) > kMaxSide)
-        throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) + " pixels: the CUDA backend takes up to " +
-                          std::to_string(kMaxSide) + " a side");
+        throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
+                          " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
     if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * model_.count, 1 << 16);
     try {
         lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
     } catch (const DeviceError&) {
         if (needed_ >= capacity_) throw;
-        capacity_ = std::max<std::int64_t>(needed_, 1); // there was no memory for room ahead of need
+        capacity_ = std::max<std::int64_t>(needed_, 1);  // there was no memory for room ahead of need
         lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
     }
     args.shared = {model_.shared_prepared.get(), shared_sums_};
@@ -268,8 +296,10 @@ CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> backgrou
 void CudaBackend::make_room(unsigned long long num_instances) {
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     if (num_instances > kMaxInstances)
-        throw DeviceError("more than " + std::to_string(kMaxInstances) + " Gaussian-tile instances in one view (" + std::to_string(num_instances) +
-                          "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower --resolution");
+        throw DeviceError("more than " + std::to_string(kMaxInstances) + " Gaussian-tile instances in one view (" +
+                          std::to_string(num_instances) +
+                          "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg "
+                          "or render at a lower --resolution");
     needed_ = std::max(needed_, std::int64_t(num_instances));
     capacity_ = std::int64_t(std::min(kMaxInstances, num_instances + num_instances / 4 + 1024));
 }
@@ -298,13 +328,13 @@ CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
     } while (statuses_->stopped);
-    if (for_steps) capacity_ = for_steps; // a single close view must not slow down further training
+    if (for_steps) capacity_ = for_steps;  // a single close view must not slow down further training
     return bins;
 }
 
 void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
     forward_whole(r);
-    if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) { // a residual is not a colour
+    if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) {  // a residual is not a colour
         ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));
     }
@@ -321,7 +351,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
     const std::int64_t for_steps = capacity_;
     std::int64_t most = 1;
     for (const RenderRequest& view : views) {
-        render(view, image); // warms up, and finds the room that a view needs
+        render(view, image);  // warms up, and finds the room that a view needs
         most = std::max(most, std::int64_t(statuses_->num_instances));
     }
     capacity_ = most;
@@ -333,7 +363,8 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
         for (const RenderRequest& view : views) {
             PreprocessArgs args = frame_args(view);
             enqueue_forward(args, view.background, false);
-            if (ppisp_.corrects(view.isp)) ppisp_.apply(view.isp, image_, view.camera.width, view.camera.height, image_, stream_);
+            if (ppisp_.corrects(view.isp))
+                ppisp_.apply(view.isp, image_, view.camera.width, view.camera.height, image_, stream_);
         }
     GS_CUDA(cudaEventRecord(end, stream_));
     GS_CUDA(cudaEventSynchronize(end));
@@ -350,7 +381,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 void CudaBackend::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
     const bool lazily = r.residual_rates.empty();
-    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) { // only once no step in flight has to be repeated
+    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) {  // only once no step in flight has to be repeated
         settle();
         lazy_.reset(meta_.step);
     }
@@ -376,7 +407,7 @@ PpispState CudaBackend::download_ppisp() {
 void CudaBackend::distill(const StepRequest& r) {
     check_distillation(ppisp_.host(), r.isp);
     while (in_flight_.size() >= kInFlight) finish_oldest();
-    if (in_flight_.empty() || in_flight_.back().adam_step) settle(); // residuals must have taken all steps
+    if (in_flight_.empty() || in_flight_.back().adam_step) settle();  // residuals must have taken all steps
     Step s;
     s.request = r;
     if (r.isp_rate > 0) s.controller_step = ppisp_.begin_controller_step();
@@ -407,7 +438,9 @@ void CudaBackend::enqueue(const Step& s) {
     const bool corrected = ppisp_.corrects(r.isp);
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     times_.end(CudaStage::kCorrect, stream_);
-    loss_.compute({corrected ? ppisp_.corrected() : image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum}, dL_dimage_, control, stream_);
+    loss_.compute(
+        {corrected ? ppisp_.corrected() : image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum},
+        dL_dimage_, control, stream_);
     times_.end(CudaStage::kLoss, stream_);
     if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
     if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
@@ -431,7 +464,7 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     if (n > 0) {
         ModelArrays arrays = model_.arrays();
         if (r.gather_gradient_stats) {
-            if (!model_.has_statistic) { // this is the first step of a statistic
+            if (!model_.has_statistic) {  // this is the first step of a statistic
                 GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
                 GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
                 model_.has_statistic = true;
@@ -461,7 +494,8 @@ void CudaBackend::finish_oldest() {
     }
     needed_ = std::max(needed_, std::int64_t(status.num_instances));
     // Room is made ahead of need.
-    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9) capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
+    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9)
+        capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
     const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
     stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
     stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;
@@ -470,8 +504,9 @@ void CudaBackend::finish_oldest() {
     stats_.consecutive_skips = std::isfinite(stats_.loss) ? 0 : stats_.consecutive_skips + 1;
     ++stats_.steps;
     if (times_.on)
-        times_.count(double(model_.count), status.num_visible, double(status.num_instances), 32.0 * double(status.num_pairs),
-                     double(s.request.camera.width) * s.request.camera.height, ppisp_.corrects(s.request.isp));
+        times_.count(double(model_.count), status.num_visible, double(status.num_instances),
+                     32.0 * double(status.num_pairs), double(s.request.camera.width) * s.request.camera.height,
+                     ppisp_.corrects(s.request.isp));
     in_flight_.pop_front();
 }
 
@@ -501,7 +536,8 @@ std::vector<StageCost> CudaBackend::take_stage_costs() {
     synchronize();
     const ModelInfo& info = appearance_model(meta_.appearance.model);
     const bool residual = meta_.active_degree > 0;
-    return times_.take(residual ? model_.width[int(Group::kResidual)] : 0, residual ? info.operations : 0, residual ? info.operations_backward : 0);
+    return times_.take(residual ? model_.width[int(Group::kResidual)] : 0, residual ? info.operations : 0,
+                       residual ? info.operations_backward : 0);
 }
 
 Ceilings CudaBackend::measure_ceilings() {
@@ -511,16 +547,20 @@ Ceilings CudaBackend::measure_ceilings() {
 
 MemoryUse CudaBackend::memory() {
     synchronize();
-    sizes_ = {}; // counting leaves null pointers in the buffers
+    sizes_ = {};  // counting leaves null pointers in the buffers
     MemoryUse use;
     use.bytes = device_memory_count().now, use.peak = device_memory_count().peak;
-    use.rows = {{"parameters, Adam moments, indices", model_.bytes() + half_residuals_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
-                {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
-                {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
-    if (ppisp_.host().active()) use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
+    use.rows = {
+        {"parameters, Adam moments, indices",
+         model_.bytes() + half_residuals_.bytes() + lazy_.bytes() + binning_.bytes(), "Gaussian", double(model_.count)},
+        {"images kept on the device", images_.kept_bytes(), "image", double(images_.num_kept())},
+        {"images in flight", images_.slot_bytes(), "image", double(kInFlight)}};
+    if (ppisp_.host().active())
+        use.rows.push_back({"PPISP", ppisp_.bytes(), "camera", double(ppisp_.host().num_cameras)});
     // The next rows divide the scratch block of a step by the items that its parts grow with. Stages share places, so
     // the parts need not add up to it.
-    const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1), std::max(largest_width_, 1), std::max(largest_height_, 1), true};
+    const Sizes all{std::max<std::int64_t>(model_.count, 1), std::max<std::int64_t>(capacity_, 1),
+                    std::max(largest_width_, 1), std::max(largest_height_, 1), true};
     const auto bytes = [&](const Sizes& sizes) {
         Carver count(nullptr);
         take(count, sizes);
@@ -529,8 +569,10 @@ MemoryUse CudaBackend::memory() {
     Sizes no_gaussians = all, no_instances = all, no_pixels = all;
     no_gaussians.n = 0, no_instances.capacity = 1, no_pixels.width = no_pixels.height = 1;
     use.rows.push_back({"scratch with the Gaussians", bytes(all) - bytes(no_gaussians), "Gaussian", double(all.n)});
-    use.rows.push_back({"scratch with the instances", bytes(all) - bytes(no_instances), "instance", double(all.capacity)});
-    use.rows.push_back({"scratch with the view", bytes(all) - bytes(no_pixels), "pixel", double(all.width) * all.height});
+    use.rows.push_back(
+        {"scratch with the instances", bytes(all) - bytes(no_instances), "instance", double(all.capacity)});
+    use.rows.push_back(
+        {"scratch with the view", bytes(all) - bytes(no_pixels), "pixel", double(all.width) * all.height});
     use.rows.push_back({"scratch block", scratch_.bytes(), "block", 1});
     return use;
 }
@@ -539,7 +581,7 @@ MemoryUse CudaBackend::memory() {
 
 template <class Fn> auto CudaBackend::change_rows(Fn fn) {
     settle();
-    sizes_ = {}; // fn may use all of the scratch block
+    sizes_ = {};  // fn may use all of the scratch block
     half_residuals_current_ = false;
     CudaDensify densify(model_, scratch_, stream_);
     const auto result = fn(densify);
@@ -561,7 +603,8 @@ void CudaBackend::gather_scores(const std::vector<RenderRequest>& views, CudaSco
         view.mode = RenderMode::kFull;
         const CudaBins bins = forward_whole(view);
         const SlotMap slots = binning_.slots();
-        scores.add(bins, splats_, blend_image(view.camera, view.background), options_.deterministic ? &slots : nullptr, std::int64_t(statuses_->num_instances));
+        scores.add(bins, splats_, blend_image(view.camera, view.background), options_.deterministic ? &slots : nullptr,
+                   std::int64_t(statuses_->num_instances));
     }
 }
 std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) {
@@ -586,6 +629,8 @@ void CudaBackend::morton_sort() {
     change_rows([](CudaDensify& d) { return d.morton_sort(), 0; });
 }
 
-std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) { return std::make_unique<CudaBackend>(kernels, options); }
+std::unique_ptr<Backend> make_cuda_backend(const ModelKernels& kernels, const BackendOptions& options) {
+    return std::make_unique<CudaBackend>(kernels, options);
+}
 
 }  // namespace gs

@@ -66,11 +66,11 @@ class CudaBackend final : public Backend, private BackendTimer {
     static constexpr int kInFlight = 3;
 
     struct Step {
-        StepRequest request; ///< its target holds no pointers; `target` does
+        StepRequest request;  ///< its target holds no pointers; `target` does
         DeviceTarget target;
-        std::int64_t adam_step = 0;       ///< Adam's step of the Gaussians; 0: they do not change
-        std::int64_t isp_step = 0;        ///< step of PPISP's parameters; 0: they do not change
-        std::int64_t controller_step = 0; ///< step of a controller; 0: it does not change
+        std::int64_t adam_step = 0;        ///< Adam's step of the Gaussians; 0: they do not change
+        std::int64_t isp_step = 0;         ///< step of PPISP's parameters; 0: they do not change
+        std::int64_t controller_step = 0;  ///< step of a controller; 0: it does not change
         LazyArgs lazy{};
         int slot = 0;
     };
@@ -117,15 +117,15 @@ class CudaBackend final : public Backend, private BackendTimer {
     cudaStream_t stream_ = nullptr;
     CudaModel model_;
     CudaLazyResiduals lazy_;
-    DeviceBuffer<__half> half_residuals_; ///< empty without options.half_residuals
+    DeviceBuffer<__half> half_residuals_;  ///< empty without options.half_residuals
     bool half_residuals_current_ = false;
     CudaPpisp ppisp_;
-    Gaussians meta_; ///< model without count, arrays and PPISP
+    Gaussians meta_;  ///< model without count, arrays and PPISP
 
     Scratch scratch_;
     Sizes sizes_;
-    std::int64_t capacity_ = 0, needed_ = 0; ///< number of instances that there is room for, and that were seen
-    int largest_width_ = 0, largest_height_ = 0; ///< largest sides of any view so far
+    std::int64_t capacity_ = 0, needed_ = 0;      ///< number of instances that there is room for, and that were seen
+    int largest_width_ = 0, largest_height_ = 0;  ///< largest sides of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;
     SeparateArgs separate_{};
@@ -135,12 +135,12 @@ class CudaBackend final : public Backend, private BackendTimer {
     CudaLoss loss_;
 
     DeviceBuffer<StepControl> control_;
-    StepStatus* statuses_ = nullptr; ///< (kInFlight) in pinned memory
+    StepStatus* statuses_ = nullptr;  ///< (kInFlight) in pinned memory
     cudaEvent_t done_[kInFlight] = {};
     std::deque<Step> in_flight_;
     int next_slot_ = 0;
     CudaImages images_;
-    bool lazily_ = true; ///< whether the last step updated residuals lazily
+    bool lazily_ = true;  ///< whether the last step updated residuals lazily
     StepStats stats_;
     StageTimes times_;
 };

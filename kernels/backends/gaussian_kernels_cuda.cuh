@@ -36,10 +36,12 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
         Splat<float> t{};
         t.mean = {of_owner(s.mean.x), of_owner(s.mean.y)};
         t.a = of_owner(s.a), t.b = of_owner(s.b), t.c = of_owner(s.c), t.threshold = of_owner(s.threshold);
-        const PackedSplat p = PackedSplat::of(t, {of_owner(b.x_min), of_owner(b.x_max), of_owner(b.y_min), of_owner(b.y_max)});
+        const PackedSplat p =
+            PackedSplat::of(t, {of_owner(b.x_min), of_owner(b.x_max), of_owner(b.y_min), of_owner(b.y_max)});
         const TileRectangle q(p.bounds());
         unsigned count = 0;
-        for (int y = q.y0; y < q.y0 + q.height; y += 32) count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
+        for (int y = q.y0; y < q.y0 + q.height; y += 32)
+            count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
         if (int(threadIdx.x & 31) == owner) out.count = count;
     }
     return out;
@@ -49,7 +51,7 @@ __device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& 
 template <class Model> struct RowMemory {
     static constexpr int kWidth = Model::kMaxResidual > 0 ? Model::kMaxResidual : 1;
     alignas(16) float rows[32 * kWidth];
-    float sums[32]; ///< LazyTable::sums of the steps that each row has missed
+    float sums[32];  ///< LazyTable::sums of the steps that each row has missed
     std::uint8_t list[32];
 
     /// Loads the rows in `mask`, and takes the steps that they have missed in this memory only. `first` is the warp's
@@ -57,7 +59,7 @@ template <class Model> struct RowMemory {
     /// steps.
     __device__ unsigned load(const PreprocessArgs& a, std::int64_t first, unsigned mask, int lag) {
         const int width = a.params.residual_width;
-        if (a.half_residuals) { // only frames read them, after all steps
+        if (a.half_residuals) {  // only frames read them, after all steps
             load_rows(mask, width, list, a.half_residuals + first * width, rows);
             return 0;
         }
@@ -74,13 +76,16 @@ template <class Model> struct RowMemory {
 /// Returns the residual of this lane's Gaussian, which is 0 where the mode or the degree leaves it out. All lanes must
 /// call it.
 template <class Model>
-__device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory, typename WarpAppearance<Model>::Memory& scratch) {
+__device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory,
+                                     typename WarpAppearance<Model>::Memory& scratch) {
     if constexpr (Model::kDirectional) {
         const unsigned mask = __ballot_sync(~0u, visible);
         if (mask && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
             memory.load(a, i - (threadIdx.x & 31), mask, visible ? a.lazy.lag(i) : 0);
-            const Vec3<float> direction = visible ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
-            return WarpAppearance<Model>(scratch, a.shared.prepared).residual(memory.rows, a.params.residual_width, direction, a.degree, visible);
+            const Vec3<float> direction =
+                visible ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
+            return WarpAppearance<Model>(scratch, a.shared.prepared)
+                .residual(memory.rows, a.params.residual_width, direction, a.degree, visible);
         }
     }
     return {0, 0, 0};
@@ -89,7 +94,8 @@ __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bo
 /// Projects the Gaussians. With kFused it also computes their colours; otherwise evaluate_colors adds them.
 template <class Model, bool kFused>
 __global__ void __launch_bounds__(kForwardBlock, 7)
-    preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out, StepControl* __restrict__ control) {
+    preprocess_forward(PreprocessArgs a, PackedSplat* __restrict__ splats, CudaBinningInput out,
+                       StepControl* __restrict__ control) {
     __shared__ RowMemory<Model> memory[kFused ? kForwardBlock / 32 : 1];
     __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kForwardBlock / 32 : 1];
     __shared__ unsigned long long block_instances;
@@ -102,7 +108,8 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     PixelBounds b{0, 0, 0, 0};
     float depth = 0;
     bool valid = i < a.params.count;
-    if (valid) valid = make_splat(a.params.geometry(i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
+    if (valid)
+        valid = make_splat(a.params.geometry(i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
     const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
     const unsigned warp_visible = __ballot_sync(~0u, visible);
@@ -132,7 +139,9 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
 }
 
 /// Computes residuals and colours of the visible Gaussians in the separate pass.
-template <class Model> __global__ void __launch_bounds__(kForwardBlock, 7) evaluate_colors(PreprocessArgs a, const std::uint32_t* __restrict__ counts, PackedSplat* __restrict__ splats) {
+template <class Model>
+__global__ void __launch_bounds__(kForwardBlock, 7)
+    evaluate_colors(PreprocessArgs a, const std::uint32_t* __restrict__ counts, PackedSplat* __restrict__ splats) {
     __shared__ RowMemory<Model> memory[kForwardBlock / 32];
     __shared__ typename WarpAppearance<Model>::Memory scratch[kForwardBlock / 32];
     const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
@@ -152,22 +161,23 @@ constexpr int kManyVisible = 12;
 /// columns at the same time, and kernel parameters give them out one after another.)
 struct ColumnSteps {
     AdamStep<float> all;
-    const AdamStep<float>* each; ///< or null
+    const AdamStep<float>* each;  ///< or null
     __device__ AdamStep<float> of(int column) const { return each ? each[column] : all; }
 };
 
 /// What Adam reads and writes for the residual rows of a warp.
 struct RowStep {
     int width;
-    const float *parameters, *gradients; ///< (32, width) in shared memory; the parameters are caught up
+    const float *parameters, *gradients;  ///< (32, width) in shared memory; the parameters are caught up
     ColumnSteps columns;
-    float* out;                          ///< (32, width): the parameters
+    float* out;  ///< (32, width): the parameters
     MomentRows moments;
-    std::uint32_t seed;                  ///< of the rounding of packed moments
+    std::uint32_t seed;  ///< of the rounding of packed moments
 };
 
 /// Adam on the selected residual rows of a warp; the moments are multiplied by the factors of their row first.
-__device__ inline void update_rows(unsigned mask, std::uint8_t* list, const float* decay_m, const float* decay_v, const RowStep& rows) {
+__device__ inline void update_rows(unsigned mask, std::uint8_t* list, const float* decay_m, const float* decay_v,
+                                   const RowStep& rows) {
     const float *parameters = rows.parameters, *gradients = rows.gradients;
     float* __restrict__ p = rows.out;
     RowElements elements(mask, rows.width, list);
@@ -221,7 +231,8 @@ __device__ inline void update_all_rows(const RowStep& rows) {
 
 /// Computes the gradient of the loss for y = base + residual of this lane's Gaussian from its sums. Returns false if it
 /// is not finite.
-__device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, const Vec3<float>& residual, const SplatSums<float>& sums, Vec3<float>& out) {
+__device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, const Vec3<float>& residual,
+                                      const SplatSums<float>& sums, Vec3<float>& out) {
     out = color_backward(a.params.activation, a.params.base(i), residual, {sums.r, sums.g, sums.b});
     return is_finite(out);
 }
@@ -231,7 +242,7 @@ __device__ inline bool color_gradient(const PreprocessArgs& a, std::int64_t i, c
 template <class Model> struct WarpSpace {
     RowMemory<Model> memory;
     alignas(16) float gradients[32 * RowMemory<Model>::kWidth];
-    float decays[2][32]; ///< factors of the moments m and v of rows that have missed steps
+    float decays[2][32];  ///< factors of the moments m and v of rows that have missed steps
     typename WarpAppearance<Model>::Memory scratch;
 };
 template <class Model> struct alignas(16) WarpBytes {
@@ -249,10 +260,14 @@ template <class Model> constexpr int update_block() {
 }
 /// Returns the number of blocks that a multiprocessor should hold. They are 16 warps with 128 registers for shared
 /// weights, else 18 warps with 113.
-template <class Model> constexpr int update_blocks_at_once() { return kNumSharedOf<Model> > 0 ? 512 / update_block<Model>() : 9; }
+template <class Model> constexpr int update_blocks_at_once() {
+    return kNumSharedOf<Model> != 0 ? 512 / update_block<Model>() : 9;
+}
 
 /// Adds up the warps' gradients of the shared weights in the order of the warps. Ends the use of `warps`.
-template <class Model> __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps, float* out) {
+template <class Model>
+__device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps,
+                                  float* out) {
     constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
     float* own = warps[threadIdx.x >> 5].sums();
     __syncwarp();
@@ -273,7 +288,8 @@ template <class Model> __device__ void store_shared_sums(const WarpAppearance<Mo
 /// the separate pass.
 template <class Model>
 __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
-    appearance_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, StepControl* __restrict__ control) {
+    appearance_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums,
+                        StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
     __shared__ WarpBytes<Model> warps[kWarps];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
@@ -288,7 +304,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         space.memory.load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
-        const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+        const ViewDirection<float> direction =
+            visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
         const Vec3<float> residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
         Vec3<float> dL_dy{0, 0, 0}, dL_ddirection;
         const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), dL_dy);
@@ -297,34 +314,37 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncwarp();
         store_rows(seen, width, space.memory.list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
     }
-    if constexpr (kShared > 0) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+    if constexpr (kShared > 0)
+        store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
 /// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
 /// otherwise it reads those of appearance_backward.
 template <class Model, bool kFused>
 __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
-    preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums, ModelArrays arrays, UpdateArgs update,
-                        StepControl* __restrict__ control) {
+    preprocess_backward(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums,
+                        ModelArrays arrays, UpdateArgs update, StepControl* __restrict__ control) {
     constexpr int kShared = kFused ? kNumSharedOf<Model> : 0, kWarps = update_block<Model>() / 32;
     __shared__ WarpBytes<Model> warps[kWarps];
     __shared__ AdamStep<float> column_steps[RowMemory<Model>::kWidth];
     if (control->stopped) return;
     if (update.per_column) {
-        for (int k = threadIdx.x; k < RowMemory<Model>::kWidth; k += update_block<Model>()) column_steps[k] = update.residual_steps[k];
+        for (int k = threadIdx.x; k < RowMemory<Model>::kWidth; k += update_block<Model>())
+            column_steps[k] = update.residual_steps[k];
         __syncthreads();
     }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
-    if (!isfinite(control->l1 + control->ssim)) { // a skipped step changes nothing, not even residuals that are behind
+    if (!isfinite(control->l1 + control->ssim)) {  // a skipped step changes nothing, not even residuals that are behind
         if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
-    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0; // below degree 1 the residual has no gradient
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;  // below degree 1 the residual has no gradient
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     WarpSpace<Model>& space = warps[warp].space();
-    float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0], *decay_v = space.decays[1];
+    float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0],
+          *decay_v = space.decays[1];
     const unsigned seen = with_residual ? __ballot_sync(~0u, visible) : 0;
     unsigned rows = 0, stale = 0;
     GaussianGradient<float> gradient{};
@@ -342,11 +362,13 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
         if (seen) {
             if constexpr (kFused) {
-                const ViewDirection<float> direction = visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+                const ViewDirection<float> direction =
+                    visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
                 residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
                 const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
                 Vec3<float> dL_ddirection;
-                appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients, dL_ddirection);
+                appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients,
+                                    dL_ddirection);
                 dL_dmean = direction_pullback(direction, dL_ddirection);
             } else {
                 load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
@@ -368,7 +390,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         __syncwarp();
         constexpr int k = int(Group::kResidual);
         const std::int64_t first = (i - lane) * width;
-        const std::uint32_t seed = mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step)); // of the warp and the step
+        const std::uint32_t seed =
+            mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step));  // of the warp and the step
         const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
         const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
         const RowStep step{width, parameters, gradients, columns, arrays.param[k] + first, moments, seed};
@@ -380,7 +403,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         }
     }
     if constexpr (kShared > 0) {
-        if (with_residual) store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        if (with_residual)
+            store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
     }
 }
 
@@ -391,7 +415,8 @@ inline constexpr int kSumThreads = 64, kSumWeights = 8;
 /// Adds up the blocks' gradients of the shared weights in a fixed order, and takes the optimizer's step.
 template <class Model>
 __global__ void __launch_bounds__(kSumThreads* kSumWeights)
-    update_shared_weights(const float* __restrict__ sums, int rows, ModelArrays arrays, AdamStep<float> step, unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
+    update_shared_weights(const float* __restrict__ sums, int rows, ModelArrays arrays, AdamStep<float> step,
+                          unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>;
     __shared__ float partial[kSumThreads][kSumWeights];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
@@ -417,7 +442,8 @@ template <class Model> __global__ void prepare_shared_weights(const float* weigh
 }
 
 template <class Model>
-void launch_preprocess(const PreprocessArgs& args, PackedSplat* splats, const CudaBinningInput& out, StepControl* control, cudaStream_t stream) {
+void launch_preprocess(const PreprocessArgs& args, PackedSplat* splats, const CudaBinningInput& out,
+                       StepControl* control, cudaStream_t stream) {
     const unsigned blocks = num_blocks(args.params.count, kForwardBlock);
     if (!args.separate.residuals) {
         preprocess_forward<Model, true><<<blocks, kForwardBlock, 0, stream>>>(args, splats, out, control);
@@ -431,8 +457,8 @@ void launch_preprocess(const PreprocessArgs& args, PackedSplat* splats, const Cu
 }
 
 template <class Model>
-void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums, const ModelArrays& arrays, const UpdateArgs& update,
-                   StepControl* control, cudaStream_t stream) {
+void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums,
+                   const ModelArrays& arrays, const UpdateArgs& update, StepControl* control, cudaStream_t stream) {
     constexpr int kBlock = update_block<Model>();
     const unsigned blocks = num_blocks(args.params.count, kBlock);
     const bool with_residual = Model::kMaxResidual > 0 && args.degree > 0;
@@ -447,10 +473,11 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
         preprocess_backward<Model, false><<<blocks, kBlock, 0, stream>>>(args, counts, sums, arrays, update, control);
         GS_CUDA_LAUNCHED("preprocess_backward");
     }
-    if constexpr (kNumSharedOf<Model> > 0) {
-        if (!with_residual) return; // there is no gradient now, and was none before
-        update_shared_weights<Model><<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(args.shared.sums, int(blocks), arrays,
-                                                                                                                                 update.shared_step, args.shared.prepared, control);
+    if constexpr (kNumSharedOf<Model> != 0) {
+        if (!with_residual) return;  // there is no gradient now, and was none before
+        update_shared_weights<Model>
+            <<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(
+                args.shared.sums, int(blocks), arrays, update.shared_step, args.shared.prepared, control);
         GS_CUDA_LAUNCHED("update_shared_weights");
     }
 }
@@ -462,7 +489,9 @@ template <class Model> void launch_prepare(const float* weights, unsigned* prepa
 
 template <class Model> ModelKernels model_kernels() {
     ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, {}};
-    if constexpr (kNumSharedOf<Model> > 0) kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>, update_block<Model>()};
+    if constexpr (kNumSharedOf<Model> != 0)
+        kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>,
+                          update_block<Model>()};
     return kernels;
 }
 

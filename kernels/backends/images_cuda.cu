@@ -38,7 +38,8 @@ std::int64_t CudaImages::slot_bytes() const {
 DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t stream) {
     if (const auto at = kept_.find(t.id); t.id >= 0 && at != kept_.end()) return at->second->target;
     const std::size_t pixels = std::size_t(t.width) * t.height, values = pixels * t.channels;
-    const std::size_t color_bytes = values * (t.u8 ? 1 : 4), mask_at = (color_bytes + 255) / 256 * 256, bytes = t.mask ? mask_at + pixels : color_bytes;
+    const std::size_t color_bytes = values * (t.u8 ? 1 : 4), mask_at = (color_bytes + 255) / 256 * 256,
+                      bytes = t.mask ? mask_at + pixels : color_bytes;
     Slot& slot = *slots_[slot_number];
     unsigned char* host = slot.pinned.reserve(bytes);
     std::memcpy(host, t.u8 ? static_cast<const void*>(t.u8) : t.f32, color_bytes);
@@ -54,7 +55,7 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
         kept = std::make_unique<Kept>();
         try {
             device = kept->memory.reserve(bytes);
-        } catch (const DeviceError&) { // training works without kept images; from here on they are uploaded
+        } catch (const DeviceError&) {  // training works without kept images; from here on they are uploaded
             kept.reset();
             budget_ = kept_bytes_;
         }

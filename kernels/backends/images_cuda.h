@@ -14,7 +14,7 @@ namespace gs {
 /// A target with pointers into device memory.
 struct DeviceTarget {
     TargetImage image;
-    double weight_sum = 0; ///< sum of the mask's weights, or the number of pixels without a mask
+    double weight_sum = 0;  ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
 /// Host memory that the device copies from without staging.

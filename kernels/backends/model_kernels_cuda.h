@@ -15,47 +15,48 @@ namespace gs {
 
 /// The weights that all Gaussians of a model share. Null without any.
 struct SharedArgs {
-    unsigned* prepared; ///< weights in the form that kernels read
-    float* sums;        ///< gradients, one row per block of the backward pass
+    unsigned* prepared;  ///< weights in the form that kernels read
+    float* sums;         ///< gradients, one row per block of the backward pass
 };
 
 /// The buffers in which the separate pass keeps values that fused kernels have in registers, (n) each. Null for fused
 /// kernels.
 struct SeparateArgs {
     Vec3<float>* residuals;
-    float* dL_dresiduals;   ///< (n, residual width)
-    Vec3<float>* dL_dmeans; ///< gradients of the means through the direction
+    float* dL_dresiduals;    ///< (n, residual width)
+    Vec3<float>* dL_dmeans;  ///< gradients of the means through the direction
 };
 
 /// One view of one model.
 struct PreprocessArgs {
     ParameterView<float> params;
     CameraParams<float> camera;
-    int degree, width_padded, height_padded; ///< padded to whole tiles
+    int degree, width_padded, height_padded;  ///< padded to whole tiles
     RenderMode mode;
     DepthKey depth_key;
     Cutoffs<float> cutoffs;
     LazyArgs lazy;
     SharedArgs shared;
     SeparateArgs separate;
-    const __half* half_residuals; ///< residual parameters that frames read; null: those of `params`
+    const __half* half_residuals;  ///< residual parameters that frames read; null: those of `params`
 };
 
 /// The kernels of one model.
 struct ModelKernels {
-    bool directional; ///< whether the model has a residual
+    bool directional;  ///< whether the model has a residual
     /// Writes splats, spans and keys of visible Gaussians, and counts of all. Adds to control->num_instances and
     /// control->num_visible.
     void (*preprocess)(const PreprocessArgs&, PackedSplat*, const CudaBinningInput&, StepControl*, cudaStream_t);
     /// Computes the gradients of all parameters from the sums, and takes the optimizer's step. Does nothing if the step
     /// was stopped or its loss is not finite.
-    void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&, const UpdateArgs&, StepControl*, cudaStream_t);
+    void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
+                   const UpdateArgs&, StepControl*, cudaStream_t);
     struct Shared {
-        int count = 0;          ///< number of weights that all Gaussians share
+        int count = 0;  ///< number of weights that all Gaussians share
         /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.
         int prepared_words = 0;
         void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
-        int gaussians_per_sum = 0; ///< number of Gaussians whose gradients a row of SharedArgs::sums adds up
+        int gaussians_per_sum = 0;  ///< number of Gaussians whose gradients a row of SharedArgs::sums adds up
     } shared;
 };
 

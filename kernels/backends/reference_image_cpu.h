@@ -18,11 +18,21 @@ template <class Model> std::vector<double> render_in_double_as(const Gaussians& 
     widen(model.shared, state.shared);
     const auto vec = [](const Vec3<float>& v) { return Vec3<double>{v.x, v.y, v.z}; };
     const CameraParams<float>& c = request.camera;
-    const CameraParams<double> camera{{vec(c.rotation.r0), vec(c.rotation.r1), vec(c.rotation.r2)}, vec(c.translation), vec(c.position), c.fx, c.fy, c.cx, c.cy, c.width, c.height,
-                                      c.near_plane, c.far_plane};
+    const CameraParams<double> camera{{vec(c.rotation.r0), vec(c.rotation.r1), vec(c.rotation.r2)},
+                                      vec(c.translation),
+                                      vec(c.position),
+                                      c.fx,
+                                      c.fy,
+                                      c.cx,
+                                      c.cy,
+                                      c.width,
+                                      c.height,
+                                      c.near_plane,
+                                      c.far_plane};
     const std::size_t pixels = std::size_t(c.width) * std::size_t(c.height);
     std::vector<double> image(3 * pixels), transmittance(pixels);
-    CpuRasterizer<double, Model>().forward(ParameterView<double>::of(state), camera, vec(request.background), state.active_degree, request.mode, image.data(), transmittance.data());
+    CpuRasterizer<double, Model>().forward(ParameterView<double>::of(state), camera, vec(request.background),
+                                           state.active_degree, request.mode, image.data(), transmittance.data());
     return image;
 }
 

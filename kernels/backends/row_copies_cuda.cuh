@@ -42,9 +42,11 @@ class RowElements {
 inline constexpr int kRowUnroll = 8;
 
 /// Copies the rows of a warp that `mask` selects to shared memory, at the same offsets.
-__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* __restrict__ from, float* to) {
-    if (mask == ~0u) { // all rows of a warp move 16 bytes at a time, on 16-byte boundaries
-        for (int k = threadIdx.x & 31; k < 8 * width; k += 32) reinterpret_cast<float4*>(to)[k] = reinterpret_cast<const float4*>(from)[k];
+__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* __restrict__ from,
+                                 float* to) {
+    if (mask == ~0u) {  // all rows of a warp move 16 bytes at a time, on 16-byte boundaries
+        for (int k = threadIdx.x & 31; k < 8 * width; k += 32)
+            reinterpret_cast<float4*>(to)[k] = reinterpret_cast<const float4*>(from)[k];
         __syncwarp();
         return;
     }
@@ -65,9 +67,11 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
 }
 
 /// Copies the rows of a warp that `mask` selects from half precision to shared memory, at the same offsets.
-__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const __half* __restrict__ from, float* to) {
+__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const __half* __restrict__ from,
+                                 float* to) {
     if (mask == ~0u) {
-        for (int k = threadIdx.x & 31; k < 16 * width; k += 32) reinterpret_cast<float2*>(to)[k] = __half22float2(reinterpret_cast<const __half2*>(from)[k]);
+        for (int k = threadIdx.x & 31; k < 16 * width; k += 32)
+            reinterpret_cast<float2*>(to)[k] = __half22float2(reinterpret_cast<const __half2*>(from)[k]);
         __syncwarp();
         return;
     }
@@ -88,7 +92,8 @@ __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, c
 }
 
 /// Copies the rows of a warp that `mask` selects from shared memory, to the same offsets.
-__device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* __restrict__ to) {
+__device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, const float* from,
+                                  float* __restrict__ to) {
     RowElements elements(mask, width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; ++done) {
         int row, column;
@@ -100,7 +105,8 @@ __device__ inline void store_rows(unsigned mask, int width, std::uint8_t* list, 
 
 /// Takes the steps that the rows in `mask` have missed (lazy_adam.h), in shared memory only. `sums` holds T_t(k) of
 /// each row, in shared memory.
-__device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon, const MomentRows& moments, float* parameters) {
+__device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* list, const float* sums, float epsilon,
+                                     const MomentRows& moments, float* parameters) {
     constexpr int kUnroll = 4;
     RowElements elements(mask, width, list);
     for (int done = 0, rounds = elements.rounds(); done < rounds; done += kUnroll) {
@@ -113,7 +119,8 @@ __device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* lis
         }
 #pragma unroll
         for (int u = 0; u < kUnroll; ++u)
-            if (at[u] >= 0) parameters[at[u]] = catch_up_parameter(parameters[at[u]], mm[u], vv[u], sums[row[u]], epsilon);
+            if (at[u] >= 0)
+                parameters[at[u]] = catch_up_parameter(parameters[at[u]], mm[u], vv[u], sums[row[u]], epsilon);
     }
     __syncwarp();
 }

@@ -13,24 +13,33 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
     // instructions are counted in the templates: fragment_alpha 10 and blend_fragment 10 forward; 10, fragment_gradient
     // 16 and two stores backward.
     std::vector<StageCost> costs = {
-        {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian", gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8),
-         visible_ * (260 + operations), "", true},
-        {"sort", seconds(CudaStage::kSort), instances_, "instance", gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2),
-         visible_ * 20 + instances_ * 10,
-         "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, for any amount of data"},
-        {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16, pairs_ * 20 + instances_ * 6 * 35,
-         "half of the instructions walk lists and read shared memory, not counted in the floor; at the end the longest lists are alone on the device"},
-        {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12), pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
-         "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the floor counts"},
-        {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28,
+        {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
+         gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8), visible_ * (260 + operations), "",
+         true},
+        {"sort", seconds(CudaStage::kSort), instances_, "instance",
+         gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2), visible_ * 20 + instances_ * 10,
+         "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, for any "
+         "amount of data"},
+        {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16,
+         pairs_ * 20 + instances_ * 6 * 35,
+         "half of the instructions walk lists and read shared memory, not counted in the floor; at the end the longest "
+         "lists are alone on the device"},
+        {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12),
+         pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
+         "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the "
+         "floor counts"},
+        {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian",
+         instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28,
          "as blend; also, the values that the tensor cores add up pass through shared memory first"},
-        {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian", gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
+        {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian",
+         gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
          visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, "", true}};
     // A pixel takes as many instructions as on the CPU. Each of the four powers is a logarithm and an exponential of
     // its own.
     if (corrected_pixels_ > 0)
-        costs.push_back({"PPISP", seconds(CudaStage::kCorrect) + seconds(CudaStage::kCorrectBackward), corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5,
-                         corrected_pixels_ * 770, "five small kernels in a row, three of them of a single block"});
+        costs.push_back({"PPISP", seconds(CudaStage::kCorrect) + seconds(CudaStage::kCorrectBackward),
+                         corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5, corrected_pixels_ * 770,
+                         "five small kernels in a row, three of them of a single block"});
     std::fill(seconds_, seconds_ + kNumCudaStages, 0);
     gaussians_ = visible_ = instances_ = pairs_ = pixels_ = corrected_pixels_ = 0;
     return costs;

@@ -48,7 +48,8 @@ class StageTimes {
         GS_CUDA(cudaEventRecord(marks_[mark], stream));
     }
     cudaEvent_t marks_[kNumCudaStages + 1] = {};
-    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0, corrected_pixels_ = 0;
+    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0,
+           corrected_pixels_ = 0;
 };
 
 }  // namespace gs

@@ -20,9 +20,10 @@ __device__ void write_pixel(const BlendImage& image, int2 pixel, const PixelForw
     image.transmittance[i] = p.t;
 }
 
-/// Lists the chunks of a tile for the backward pass. `processed`: instances that this warp went through; `pairs`: hits among
-/// them. All threads of the block take part.
-__device__ void list_chunks(TileRecord& record, int tile, unsigned processed, unsigned pairs, const BlendTrail& trail, StepControl* control) {
+/// Lists the chunks of a tile for the backward pass. `processed`: instances that this warp went through; `pairs`: hits
+/// among them. All threads of the block take part.
+__device__ void list_chunks(TileRecord& record, int tile, unsigned processed, unsigned pairs, const BlendTrail& trail,
+                            StepControl* control) {
     if ((threadIdx.x & 31) == 0) {
         trail.processed[tile * kSubTiles + (threadIdx.x >> 5)] = processed;
         atomicAdd(&record.num_pairs, pairs);
@@ -35,12 +36,14 @@ __device__ void list_chunks(TileRecord& record, int tile, unsigned processed, un
     }
     __syncthreads();
     for (std::uint32_t k = threadIdx.x; k < record.num_chunks; k += kCudaTilePixels)
-        trail.chunks[record.first_chunk + k] = {std::uint32_t(tile), k * kChunk, k ? record.first_checkpoint + k - 1 : 0};
+        trail.chunks[record.first_chunk + k] = {std::uint32_t(tile), k * kChunk,
+                                                k ? record.first_checkpoint + k - 1 : 0};
 }
 
 template <bool kForBackward>
 __global__ void __launch_bounds__(kCudaTilePixels, 6)
-    blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, StepControl* __restrict__ control, BlendTrail trail) {
+    blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
+                  StepControl* __restrict__ control, BlendTrail trail) {
     __shared__ SplatBatch batches[kSubTiles];
     __shared__ TileRecord record;
     const int tile = bins.longest_first[blockIdx.x], warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
@@ -50,7 +53,8 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
     if (kForBackward) {
         if (threadIdx.x == 0) {
             record.num_chunks = record.num_pairs = 0;
-            if (end - begin > kChunk) record.first_checkpoint = atomicAdd(&control->num_checkpoints, (end - begin - 1) / kChunk);
+            if (end - begin > kChunk)
+                record.first_checkpoint = atomicAdd(&control->num_checkpoints, (end - begin - 1) / kChunk);
         }
         __syncthreads();
     }
@@ -65,13 +69,14 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
         if (bins.gaussians) g = bins.gaussians[g];
         return splats[g];
     };
-    PackedSplat next{}; // loaded while those before are blended
+    PackedSplat next{};  // loaded while those before are blended
     if (begin + lane < end) next = fetch(begin + lane);
     std::uint32_t base = begin;
     for (; base < end; base += 32) {
         if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
         if (kForBackward && base > begin && (base - begin) % kChunk == 0)
-            trail.checkpoints[(std::size_t(record.first_checkpoint) + (base - begin) / kChunk - 1) * kCudaTilePixels + threadIdx.x] = make_float4(p.r, p.g, p.b, p.t);
+            trail.checkpoints[(std::size_t(record.first_checkpoint) + (base - begin) / kChunk - 1) * kCudaTilePixels +
+                              threadIdx.x] = make_float4(p.r, p.g, p.b, p.t);
         const Splat<float> mine = next.splat();
         const bool hit = base + lane < end && reaches(mine, sub_tile);
         const unsigned hits = __ballot_sync(~0u, hit);
@@ -93,7 +98,9 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
             for (int u = 0; u < kAtOnce; ++u) {
                 if (k + u >= count) break;
                 if (kForBackward)
-                    blended |= unsigned(__any_sync(~0u, alpha[u] >= image.cutoffs.alpha && p.t >= image.cutoffs.transmittance)) << (k + u);
+                    blended |=
+                        unsigned(__any_sync(~0u, alpha[u] >= image.cutoffs.alpha && p.t >= image.cutoffs.transmittance))
+                        << (k + u);
                 blend_fragment<float, float>(p, alpha[u], s[u].r, s[u].g, s[u].b, image.cutoffs);
             }
         }
@@ -119,7 +126,8 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles) {
     trail_.processed = c.take<std::uint32_t>(std::size_t(num_tiles) * kSubTiles);
 }
 
-void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream) {
+void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
+                        bool for_backward, cudaStream_t stream) {
     if (for_backward)
         blend_forward<true><<<bins.num_tiles(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, trail_);
     else

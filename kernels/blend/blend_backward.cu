@@ -12,7 +12,7 @@ namespace gs {
 namespace {
 
 constexpr int kRows = 16;
-constexpr int kWarps = 2; ///< warps of a block, which share nothing but the block's resources
+constexpr int kWarps = 2;  ///< warps of a block, which share nothing but the block's resources
 /// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
 constexpr int kStride = 36;
 
@@ -20,9 +20,9 @@ constexpr int kStride = 36;
 struct WarpMemory {
     float h[kRows][kStride], w[kRows][kStride];
     SplatBatch batch;
-    float gradient[3][32]; ///< dL/dpixel
+    float gradient[3][32];  ///< dL/dpixel
     std::uint32_t target[32];
-    std::uint8_t list[kChunk]; ///< instances of the chunk that changed a pixel of the sub-tile
+    std::uint8_t list[kChunk];  ///< instances of the chunk that changed a pixel of the sub-tile
 };
 
 __device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) & 0xffffe000u); }
@@ -31,8 +31,8 @@ __device__ float high_part(float x) { return __uint_as_float(__float_as_uint(x) 
 __device__ void multiply(float (&c)[4], const float (&a)[4], float b0, float b1) {
     asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, {%0,%1,%2,%3};"
         : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-        : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])), "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b0)),
-          "r"(__float_as_uint(b1)));
+        : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
+          "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b0)), "r"(__float_as_uint(b1)));
 }
 
 /// Loads columns 8 step .. 8 step + 7 of the 16 rows, split into high and low parts.
@@ -62,7 +62,8 @@ __device__ void add(float4* to, float4 x) {
 /// Multiplies all rows and adds the sums to their splats. `splat` is the splat of row `lane & 15`, or negative for
 /// none.
 template <bool kFixedOrder>
-__device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, float centre_x, float centre_y, PackedSums* __restrict__ sums) {
+__device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, float centre_x, float centre_y,
+                      PackedSums* __restrict__ sums) {
     const int n = lane >> 2, t = lane & 3;
     // Weight n is a power of X times a power of Y; n = 6, 7 have no weight.
     const float x0 = t - 3.5f, x1 = t + 0.5f;
@@ -71,12 +72,13 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
     float moments[4] = {}, colors[4] = {}, high[4], low[4];
     __syncwarp();
 #pragma unroll
-    for (int step = 0; step < 4; ++step) { // 8 pixels: one row of the sub-tile
+    for (int step = 0; step < 4; ++step) {  // 8 pixels: one row of the sub-tile
         const float y = step - 1.5f, wy = n == 2 || n == 4 ? y : (n == 5 ? y * y : 1.0f);
         load_rows(memory.h, step, lane, high, low);
         multiply(moments, high, wx0 * wy, wx1 * wy);
         multiply(moments, low, wx0 * wy, wx1 * wy);
-        const float g0 = n < 3 ? memory.gradient[n][step * 8 + t] : 0.0f, g1 = n < 3 ? memory.gradient[n][step * 8 + t + 4] : 0.0f;
+        const float g0 = n < 3 ? memory.gradient[n][step * 8 + t] : 0.0f,
+                    g1 = n < 3 ? memory.gradient[n][step * 8 + t + 4] : 0.0f;
         const float g0_high = high_part(g0), g1_high = high_part(g1);
         load_rows(memory.w, step, lane, high, low);
         multiply(colors, high, g0_high, g1_high);
@@ -97,10 +99,11 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
     __syncwarp();
     if (splat >= 0) {
         const float4* m = reinterpret_cast<const float4*>(&out[lane & 15][0]);
-        const float4 u = m[0], v = m[1]; // h, hX, hY, hXX; hXY, hYY, r, g
+        const float4 u = m[0], v = m[1];  // h, hX, hY, hXX; hXY, hYY, r, g
         const float dx = memory.batch.a[splat].x - centre_x, dy = memory.batch.a[splat].y - centre_y;
         const float hx = dx * u.x - u.y, hy = dy * u.x - u.z;
-        PackedSums* to = sums + (kFixedOrder ? std::size_t(memory.target[splat]) * kSubTiles + sub_tile : memory.target[splat]);
+        PackedSums* to =
+            sums + (kFixedOrder ? std::size_t(memory.target[splat]) * kSubTiles + sub_tile : memory.target[splat]);
         if (lane < 16) {
             const float4 a = make_float4(u.x, hx, hy, dx * (hx - u.y) + u.w);
             if (kFixedOrder)
@@ -121,10 +124,12 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
 
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(32 * kWarps, 16)
-    blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, const float* __restrict__ dL_dimage, const StepControl* __restrict__ control,
-                   BlendTrail trail, PackedSums* __restrict__ sums) {
+    blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
+                   const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
+                   PackedSums* __restrict__ sums) {
     __shared__ alignas(16) WarpMemory memories[kWarps];
-    const unsigned item = blockIdx.x * kWarps + (threadIdx.x >> 5), lane = threadIdx.x & 31, sub_tile = item % kSubTiles;
+    const unsigned item = blockIdx.x * kWarps + (threadIdx.x >> 5), lane = threadIdx.x & 31,
+                   sub_tile = item % kSubTiles;
     if (item / kSubTiles >= control->num_chunks) return;
     const BlendChunk chunk = trail.chunks[item / kSubTiles];
     // Where its pixels were finished, a sub-tile has neither lists nor states.
@@ -132,33 +137,40 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     if (count <= 0) return;
     WarpMemory& memory = memories[threadIdx.x >> 5];
     const std::uint32_t tile_begin = bins.tile_offsets[chunk.tile], begin = tile_begin + chunk.first;
-    const std::uint32_t* hits = trail.hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
+    const std::uint32_t* hits =
+        trail.hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
     int listed = 0;
     {
         const unsigned word_of_lane = int(lane) * 32 < count ? hits[lane * kSubTiles] : 0;
         for (int group = 0; group * 32 < count; ++group) {
             const unsigned word = __shfl_sync(~0u, word_of_lane, group);
-            if (word >> lane & 1) memory.list[listed + __popc(word & ((1u << lane) - 1))] = std::uint8_t(group * 32 + lane);
+            if (word >> lane & 1)
+                memory.list[listed + __popc(word & ((1u << lane) - 1))] = std::uint8_t(group * 32 + lane);
             listed += __popc(word);
         }
     }
     if (listed == 0) return;
-    const int2 corner = sub_tile_corner(tile_corner(chunk.tile, bins.tiles_x), sub_tile), pixel = pixel_of(corner, lane);
+    const int2 corner = sub_tile_corner(tile_corner(chunk.tile, bins.tiles_x), sub_tile),
+               pixel = pixel_of(corner, lane);
     PixelBackward<float> p{};
     if (pixel.x < image.width && pixel.y < image.height) {
-        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
+        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x,
+                          plane = std::size_t(image.width) * image.height;
         float4 before = make_float4(0, 0, 0, 1);
-        if (chunk.first) before = trail.checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
+        if (chunk.first)
+            before = trail.checkpoints[std::size_t(chunk.checkpoint) * kCudaTilePixels + sub_tile * 32 + lane];
         const float t_final = image.transmittance[i];
         const Vec3<float> bg = image.background;
         p.t = before.w;
         p.gr = dL_dimage[i], p.gg = dL_dimage[i + plane], p.gb = dL_dimage[i + 2 * plane];
         p.background = t_final * (p.gr * bg.x + p.gg * bg.y + p.gb * bg.z);
-        p.behind = (image.rgb[i] - t_final * bg.x - before.x) * p.gr + (image.rgb[i + plane] - t_final * bg.y - before.y) * p.gg +
+        p.behind = (image.rgb[i] - t_final * bg.x - before.x) * p.gr +
+                   (image.rgb[i + plane] - t_final * bg.y - before.y) * p.gg +
                    (image.rgb[i + 2 * plane] - t_final * bg.z - before.z) * p.gb;
     }
     memory.gradient[0][lane] = p.gr, memory.gradient[1][lane] = p.gg, memory.gradient[2][lane] = p.gb;
-    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f, centre_x = corner.x + 0.5f * kSubX, centre_y = corner.y + 0.5f * kSubY;
+    const float px = pixel.x + 0.5f, py = pixel.y + 0.5f, centre_x = corner.x + 0.5f * kSubX,
+                centre_y = corner.y + 0.5f * kSubY;
     __syncwarp();
     for (int base = 0; base < listed; base += 32) {
         const int size = min(listed - base, 32);
@@ -170,7 +182,8 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
         __syncwarp();
         for (int k = 0; k < size; ++k) {
             const auto s = memory.batch.load(k);
-            const FragmentGradient<float> d = fragment_gradient<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
+            const FragmentGradient<float> d =
+                fragment_gradient<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
             memory.h[k % kRows][lane] = d.h;
             memory.w[k % kRows][lane] = d.w;
             if (k % kRows == kRows - 1 || k == size - 1) {
@@ -182,10 +195,10 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
 }
 
 /// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
-__global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepControl* __restrict__ control, const PackedSums* __restrict__ partial,
-                                 PackedSums* __restrict__ sums) {
+__global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepControl* __restrict__ control,
+                                 const PackedSums* __restrict__ partial, PackedSums* __restrict__ sums) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;
-    if (k >= n || control->stopped) return; // slots beyond the capacity do not exist
+    if (k >= n || control->stopped) return;  // slots beyond the capacity do not exist
     const std::size_t begin = k ? slots.slot_ends[k - 1] : 0, end = slots.slot_ends[k];
     PackedSums s{};
     for (std::size_t i = begin * kSubTiles; i < end * kSubTiles; ++i) {
@@ -199,15 +212,18 @@ __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepContro
 
 }  // namespace
 
-void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) { partial_ = c.take<PackedSums>(std::size_t(capacity) * kSubTiles); }
+void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) {
+    partial_ = c.take<PackedSums>(std::size_t(capacity) * kSubTiles);
+}
 
-void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const BlendGradients& gradients, const StepControl* control,
-                         cudaStream_t stream) {
+void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
+                         const BlendGradients& gradients, const StepControl* control, cudaStream_t stream) {
     // Surplus blocks see that there are fewer chunks and leave.
     const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
     const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
-        blend_backward<false><<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
+        blend_backward<false>
+            <<<blocks, 32 * kWarps, 0, stream>>>(bins, splats, image, dL_dimage, control, trail_, sums);
         GS_CUDA_LAUNCHED("blend_backward");
         return;
     }

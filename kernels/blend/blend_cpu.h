@@ -15,11 +15,11 @@ namespace gs {
 
 /// The place of a tile and its inputs.
 template <class Real> struct TileInput {
-    int x0, y0;                  ///< first pixel
-    int width, height;           ///< size of the image
-    const Instance* instances;   ///< instances of this tile, front to back
+    int x0, y0;                 ///< first pixel
+    int width, height;          ///< size of the image
+    const Instance* instances;  ///< instances of this tile, front to back
     std::int64_t num_instances;
-    const Splat<Real>* splats;   ///< splats of all Gaussians
+    const Splat<Real>* splats;  ///< splats of all Gaussians
     Vec3<Real> background;
     Cutoffs<Real> cutoffs;
 };
@@ -27,8 +27,8 @@ template <class Real> struct TileInput {
 inline constexpr int kTilePixels = kCpuTile * kCpuTile;
 
 template <class Real> struct BlockGeometry {
-    Lanes<Real> px[4], py[4]; ///< pixel centres of block column / row 0..3
-    Lanes<Real> block_x, block_y; ///< first pixel of each of the 16 blocks
+    Lanes<Real> px[4], py[4];      ///< pixel centres of block column / row 0..3
+    Lanes<Real> block_x, block_y;  ///< first pixel of each of the 16 blocks
 
     BlockGeometry(int x0, int y0) {
         for (int lane = 0; lane < kLanes; ++lane) {
@@ -59,7 +59,7 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
     using L = Lanes<Real>;
     const BlockGeometry<Real> blocks(in.x0, in.y0);
     alignas(64) Real t[kTilePixels], r[kTilePixels] = {}, g[kTilePixels] = {}, b[kTilePixels] = {};
-    unsigned open = 0; // blocks with an unfinished pixel
+    unsigned open = 0;  // blocks with an unfinished pixel
     for (int y = 0; y < kCpuTile; ++y)
         for (int x = 0; x < kCpuTile; ++x) {
             const bool inside = in.x0 + x < in.width && in.y0 + y < in.height;
@@ -77,7 +77,8 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
         for (; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
             PixelForward<L> p{L::load(t + at), L::load(r + at), L::load(g + at), L::load(b + at)};
-            blend_fragment<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg, cb, in.cutoffs);
+            blend_fragment<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]).alpha, cr, cg,
+                                    cb, in.cutoffs);
             p.t.store(t + at);
             p.r.store(r + at);
             p.g.store(g + at);
@@ -100,11 +101,12 @@ std::int64_t blend_tile(const TileInput<Real>& in, std::uint16_t* block_masks, R
 
 /// Computes the gradients for the instances that the forward pass processed, and writes their sums to sums[slot].
 template <class Real>
-void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, const Real* image,
-                         const Real* transmittance, const Real* dL_dimage, SplatSums<Real>* sums) {
+void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks,
+                         const Real* image, const Real* transmittance, const Real* dL_dimage, SplatSums<Real>* sums) {
     using L = Lanes<Real>;
     const BlockGeometry<Real> blocks(in.x0, in.y0);
-    alignas(64) Real t[kTilePixels], behind[kTilePixels], gr[kTilePixels], gg[kTilePixels], gb[kTilePixels], background[kTilePixels];
+    alignas(64) Real t[kTilePixels], behind[kTilePixels], gr[kTilePixels], gg[kTilePixels], gb[kTilePixels],
+        background[kTilePixels];
     const std::size_t plane = std::size_t(in.width) * in.height;
     for (int y = 0; y < kCpuTile; ++y)
         for (int x = 0; x < kCpuTile; ++x) {
@@ -116,7 +118,8 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
             gr[p] = dL_dimage[i];
             gg[p] = dL_dimage[i + plane];
             gb[p] = dL_dimage[i + 2 * plane];
-            background[p] = transmittance[i] * (gr[p] * in.background.x + gg[p] * in.background.y + gb[p] * in.background.z);
+            background[p] =
+                transmittance[i] * (gr[p] * in.background.x + gg[p] * in.background.y + gb[p] * in.background.z);
             behind[p] = image[i] * gr[p] + image[i + plane] * gg[p] + image[i + 2 * plane] * gb[p] - background[p];
         }
     for (std::int64_t k = 0; k < in.num_instances; ++k) {
@@ -132,8 +135,10 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
         SplatSums<L> sum{zero, zero, zero, zero, zero, zero, zero, zero, zero};
         for (; mask; mask &= mask - 1) {
             const int block = __builtin_ctz(mask), at = block * kLanes;
-            PixelBackward<L> p{L::load(t + at), L::load(behind + at), L::load(gr + at), L::load(gg + at), L::load(gb + at), L::load(background + at)};
-            blend_fragment_backward<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]), cr, cg, cb, in.cutoffs, sum);
+            PixelBackward<L> p{L::load(t + at),  L::load(behind + at), L::load(gr + at),
+                               L::load(gg + at), L::load(gb + at),     L::load(background + at)};
+            blend_fragment_backward<L, Real>(p, fragment_alpha(shape, blocks.px[block % 4], blocks.py[block / 4]), cr,
+                                             cg, cb, in.cutoffs, sum);
             p.t.store(t + at);
             p.behind.store(behind + at);
         }

@@ -22,9 +22,9 @@ inline constexpr int kSubX = 8, kSubY = 4, kSubTiles = kCudaTilePixels / 32;
 
 /// The sums of one Gaussian over all pixels, in three 16-byte groups so that the device adds them with three atomics.
 struct alignas(16) PackedSums {
-    float4 a; ///< h, hx, hy, hxx
-    float4 b; ///< hxy, hyy, r, g
-    float4 c; ///< b, unused
+    float4 a;  ///< h, hx, hy, hxx
+    float4 b;  ///< hxy, hyy, r, g
+    float4 c;  ///< b, unused
 
     __device__ SplatSums<float> sums() const { return {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x}; }
 };
@@ -37,25 +37,25 @@ struct BlendChunk {
 
 /// What the forward pass keeps for the backward pass.
 struct BlendTrail {
-    float4* checkpoints = nullptr;      ///< (chunks but the first of each tile, 192): colour so far and transmittance
+    float4* checkpoints = nullptr;  ///< (chunks but the first of each tile, 192): colour so far and transmittance
     BlendChunk* chunks = nullptr;
-    std::uint32_t* hits = nullptr;      ///< by 32 instances and sub-tile: which of them changed a pixel of it
-    std::uint32_t* processed = nullptr; ///< by tile and sub-tile: instances until all its pixels were finished
+    std::uint32_t* hits = nullptr;       ///< by 32 instances and sub-tile: which of them changed a pixel of it
+    std::uint32_t* processed = nullptr;  ///< by tile and sub-tile: instances until all its pixels were finished
 };
 
 /// Gradients that go into and come out of the backward pass.
 struct BlendGradients {
-    const float* dL_dimage; ///< (3,H,W)
-    PackedSums* sums;       ///< (n)
+    const float* dL_dimage;  ///< (3,H,W)
+    PackedSums* sums;        ///< (n)
     std::int64_t n;
-    const SlotMap* slots;   ///< null: float atomics add to the sums, which the caller zeroed
+    const SlotMap* slots;  ///< null: float atomics add to the sums, which the caller zeroed
 };
 
 /// What a view is blended into.
 struct BlendImage {
     int width, height;
     Vec3<float> background;
-    float *rgb, *transmittance; ///< (3,H,W), (H,W)
+    float *rgb, *transmittance;  ///< (3,H,W), (H,W)
     Cutoffs<float> cutoffs;
 };
 
@@ -67,16 +67,17 @@ class CudaBlend {
     void take_partial_sums(Carver& c, std::int64_t capacity);
 
     /// Blends a view into `image`. With `for_backward` it keeps the lists and states for backward().
-    void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control, bool for_backward, cudaStream_t stream);
-    /// Adds to the sums. The order of float atomics varies from run to run. With slots, sums are written instead, each added
-    /// up in the order of its instances; those of invisible Gaussians are left alone.
-    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const BlendGradients& gradients, const StepControl* control,
-                  cudaStream_t stream);
+    void forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
+                 bool for_backward, cudaStream_t stream);
+    /// Adds to the sums. The order of float atomics varies from run to run. With slots, sums are written instead, each
+    /// added up in the order of its instances; those of invisible Gaussians are left alone.
+    void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
+                  const BlendGradients& gradients, const StepControl* control, cudaStream_t stream);
 
   private:
     std::int64_t capacity_ = 0;
     BlendTrail trail_;
-    PackedSums* partial_ = nullptr; ///< (slots, sub-tiles)
+    PackedSums* partial_ = nullptr;  ///< (slots, sub-tiles)
 };
 
 }  // namespace gs

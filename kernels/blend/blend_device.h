@@ -25,8 +25,8 @@ template <class P> struct FragmentShape {
 };
 
 template <class P> struct FragmentAlpha {
-    P dx, dy; ///< splat mean - pixel centre
-    P alpha;  ///< alpha before the comparison with the cutoff
+    P dx, dy;  ///< splat mean - pixel centre
+    P alpha;   ///< alpha before the comparison with the cutoff
 };
 
 /// Returns alpha of a splat at pixel centres (px, py). Forward and backward pass both call this function, so that they
@@ -39,12 +39,13 @@ template <class P> GS_HD FragmentAlpha<P> fragment_alpha(const FragmentShape<P>&
 
 /// The front-to-back state of a pixel.
 template <class P> struct PixelForward {
-    P t, r, g, b; ///< transmittance and colour so far
+    P t, r, g, b;  ///< transmittance and colour so far
 };
 
 /// Blends one fragment where it is visible and the pixel is unfinished: alpha and T are at the cutoffs (1/255, 1e-4) or
 /// above.
-template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
+template <class P, class T>
+GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(s.t, P(cutoffs.transmittance));
     const P w = select(active, s.t * alpha, P(T(0)));
     s.r = gs_fma(w, cr, s.r);
@@ -57,23 +58,21 @@ template <class P, class T> GS_HD void blend_fragment(PixelForward<P>& s, P alph
 /// scalar replaces three; `background` is T_final dL/dpixel . bg.
 template <class P> struct PixelBackward {
     P t, behind;
-    P gr, gg, gb; ///< dL/dpixel
+    P gr, gg, gb;  ///< dL/dpixel
     P background;
 };
 
 /// The factors of one fragment's gradients: w = T alpha for the colour, h = -alpha dL/dalpha for the shape.
-template <class P> struct FragmentGradient {
-    P w, h;
-};
+template <class P> struct FragmentGradient { P w, h; };
 
 /// w = T alpha and dL/dalpha of one fragment. Both are 0 where it is not blended.
-template <class P> struct FragmentSlope {
-    P w, dL_dalpha;
-};
+template <class P> struct FragmentSlope { P w, dL_dalpha; };
 
 /// Passes a fragment front to back. `t`, `behind` and `background` are those of PixelBackward; color_gradient is
 /// dL/dpixel . colour of the fragment.
-template <class P, class T> GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient, const Cutoffs<T>& cutoffs) {
+template <class P, class T>
+GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
+                                     const Cutoffs<T>& cutoffs) {
     const P zero(T(0)), one(T(1));
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(t, P(cutoffs.transmittance));
     const P w = select(active, t * alpha, zero);
@@ -87,7 +86,9 @@ template <class P, class T> GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind
     return {w, select(active, dL_dalpha, zero)};
 }
 
-template <class P, class T> GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
+template <class P, class T>
+GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb,
+                                            const Cutoffs<T>& cutoffs = {}) {
     const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
     const FragmentSlope<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient, cutoffs);
     return {f.w, -(alpha * f.dL_dalpha)};
@@ -108,13 +109,16 @@ template <class P> struct PixelScore {
 /// Returns (dI/dG)^2 of one fragment, where G = alpha / opacity is the Gaussian's value
 /// (docs/math/densification.md#pruning-by-score). A value that is not finite counts as 0: such a Gaussian is worth no
 /// more than one that was never seen.
-template <class P, class T> GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
-    const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs).dL_dalpha, square = slope * slope;
+template <class P, class T>
+GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
+    const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs).dL_dalpha,
+            square = slope * slope;
     return select(at_least(P(T(kLargestScore)), square), square, P(T(0)));
 }
 
 template <class P, class T>
-GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb, const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
+GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb,
+                                   const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
     const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, cr, cg, cb, cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;

@@ -10,7 +10,8 @@ namespace {
 /// Sums the scores of each sub-tile with a warp, which walks the whole list. `out` is (Gaussians), or (slots,
 /// sub-tiles) with a fixed order.
 template <bool kFixedOrder>
-__global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
+__global__ void __launch_bounds__(kCudaTilePixels)
+    score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
     __shared__ SplatBatch batches[kSubTiles];
     __shared__ std::uint32_t all_targets[kSubTiles][32];
     const int tile = bins.longest_first[blockIdx.x], warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
@@ -18,10 +19,12 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     SplatBatch& batch = batches[warp];
     std::uint32_t* targets = all_targets[warp];
-    PixelScore<float> p{}; // pixels outside of the image have no transmittance left
+    PixelScore<float> p{};  // pixels outside of the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
-        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x, plane = std::size_t(image.width) * image.height;
-        p = PixelScore<float>::of(Vec3<float>{image.rgb[i], image.rgb[i + plane], image.rgb[i + 2 * plane]}, image.transmittance[i], image.background);
+        const std::size_t i = std::size_t(pixel.y) * image.width + pixel.x,
+                          plane = std::size_t(image.width) * image.height;
+        p = PixelScore<float>::of(Vec3<float>{image.rgb[i], image.rgb[i + plane], image.rgb[i + 2 * plane]},
+                                  image.transmittance[i], image.background);
     }
     const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     for (std::uint32_t base = begin; base < end; base += 32) {
@@ -38,10 +41,11 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
         const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
         if (hit) batch.store(place, mine), targets[place] = instance;
         __syncwarp();
-        float of_lane = 0; // the sum of the lane-th splat
+        float of_lane = 0;  // the sum of the lane-th splat
         for (int k = 0; k < count; ++k) {
             const SplatBatch::Entry s = batch.load(k);
-            const float sum = warp_sum(fragment_score<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.shape.opacity, s.r + s.g + s.b, image.cutoffs));
+            const float sum = warp_sum(fragment_score<float, float>(p, fragment_alpha(s.shape, px, py).alpha,
+                                                                    s.shape.opacity, s.r + s.g + s.b, image.cutoffs));
             if (lane == k) of_lane = sum;
         }
         if (lane < count) {
@@ -55,7 +59,8 @@ __global__ void __launch_bounds__(kCudaTilePixels) score_tiles(CudaBins bins, co
 }
 
 /// Adds up the instances of a Gaussian in their order, and the sub-tiles of each in theirs; one thread per Gaussian.
-__global__ void add_partial_scores(std::int64_t n, SlotMap slots, const float* __restrict__ partial, float* __restrict__ scores) {
+__global__ void add_partial_scores(std::int64_t n, SlotMap slots, const float* __restrict__ partial,
+                                   float* __restrict__ scores) {
     const std::int64_t k = std::int64_t(blockIdx.x) * 256 + threadIdx.x;
     if (k >= n) return;
     const std::size_t begin = k ? slots.slot_ends[k - 1] : 0, end = slots.slot_ends[k];
@@ -71,7 +76,8 @@ CudaScores::CudaScores(std::int64_t n, cudaStream_t stream) : n_(n), stream_(str
     if (n > 0) GS_CUDA(cudaMemsetAsync(scores_.reserve(n), 0, n * sizeof(float), stream));
 }
 
-void CudaScores::add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots, std::int64_t num_instances) {
+void CudaScores::add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots,
+                     std::int64_t num_instances) {
     if (num_instances == 0) return;
     if (!slots) {
         score_tiles<false><<<bins.num_tiles(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, scores_.get());

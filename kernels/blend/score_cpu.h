@@ -9,7 +9,8 @@ namespace gs {
 /// Writes the sums of (dI/dG)^2 over the tile's pixels to sums[slot], for the instances that blend_tile processed
 /// before. image: planar (3,H,W); transmittance: (H,W).
 template <class Real>
-void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks, const Real* image, const Real* transmittance, Real* sums) {
+void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std::uint16_t* block_masks,
+                const Real* image, const Real* transmittance, Real* sums) {
     using L = Lanes<Real>;
     const BlockGeometry<Real> blocks(in.x0, in.y0);
     alignas(64) Real t[kTilePixels] = {}, behind[kTilePixels] = {}, background[kTilePixels] = {};
@@ -18,7 +19,8 @@ void score_tile(const TileInput<Real>& in, std::int64_t num_processed, const std
         for (int x = 0; x < std::min(kCpuTile, in.width - in.x0); ++x) {
             const int p = block_order(x, y);
             const std::size_t i = std::size_t(in.y0 + y) * in.width + in.x0 + x;
-            const auto pixel = PixelScore<Real>::of(Vec3<Real>{image[i], image[i + plane], image[i + 2 * plane]}, transmittance[i], in.background);
+            const auto pixel = PixelScore<Real>::of(Vec3<Real>{image[i], image[i + plane], image[i + 2 * plane]},
+                                                    transmittance[i], in.background);
             t[p] = pixel.t, behind[p] = pixel.behind, background[p] = pixel.background;
         }
     for (std::int64_t k = 0; k < in.num_instances; ++k) {

@@ -17,7 +17,8 @@ class CudaScores {
 
     /// Adds a view that was blended into `image`. It uses float atomics, whose order varies from run to run. With
     /// `slots`, which belong to `num_instances`, the order is fixed.
-    void add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots, std::int64_t num_instances);
+    void add(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, const SlotMap* slots,
+             std::int64_t num_instances);
 
     const float* get() const { return scores_.get(); }
     /// Waits for the stream and returns the scores (n).
@@ -27,7 +28,7 @@ class CudaScores {
     std::int64_t n_;
     cudaStream_t stream_;
     DeviceBuffer<float> scores_;
-    DeviceBuffer<float> partial_; ///< (slots, sub-tiles)
+    DeviceBuffer<float> partial_;  ///< (slots, sub-tiles)
 };
 
 }  // namespace gs

@@ -7,14 +7,19 @@
 
 namespace gs {
 
-__device__ inline int2 tile_corner(int tile, int tiles_x) { return {tile % tiles_x * kCudaTileX, tile / tiles_x * kCudaTileY}; }
+__device__ inline int2 tile_corner(int tile, int tiles_x) {
+    return {tile % tiles_x * kCudaTileX, tile / tiles_x * kCudaTileY};
+}
 /// Returns the first pixel of a warp's sub-tile. A tile has three rows of two sub-tiles.
-__device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) { return {tile_corner.x + (warp & 1) * kSubX, tile_corner.y + (warp >> 1) * kSubY}; }
+__device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) {
+    return {tile_corner.x + (warp & 1) * kSubX, tile_corner.y + (warp >> 1) * kSubY};
+}
 __device__ inline int2 pixel_of(int2 sub_tile, int lane) { return {sub_tile.x + (lane & 7), sub_tile.y + (lane >> 3)}; }
 
 /// Returns whether a splat reaches a pixel centre of the sub-tile.
 __device__ inline bool reaches(const Splat<float>& s, int2 sub_tile) {
-    return min_power_in_rectangle(s, float(sub_tile.x), float(sub_tile.y), float(kSubX - 1), float(kSubY - 1)) <= touch_threshold(s);
+    return min_power_in_rectangle(s, float(sub_tile.x), float(sub_tile.y), float(kSubX - 1), float(kSubY - 1)) <=
+           touch_threshold(s);
 }
 
 /// Returns the place of the lists of a tile's first 32 instances. Those of the next instances follow.
@@ -22,8 +27,8 @@ __device__ inline std::size_t first_group(int tile, std::uint32_t tile_begin) { 
 
 /// The splats of one warp in shared memory. All lanes read the same splat, 16 bytes at a time.
 struct SplatBatch {
-    float4 a[32]; ///< mean x, mean y, qa, qb
-    float4 b[32]; ///< qc, opacity, red, green
+    float4 a[32];  ///< mean x, mean y, qa, qb
+    float4 b[32];  ///< qc, opacity, red, green
     float blue[32];
 
     struct Entry {

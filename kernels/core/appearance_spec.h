@@ -12,7 +12,7 @@ enum class ColorActivation : int { kRelu, kSoftplus, kSigmoid, kHardSigmoid };
 /// An appearance model and its size. Every checkpoint holds one.
 struct AppearanceSpec {
     std::string model = "sh";
-    int max_degree = 3; ///< in the model's own unit: SH bands, sites, lobes (docs/math/appearance.md#degrees)
+    int max_degree = 3;  ///< in the model's own unit: SH bands, sites, lobes (docs/math/appearance.md#degrees)
     ColorActivation activation = ColorActivation::kRelu;
 };
 

@@ -13,8 +13,7 @@ namespace gs {
 namespace {
 
 /// Best of a few runs: a ceiling is what is possible.
-template <class Fn>
-double best_seconds(Fn&& fn) {
+template <class Fn> double best_seconds(Fn&& fn) {
     double best = 1e9;
     for (int k = 0; k < 5; ++k) {
         const double start = seconds_now();
@@ -29,8 +28,10 @@ double best_seconds(Fn&& fn) {
 Ceilings cpu_ceilings() {
     constexpr std::int64_t kParts = 64, kFloats = std::int64_t(1) << 20;
     std::vector<float> a(kParts * kFloats, 1.0f), b(kParts * kFloats);
-    const double copy = best_seconds(
-        [&] { parallel_for(kParts, [&](std::int64_t p) { std::copy_n(a.data() + p * kFloats, kFloats, b.data() + p * kFloats); }); });
+    const double copy = best_seconds([&] {
+        parallel_for(kParts,
+                     [&](std::int64_t p) { std::copy_n(a.data() + p * kFloats, kFloats, b.data() + p * kFloats); });
+    });
     // Ten independent chains hide the latency of the FMA.
     constexpr std::int64_t kRounds = 200000, kChains = 10;
     std::vector<float> sink(kParts);

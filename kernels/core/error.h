@@ -10,11 +10,11 @@ namespace gs {
 enum class ExitCode : int {
     kOk = 0,
     kUnexpected = 1,
-    kUsage = 2,        ///< command line or configuration
-    kDataset = 3,      ///< input files, and files that cannot be written
-    kDevice = 4,       ///< device or memory
-    kNumeric = 5,      ///< non-finite parameters, empty model
-    kInterrupted = 130 ///< stopped by the user after writing a checkpoint
+    kUsage = 2,         ///< command line or configuration
+    kDataset = 3,       ///< input files, and files that cannot be written
+    kDevice = 4,        ///< device or memory
+    kNumeric = 5,       ///< non-finite parameters, empty model
+    kInterrupted = 130  ///< stopped by the user after writing a checkpoint
 };
 
 /// The base of all gsapp errors. The message names file, field and value, and the likely cause where one is known.

@@ -23,7 +23,7 @@ GS_HD bool at_least(double a, double b) { return a >= b; }
 template <class T> GS_HD T select(bool m, T a, T b) { return m ? a : b; }
 GS_HD float exp2_nonpositive(float x) {
     x = x < 0 ? x : 0.0f;
-#ifdef __CUDA_ARCH__ // one instruction, 2 ulp; results below 2^-126 are 0 and would be skipped anyway
+#ifdef __CUDA_ARCH__  // one instruction, 2 ulp; results below 2^-126 are 0 and would be skipped anyway
     float y;
     asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
     return y;
@@ -37,7 +37,7 @@ GS_HD double lane_max(double a, double b) { return a > b ? a : b; }
 GS_HD float lane_min(float a, float b) { return a < b ? a : b; }
 GS_HD double lane_min(double a, double b) { return a < b ? a : b; }
 GS_HD float reciprocal(float x) {
-#ifdef __CUDA_ARCH__ // one instruction, 1 ulp
+#ifdef __CUDA_ARCH__  // one instruction, 1 ulp
     float y;
     asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
     return y;
@@ -47,7 +47,7 @@ GS_HD float reciprocal(float x) {
 }
 GS_HD double reciprocal(double x) { return 1.0 / x; }
 
-#ifndef __CUDACC__ // device code has no compiler vectors and needs none
+#ifndef __CUDACC__  // device code has no compiler vectors and needs none
 
 inline constexpr int kLanes = 16;
 
@@ -96,7 +96,9 @@ template <class T> struct Lanes {
 // header, which GCC 12 warns about (GCC bug 105593).
 inline constexpr __mmask16 kAllLanes = 0xffff;
 
-GS_HD LaneMask<float> at_least(Lanes<float> a, Lanes<float> b) { return {_mm512_cmp_ps_mask((__m512)a.v, (__m512)b.v, _CMP_GE_OQ)}; }
+GS_HD LaneMask<float> at_least(Lanes<float> a, Lanes<float> b) {
+    return {_mm512_cmp_ps_mask((__m512)a.v, (__m512)b.v, _CMP_GE_OQ)};
+}
 GS_HD LaneMask<double> at_least(Lanes<double> a, Lanes<double> b) {
     typedef double Half __attribute__((vector_size(64)));
     Half ah[2], bh[2];
@@ -124,16 +126,22 @@ GS_HD Lanes<float> reciprocal(Lanes<float> x) {
     const __m512 e = _mm512_fnmadd_ps((__m512)x.v, r, _mm512_set1_ps(1.0f));
     return Lanes<float>((LaneTypes<float>::Vector)_mm512_fmadd_ps(r, e, r));
 }
-GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) { return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_max_ps(kAllLanes, (__m512)a.v, (__m512)b.v)); }
-GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) { return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_min_ps(kAllLanes, (__m512)a.v, (__m512)b.v)); }
+GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) {
+    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_max_ps(kAllLanes, (__m512)a.v, (__m512)b.v));
+}
+GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) {
+    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_min_ps(kAllLanes, (__m512)a.v, (__m512)b.v));
+}
 GS_HD Lanes<float> round_lanes(Lanes<float> x) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_roundscale_ps(kAllLanes, (__m512)x.v, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
+    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_roundscale_ps(
+        kAllLanes, (__m512)x.v, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
 }
 GS_HD Lanes<float> scale_by_power_of_two(Lanes<float> x, Lanes<float> n) {
     return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_scalef_ps(kAllLanes, (__m512)x.v, (__m512)n.v));
 }
 GS_HD float sum_lanes(Lanes<float> x) {
-    const __m256 a = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 0), _mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 1));
+    const __m256 a = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 0),
+                                   _mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 1));
     const __m128 b = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
     const __m128 c = _mm_add_ps(b, _mm_movehl_ps(b, b));
     return _mm_cvtss_f32(_mm_add_ss(c, _mm_movehdup_ps(c)));

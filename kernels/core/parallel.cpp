@@ -21,7 +21,8 @@ struct Threads {
     void set(int threads) {
         if (threads <= 0) threads = tbb::info::default_concurrency();
         arena.terminate();
-        control = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, std::size_t(threads));
+        control =
+            std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, std::size_t(threads));
         arena.initialize(threads);
     }
 };

@@ -66,7 +66,9 @@ inline void gs_sincos(long double x, long double& s, long double& c) { s = ::sin
 // fmal is a hundred times slower.
 inline long double gs_fma(long double a, long double b, long double c) { return a * b + c; }
 #endif
-template <class T> GS_HD bool gs_isfinite(T x) { return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308)); }
+template <class T> GS_HD bool gs_isfinite(T x) {
+    return gs_abs(x) <= (sizeof(T) == 4 ? T(3.402823466e38) : T(1.7976931348623157e308));
+}
 
 /// The logistic function, stable for every finite x.
 template <class T> GS_HD T sigmoid(T x) { return T(1) / (T(1) + gs_exp(-x)); }

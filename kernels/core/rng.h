@@ -9,7 +9,19 @@
 namespace gs {
 
 /// The use of a random number. It is part of the counter, so that uses never share numbers.
-enum class RngStream : std::uint32_t { kViewOrder = 1, kNoise, kRelocate, kGrow, kSplit, kInitPoints, kBackground, kScene, kInitWeights, kHostile, kController };
+enum class RngStream : std::uint32_t {
+    kViewOrder = 1,
+    kNoise,
+    kRelocate,
+    kGrow,
+    kSplit,
+    kInitPoints,
+    kBackground,
+    kScene,
+    kInitWeights,
+    kHostile,
+    kController
+};
 
 /// One block of 128 random bits.
 struct Philox4 {
@@ -35,7 +47,7 @@ GS_HD Philox4 philox(std::uint64_t seed, RngStream stream, std::uint64_t major, 
 
 /// Returns a number uniform in (0, 1), never 0 or 1.
 template <class T = float> GS_HD T uniform_from_bits(std::uint32_t bits) {
-    return (T(bits >> 9) + T(0.5)) * T(1.0 / 8388608.0); // 23 bits: adding the half is exact in float
+    return (T(bits >> 9) + T(0.5)) * T(1.0 / 8388608.0);  // 23 bits: adding the half is exact in float
 }
 
 /// Makes four standard normals from one Philox block (Box-Muller).

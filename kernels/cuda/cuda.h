@@ -14,7 +14,7 @@ namespace gs {
 /// Throws DeviceError, with `what` and CUDA's message, unless `error` is cudaSuccess.
 inline void cuda_check(cudaError_t error, const char* what) {
     if (error == cudaSuccess) return;
-    cudaGetLastError(); // clears the error: the process may go on, e.g. to write a checkpoint
+    cudaGetLastError();  // clears the error: the process may go on, e.g. to write a checkpoint
     throw DeviceError(std::string(what) + ": " + cudaGetErrorString(error));
 }
 #define GS_CUDA(call) ::gs::cuda_check((call), #call)

@@ -15,9 +15,10 @@ constexpr int kBlock = 256;
 constexpr int kChains = 8, kUnrolled = 16;
 constexpr int kRounds = 512;
 
-__global__ void __launch_bounds__(kBlock) copy_float4(const float4* __restrict__ from, float4* __restrict__ to, std::size_t n) {
+__global__ void __launch_bounds__(kBlock)
+    copy_float4(const float4* __restrict__ from, float4* __restrict__ to, std::size_t n) {
     const std::size_t stride = std::size_t(gridDim.x) * kBlock;
-#pragma unroll 4 // each thread has four loads under way
+#pragma unroll 4  // each thread has four loads under way
     for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < n; i += stride) to[i] = from[i];
 }
 
@@ -33,7 +34,7 @@ __global__ void __launch_bounds__(kBlock) chain_fmas(float factor, float term, f
     }
     float sum = 0;
     for (int c = 0; c < kChains; ++c) sum += x[c];
-    if (sum == -1.0f) *out = sum; // never true, but keeps the compiler from removing the chains
+    if (sum == -1.0f) *out = sum;  // never true, but keeps the compiler from removing the chains
 }
 
 class Event {
@@ -87,7 +88,9 @@ cudaDeviceProp current_device() {
 }
 
 /// Turns CUDA's version number into text: 12080 -> "12.8".
-std::string cuda_version(int number) { return std::to_string(number / 1000) + "." + std::to_string(number % 1000 / 10); }
+std::string cuda_version(int number) {
+    return std::to_string(number / 1000) + "." + std::to_string(number % 1000 / 10);
+}
 
 }  // namespace
 
@@ -111,8 +114,9 @@ std::string cuda_driver_description() {
     GS_CUDA(cudaDriverGetVersion(&driver));
     GS_CUDA(cudaRuntimeGetVersion(&runtime));
     const cudaDeviceProp p = current_device();
-    return std::string(p.name) + " (sm_" + std::to_string(10 * p.major + p.minor) + ", " + std::to_string(p.totalGlobalMem >> 20) + " MiB), driver for CUDA " +
-           cuda_version(driver) + ", runtime " + cuda_version(runtime);
+    return std::string(p.name) + " (sm_" + std::to_string(10 * p.major + p.minor) + ", " +
+           std::to_string(p.totalGlobalMem >> 20) + " MiB), driver for CUDA " + cuda_version(driver) + ", runtime " +
+           cuda_version(runtime);
 }
 
 Ceilings cuda_ceilings() {
@@ -126,10 +130,12 @@ Ceilings cuda_ceilings() {
     {
         const Memory from(n * sizeof(float4)), to(n * sizeof(float4));
         GS_CUDA(cudaMemset(from.as<void>(), 0, n * sizeof(float4)));
-        copy = best_seconds("copy_float4", [&] { copy_float4<<<blocks, kBlock>>>(from.as<float4>(), to.as<float4>(), n); });
+        copy = best_seconds("copy_float4",
+                            [&] { copy_float4<<<blocks, kBlock>>>(from.as<float4>(), to.as<float4>(), n); });
     }
     const Memory out(sizeof(float));
-    const double fma = best_seconds("chain_fmas", [&] { chain_fmas<<<blocks, kBlock>>>(0.999f, 0.001f, out.as<float>()); });
+    const double fma =
+        best_seconds("chain_fmas", [&] { chain_fmas<<<blocks, kBlock>>>(0.999f, 0.001f, out.as<float>()); });
     const double operations = double(blocks) * kBlock * kRounds * kUnrolled * kChains;
     return {2.0 * double(n) * sizeof(float4) / copy, operations / fma};
 }

@@ -56,7 +56,8 @@ template <class T> class DeviceBuffer {
 
     /// Copies all of `host` to the device and waits.
     void upload(const std::vector<T>& host) {
-        if (!host.empty()) GS_CUDA(cudaMemcpy(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice));
+        if (!host.empty())
+            GS_CUDA(cudaMemcpy(reserve(host.size()), host.data(), host.size() * sizeof(T), cudaMemcpyHostToDevice));
     }
     /// Uploads `n` moments, or zeros if the host has dropped them.
     void upload_or_zero(const std::vector<T>& host, std::size_t n) {
@@ -91,8 +92,9 @@ template <class T> class DeviceBuffer {
         if (!try_allocate(n)) {
             std::size_t free = 0, total = 0;
             cudaMemGetInfo(&free, &total);
-            throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) + " MiB, free " + std::to_string(free >> 20) + " of " +
-                              std::to_string(total >> 20) + " MiB; lower --cap-max, --resolution or --image-cache");
+            throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) + " MiB, free " +
+                              std::to_string(free >> 20) + " of " + std::to_string(total >> 20) +
+                              " MiB; lower --cap-max, --resolution or --image-cache");
         }
     }
 

@@ -12,12 +12,12 @@ namespace gs {
 struct CudaModel {
     std::int64_t count = 0;
     int width[kNumGroups] = {};
-    DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups]; ///< (count, width)
-    bool packed_moments = false; ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
-    bool has_statistic = false;  ///< gradient_sum and gradient_count hold `count` values
+    DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups];  ///< (count, width)
+    bool packed_moments = false;  ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
+    bool has_statistic = false;   ///< gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
-    DeviceBuffer<float> shared_param, shared_m, shared_v; ///< weights that all Gaussians share
-    DeviceBuffer<unsigned> shared_prepared;               ///< these weights in the form that kernels read
+    DeviceBuffer<float> shared_param, shared_m, shared_v;  ///< weights that all Gaussians share
+    DeviceBuffer<unsigned> shared_prepared;                ///< these weights in the form that kernels read
 
     std::size_t floats(int group) const { return std::size_t(count) * width[group]; }
     /// Returns the arrays that hold a group's moments. Zeros in them are moments of 0.
@@ -27,7 +27,8 @@ struct CudaModel {
     }
     ModelArrays arrays() const {
         ModelArrays a{};
-        for (int g = 0; g < kNumGroups; ++g) a.param[g] = param[g].get(), a.m[g] = m[g].get(), a.v[g] = v[g].get(), a.width[g] = width[g];
+        for (int g = 0; g < kNumGroups; ++g)
+            a.param[g] = param[g].get(), a.m[g] = m[g].get(), a.v[g] = v[g].get(), a.width[g] = width[g];
         a.shared_param = shared_param.get(), a.shared_m = shared_m.get(), a.shared_v = shared_v.get();
         return a;
     }

@@ -19,16 +19,20 @@ struct HasFate {
 };
 
 struct AdcCounts {
-    unsigned long long cloned, split, originals, clones, parents; ///< the last three count only rows that stay
+    unsigned long long cloned, split, originals, clones, parents;  ///< the last three count only rows that stay
 };
 
 /// Marks the rows that grow. Without a statistic all sums count as zero.
-__global__ void find_growers(std::int64_t n, AdcRule rule, const float* gradient_sum, const float* gradient_count, unsigned char* fates) {
+__global__ void find_growers(std::int64_t n, AdcRule rule, const float* gradient_sum, const float* gradient_count,
+                             unsigned char* fates) {
     const std::int64_t i = thread_row();
-    if (i < n) fates[i] = rule.grows(gradient_sum ? gradient_sum[i] : 0.0f, gradient_count ? gradient_count[i] : 0.0f) ? kGrows : 0;
+    if (i < n)
+        fates[i] =
+            rule.grows(gradient_sum ? gradient_sum[i] : 0.0f, gradient_count ? gradient_count[i] : 0.0f) ? kGrows : 0;
 }
 
-__global__ void rank_growers(std::int64_t n, const std::uint32_t* growers, const float* gradient_sum, const float* gradient_count, float* ranks) {
+__global__ void rank_growers(std::int64_t n, const std::uint32_t* growers, const float* gradient_sum,
+                             const float* gradient_count, float* ranks) {
     const std::int64_t k = thread_row();
     if (k >= n) return;
     const std::uint32_t i = growers[k];
@@ -45,12 +49,12 @@ __device__ void count_in_block(bool condition, unsigned long long* counter) {
     if (threadIdx.x == 0 && n > 0) atomicAdd(counter, static_cast<unsigned long long>(n));
 }
 
-__global__ void decide_fates(std::int64_t n, AdcRule rule, const float* raw_opacities, const float* rotations, const float* log_scales, unsigned char* fates,
-                             AdcCounts* counts) {
+__global__ void decide_fates(std::int64_t n, AdcRule rule, const float* raw_opacities, const float* rotations,
+                             const float* log_scales, unsigned char* fates, AdcCounts* counts) {
     const std::int64_t i = thread_row();
     bool cloned = false, split = false;
     unsigned char fate = 0;
-    if (i < n) { // all threads of the block take part in the counting
+    if (i < n) {  // all threads of the block take part in the counting
         const float scale = max_log_scale(log_scales + 3 * i);
         const bool grows = fates[i] & kGrows;
         cloned = grows && rule.is_small(scale), split = grows && !cloned;
@@ -74,10 +78,12 @@ __global__ void list_children(std::int64_t n, const std::uint32_t* parents, std:
 }
 
 /// Turns the rows from `first` on, which are two copies of each parent, into children.
-__global__ void make_children(std::int64_t n, std::int64_t first, const std::uint32_t* order, float* means, float* log_scales, const float* rotations,
-                              std::int64_t iteration, std::uint64_t seed) {
+__global__ void make_children(std::int64_t n, std::int64_t first, const std::uint32_t* order, float* means,
+                              float* log_scales, const float* rotations, std::int64_t iteration, std::uint64_t seed) {
     const std::int64_t k = thread_row(), row = first + k;
-    if (k < n) make_split_child(means + 3 * row, log_scales + 3 * row, rotations + 4 * row, order[row], std::uint32_t(k & 1), iteration, seed);
+    if (k < n)
+        make_split_child(means + 3 * row, log_scales + 3 * row, rotations + 4 * row, order[row], std::uint32_t(k & 1),
+                         iteration, seed);
 }
 
 __global__ void cap_opacities(std::int64_t n, float* raw_opacities) {
@@ -99,9 +105,9 @@ struct AdcSpace {
     unsigned char* fates = nullptr;
     AdcCounts* counts = nullptr;
     std::int64_t* num_selected = nullptr;
-    std::uint32_t* growers[2] = {}; ///< growers and ranks exist only with a cap
+    std::uint32_t* growers[2] = {};  ///< growers and ranks exist only with a cap
     float* ranks[2] = {};
-    std::uint32_t *order = nullptr, *parents = nullptr; ///< in the place of growers and ranks
+    std::uint32_t *order = nullptr, *parents = nullptr;  ///< in the place of growers and ranks
     CubSpace cub;
     RowSlice slice;
 
@@ -119,7 +125,8 @@ struct AdcSpace {
     }
 };
 
-/// Makes room for `total` rows, and for some more up to the cap (0: none), so that the next densification needs no new memory.
+/// Makes room for `total` rows, and for some more up to the cap (0: none), so that the next densification needs no new
+/// memory.
 void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStream_t stream) {
     if (has_room(model, total)) return;
     GS_CUDA(cudaStreamSynchronize(stream));
@@ -146,8 +153,12 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         std::int64_t num_growers = n;
         cub::DoubleBuffer<float> keys;
         cub::DoubleBuffer<std::uint32_t> rows;
-        const auto select = [&](void* m, std::size_t& b) { return select_rows(m, b, n, wanted, selected, space.num_selected, stream_); };
-        const auto sort = [&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, num_growers, 0, 32, stream_); };
+        const auto select = [&](void* m, std::size_t& b) {
+            return select_rows(m, b, n, wanted, selected, space.num_selected, stream_);
+        };
+        const auto sort = [&](void* m, std::size_t& b) {
+            return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, num_growers, 0, 32, stream_);
+        };
         space.cub.ask(select);
         if (capped) space.cub.ask(sort);
         scratch_.carve([&](Carver& c) { space.take(c, model_, room, capped, block); });
@@ -162,38 +173,46 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
             list(kGrows, space.growers[0]);
             num_growers = read_back(space.num_selected, stream_);
             if (num_growers > room) {
-                rank_growers<<<num_blocks(num_growers, kRowBlock), kRowBlock, 0, stream_>>>(num_growers, space.growers[0], sums, views, space.ranks[0]);
+                rank_growers<<<num_blocks(num_growers, kRowBlock), kRowBlock, 0, stream_>>>(
+                    num_growers, space.growers[0], sums, views, space.ranks[0]);
                 GS_CUDA_LAUNCHED("rank_growers");
                 keys = {space.ranks[0], space.ranks[1]}, rows = {space.growers[0], space.growers[1]};
-                space.cub.run(sort); // stable: among equal ranks the first rows grow
+                space.cub.run(sort);  // stable: among equal ranks the first rows grow
                 const std::int64_t dropped = num_growers - room;
-                drop_growers<<<num_blocks(dropped, kRowBlock), kRowBlock, 0, stream_>>>(dropped, rows.Current() + room, space.fates);
+                drop_growers<<<num_blocks(dropped, kRowBlock), kRowBlock, 0, stream_>>>(dropped, rows.Current() + room,
+                                                                                        space.fates);
                 GS_CUDA_LAUNCHED("drop_growers");
             }
         }
         GS_CUDA(cudaMemsetAsync(space.counts, 0, sizeof counts, stream_));
-        decide_fates<<<blocks, kRowBlock, 0, stream_>>>(n, rule, param(Group::kOpacity), param(Group::kRotation), param(Group::kScale), space.fates, space.counts);
+        decide_fates<<<blocks, kRowBlock, 0, stream_>>>(n, rule, param(Group::kOpacity), param(Group::kRotation),
+                                                        param(Group::kScale), space.fates, space.counts);
         GS_CUDA_LAUNCHED("decide_fates");
         counts = read_back(space.counts, stream_);
         list(kOriginalStays, space.order);
         list(kCloneStays, space.order + counts.originals);
         list(kChildrenStay, space.parents);
     }
-    const auto kept = std::int64_t(counts.originals), children = 2 * std::int64_t(counts.parents), first_child = kept + std::int64_t(counts.clones);
-    const std::int64_t total = first_child + children, before_pruning = n + std::int64_t(counts.cloned) + 2 * std::int64_t(counts.split);
+    const auto kept = std::int64_t(counts.originals), children = 2 * std::int64_t(counts.parents),
+               first_child = kept + std::int64_t(counts.clones);
+    const std::int64_t total = first_child + children,
+                       before_pruning = n + std::int64_t(counts.cloned) + 2 * std::int64_t(counts.split);
     if (total == 0)
-        throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " + std::to_string(before_pruning) +
-                           " Gaussians (opacity below " + std::to_string(params.min_opacity) + " or scale above 0.1 of the scene extent)");
+        throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
+                           std::to_string(before_pruning) + " Gaussians (opacity below " +
+                           std::to_string(params.min_opacity) + " or scale above 0.1 of the scene extent)");
     if (children > 0) {
-        list_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(children, space.parents, space.order + first_child);
+        list_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(children, space.parents,
+                                                                                  space.order + first_child);
         GS_CUDA_LAUNCHED("list_children");
     }
     make_room(model_, total, params.cap, stream_);
-    model_.has_statistic = false; // it starts anew
+    model_.has_statistic = false;  // it starts anew
     gather_rows(model_, space.order, kept, total, space.slice, stream_);
     if (children > 0) {
-        make_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(children, first_child, space.order, param(Group::kMean), param(Group::kScale),
-                                                                                 param(Group::kRotation), iteration, seed);
+        make_children<<<num_blocks(children, kRowBlock), kRowBlock, 0, stream_>>>(
+            children, first_child, space.order, param(Group::kMean), param(Group::kScale), param(Group::kRotation),
+            iteration, seed);
         GS_CUDA_LAUNCHED("make_children");
     }
     GS_CUDA(cudaStreamSynchronize(stream_));
@@ -210,7 +229,8 @@ void CudaDensify::reset_opacity() {
     if (n == 0) return;
     cap_opacities<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.param[g].get());
     GS_CUDA_LAUNCHED("cap_opacities");
-    for (auto* moment : {&model_.m[g], &model_.v[g]}) GS_CUDA(cudaMemsetAsync(moment->get(), 0, model_.floats(g) * sizeof(float), stream_));
+    for (auto* moment : {&model_.m[g], &model_.v[g]})
+        GS_CUDA(cudaMemsetAsync(moment->get(), 0, model_.floats(g) * sizeof(float), stream_));
     GS_CUDA(cudaStreamSynchronize(stream_));
 }
 

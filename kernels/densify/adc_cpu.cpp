@@ -23,8 +23,8 @@ void split(Gaussians& s, std::int64_t parent, std::int64_t iteration, std::uint6
     for (std::uint32_t child = 0; child < 2; ++child) {
         append_copy(s, parent);
         const std::int64_t row = s.count - 1;
-        make_split_child(&s[Group::kMean].param[3 * row], &s[Group::kScale].param[3 * row], &s[Group::kRotation].param[4 * row], std::uint32_t(parent), child,
-                         iteration, seed);
+        make_split_child(&s[Group::kMean].param[3 * row], &s[Group::kScale].param[3 * row],
+                         &s[Group::kRotation].param[4 * row], std::uint32_t(parent), child, iteration, seed);
     }
 }
 
@@ -35,13 +35,15 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
     const AdcRule rule = AdcRule::of(params);
     const std::int64_t before = s.count;
     const auto max_scale = [&](std::int64_t i) { return max_log_scale(&s[Group::kScale].param[3 * i]); };
-    s.gradient_sum.resize(before, 0.0f); // without a statistic nothing grows
+    s.gradient_sum.resize(before, 0.0f);  // without a statistic nothing grows
     s.gradient_count.resize(before, 0.0f);
-    std::vector<std::pair<float, std::uint32_t>> growers; // (rank, index)
+    std::vector<std::pair<float, std::uint32_t>> growers;  // (rank, index)
     for (std::int64_t i = 0; i < before; ++i)
-        if (rule.grows(s.gradient_sum[i], s.gradient_count[i])) growers.emplace_back(adc_rank(s.gradient_sum[i], s.gradient_count[i]), std::uint32_t(i));
+        if (rule.grows(s.gradient_sum[i], s.gradient_count[i]))
+            growers.emplace_back(adc_rank(s.gradient_sum[i], s.gradient_count[i]), std::uint32_t(i));
     // Each clone or split adds one Gaussian. At the cap the strongest gradients grow first.
-    const std::int64_t room = params.cap > 0 ? std::max<std::int64_t>(0, params.cap - before) : std::int64_t(growers.size());
+    const std::int64_t room =
+        params.cap > 0 ? std::max<std::int64_t>(0, params.cap - before) : std::int64_t(growers.size());
     if (std::int64_t(growers.size()) > room) {
         std::sort(growers.begin(), growers.end());
         growers.resize(room);
@@ -62,9 +64,10 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
             ++stats.pruned;
     }
     if (keep.empty())
-        throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " + std::to_string(s.count) +
-                           " Gaussians (opacity below " + std::to_string(params.min_opacity) + " or scale above 0.1 of the scene extent)");
-    s.gradient_sum.clear(); // the statistic starts anew
+        throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
+                           std::to_string(s.count) + " Gaussians (opacity below " + std::to_string(params.min_opacity) +
+                           " or scale above 0.1 of the scene extent)");
+    s.gradient_sum.clear();  // the statistic starts anew
     s.gradient_count.clear();
     gather_rows(s, keep);
     stats.count = s.count;

@@ -31,7 +31,9 @@ struct AdcRule {
         return {p.grad_threshold, std::log(p.dense_fraction * p.extent), logit(p.min_opacity),
                 p.prune_large ? std::log(0.1f * p.extent) : std::numeric_limits<float>::infinity()};
     }
-    GS_HD bool grows(float gradient_sum, float views) const { return gradient_sum >= grad_threshold * gs_max(views, 1.0f); }
+    GS_HD bool grows(float gradient_sum, float views) const {
+        return gradient_sum >= grad_threshold * gs_max(views, 1.0f);
+    }
     /// Returns whether a Gaussian that grows is cloned; otherwise it is split.
     GS_HD bool is_small(float max_scale) const { return max_scale <= dense; }
     GS_HD bool is_kept(float raw_opacity, const float* q, float max_scale) const {
@@ -44,11 +46,13 @@ GS_HD float adc_rank(float gradient_sum, float views) { return -gradient_sum / g
 
 /// Turns a copy of row `parent` into its child 0 or 1, with a place drawn from the parent's distribution and a smaller
 /// scale.
-GS_HD void make_split_child(float* mean, float* log_scale, const float* q, std::uint32_t parent, std::uint32_t child, std::int64_t iteration, std::uint64_t seed) {
+GS_HD void make_split_child(float* mean, float* log_scale, const float* q, std::uint32_t parent, std::uint32_t child,
+                            std::int64_t iteration, std::uint64_t seed) {
     float xi[4];
     normals_from(philox(seed, RngStream::kSplit, std::uint64_t(iteration), 2 * parent + child), xi);
     const Vec3<float> sigma{gs_exp(log_scale[0]), gs_exp(log_scale[1]), gs_exp(log_scale[2])};
-    const Vec3<float> offset = rotation_matrix(Vec4<float>{q[0], q[1], q[2], q[3]}) * (sigma * Vec3<float>{xi[0], xi[1], xi[2]});
+    const Vec3<float> offset =
+        rotation_matrix(Vec4<float>{q[0], q[1], q[2], q[3]}) * (sigma * Vec3<float>{xi[0], xi[1], xi[2]});
     mean[0] += offset.x, mean[1] += offset.y, mean[2] += offset.z;
     for (int k = 0; k < 3; ++k) log_scale[k] -= kLogSplitShrink;
 }

@@ -11,7 +11,8 @@ namespace gs {
 /// `scratch`.
 class CudaDensify {
   public:
-    CudaDensify(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), scratch_(scratch), stream_(stream) {}
+    CudaDensify(CudaModel& model, Scratch& scratch, cudaStream_t stream)
+        : model_(model), scratch_(scratch), stream_(stream) {}
 
     DensifyStats mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
     DensifyStats adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed);

@@ -14,25 +14,30 @@ namespace {
 struct IsDead {
     const float *raw_opacities, *rotations;
     float dead_logit;
-    __host__ __device__ bool operator()(std::uint32_t i) const { return is_dead(raw_opacities[i], rotations + 4 * std::int64_t(i), dead_logit); }
+    __host__ __device__ bool operator()(std::uint32_t i) const {
+        return is_dead(raw_opacities[i], rotations + 4 * std::int64_t(i), dead_logit);
+    }
 };
 
 /// The sampling weight of a row. Dead rows are not drawn while they are relocated, but are when the model grows.
 struct WeightOfRow {
     IsDead is_dead;
     bool dead_too;
-    __host__ __device__ std::uint64_t operator()(std::uint32_t i) const { return dead_too || !is_dead(i) ? sampling_weight(is_dead.raw_opacities[i]) : 0; }
+    __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
+        return dead_too || !is_dead(i) ? sampling_weight(is_dead.raw_opacities[i]) : 0;
+    }
 };
 
-__global__ void draw_rows(std::int64_t num_draws, std::int64_t n, const std::uint64_t* prefix_sums, std::uint64_t seed, RngStream stream, std::int64_t iteration,
-                          std::uint32_t* from, int* copies) {
+__global__ void draw_rows(std::int64_t num_draws, std::int64_t n, const std::uint64_t* prefix_sums, std::uint64_t seed,
+                          RngStream stream, std::int64_t iteration, std::uint32_t* from, int* copies) {
     const std::int64_t k = thread_row();
     if (k >= num_draws) return;
     from[k] = draw_row(prefix_sums, n, seed, stream, iteration, std::uint32_t(k));
     atomicAdd(&copies[from[k]], 1);
 }
 
-__global__ void share_places(std::int64_t n, const int* copies, float min_opacity, float* raw_opacities, float* log_scales) {
+__global__ void share_places(std::int64_t n, const int* copies, float min_opacity, float* raw_opacities,
+                             float* log_scales) {
     const std::int64_t j = thread_row();
     if (j >= n || copies[j] == 0) return;
     const McmcShare share = mcmc_share(raw_opacities[j], copies[j], min_opacity);
@@ -46,7 +51,8 @@ __global__ void clear_rows(std::int64_t n, const std::uint32_t* rows, int width,
 }
 
 /// Copies row from[k] to row to[k], or to row first + k without a list. No row is both source and target.
-__global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t first, const std::uint32_t* from, int width, float* data) {
+__global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t first, const std::uint32_t* from,
+                          int width, float* data) {
     for_row_values(n, width, [=](std::int64_t k, unsigned c) {
         const std::int64_t target = to ? std::int64_t(to[k]) : first + k;
         data[target * width + c] = data[std::int64_t(from[k]) * width + c];
@@ -55,8 +61,8 @@ __global__ void copy_rows(std::int64_t n, const std::uint32_t* to, std::int64_t 
 
 /// The buffers of a densification in the scratch.
 struct McmcSpace {
-    std::uint64_t* sums = nullptr; ///< (n) prefix sums of the weights
-    int* copies = nullptr;         ///< (n) number of times that a row was drawn
+    std::uint64_t* sums = nullptr;  ///< (n) prefix sums of the weights
+    int* copies = nullptr;          ///< (n) number of times that a row was drawn
     std::uint32_t *dead = nullptr, *from = nullptr;
     std::int64_t* num_dead = nullptr;
 };
@@ -64,20 +70,21 @@ struct McmcSpace {
 /// Rows that become copies of others.
 struct RowsToFill {
     std::int64_t num_rows;
-    const std::uint32_t* list; ///< null: the rows from n on
+    const std::uint32_t* list;  ///< null: the rows from n on
     RngStream draws;
 };
 
-/// `rows` become copies of rows drawn among the first n. Drawn rows get the opacity and scale of their share and lose their
-/// moments.
-void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const RowsToFill& rows, float min_opacity, std::int64_t iteration, std::uint64_t seed,
-               cudaStream_t stream) {
+/// `rows` become copies of rows drawn among the first n. Drawn rows get the opacity and scale of their share and lose
+/// their moments.
+void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const RowsToFill& rows, float min_opacity,
+               std::int64_t iteration, std::uint64_t seed, cudaStream_t stream) {
     const auto [num_rows, to, stream_of_draws] = rows;
     GS_CUDA(cudaMemsetAsync(space.copies, 0, n * sizeof *space.copies, stream));
-    draw_rows<<<num_blocks(num_rows, kRowBlock), kRowBlock, 0, stream>>>(num_rows, n, space.sums, seed, stream_of_draws, iteration, space.from, space.copies);
+    draw_rows<<<num_blocks(num_rows, kRowBlock), kRowBlock, 0, stream>>>(num_rows, n, space.sums, seed, stream_of_draws,
+                                                                         iteration, space.from, space.copies);
     GS_CUDA_LAUNCHED("draw_rows");
-    share_places<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream>>>(n, space.copies, min_opacity, model.param[int(Group::kOpacity)].get(),
-                                                                    model.param[int(Group::kScale)].get());
+    share_places<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream>>>(
+        n, space.copies, min_opacity, model.param[int(Group::kOpacity)].get(), model.param[int(Group::kScale)].get());
     GS_CUDA_LAUNCHED("share_places");
     const unsigned blocks = num_blocks(num_rows, kRowsPerBlock);
     for (int g = 0; g < kNumGroups; ++g) {
@@ -97,27 +104,34 @@ void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const R
 DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
     const std::int64_t n = model_.count;
-    model_.has_statistic = false; // the statistic is of other rows (docs/math/densification.md#mcmc)
+    model_.has_statistic = false;  // the statistic is of other rows (docs/math/densification.md#mcmc)
     if (n == 0) return stats;
     const std::int64_t target = mcmc_target(n, params);
-    const IsDead is_dead{model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(), logit(params.min_opacity)};
+    const IsDead is_dead{model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(),
+                         logit(params.min_opacity)};
     McmcSpace space;
     CubSpace cub;
     bool dead_too = false;
-    const auto select = [&](void* m, std::size_t& b) { return select_rows(m, b, n, is_dead, space.dead, space.num_dead, stream_); };
+    const auto select = [&](void* m, std::size_t& b) {
+        return select_rows(m, b, n, is_dead, space.dead, space.num_dead, stream_);
+    };
     const auto scan = [&](void* m, std::size_t& b) {
-        return cub::DeviceScan::InclusiveSum(m, b, thrust::make_transform_iterator(row_indices(), WeightOfRow{is_dead, dead_too}), space.sums, n, stream_);
+        return cub::DeviceScan::InclusiveSum(
+            m, b, thrust::make_transform_iterator(row_indices(), WeightOfRow{is_dead, dead_too}), space.sums, n,
+            stream_);
     };
     cub.ask(select), cub.ask(scan);
     scratch_.carve([&](Carver& c) {
-        space = {c.take<std::uint64_t>(n), c.take<int>(n), c.take<std::uint32_t>(n), c.take<std::uint32_t>(std::max(n, target - n)), c.take<std::int64_t>(1)};
+        space = {c.take<std::uint64_t>(n), c.take<int>(n), c.take<std::uint32_t>(n),
+                 c.take<std::uint32_t>(std::max(n, target - n)), c.take<std::int64_t>(1)};
         cub.take(c);
     });
 
     cub.run(select), cub.run(scan);
     const std::int64_t num_dead = read_back(space.num_dead, stream_);
     if (num_dead > 0 && num_dead < n && read_back(space.sums + n - 1, stream_) > 0) {
-        fill_rows(model_, space, n, {num_dead, space.dead, RngStream::kRelocate}, params.min_opacity, iteration, seed, stream_);
+        fill_rows(model_, space, n, {num_dead, space.dead, RngStream::kRelocate}, params.min_opacity, iteration, seed,
+                  stream_);
         stats.relocated = num_dead;
     }
 
@@ -125,12 +139,14 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
         dead_too = true;
         cub.run(scan);
         if (read_back(space.sums + n - 1, stream_) > 0) {
-            model_.reserve_rows(params.cap); // only once; nothing works on the old rows any more
+            model_.reserve_rows(params.cap);  // only once; nothing works on the old rows any more
             for (int g = 0; g < kNumGroups; ++g)
                 for (auto* moment : model_.moments(g))
                     if (const int width = model_.width[g])
-                        GS_CUDA(cudaMemsetAsync(moment->get() + n * width, 0, std::size_t(target - n) * width * sizeof(float), stream_));
-            fill_rows(model_, space, n, {target - n, nullptr, RngStream::kGrow}, params.min_opacity, iteration, seed, stream_);
+                        GS_CUDA(cudaMemsetAsync(moment->get() + n * width, 0,
+                                                std::size_t(target - n) * width * sizeof(float), stream_));
+            fill_rows(model_, space, n, {target - n, nullptr, RngStream::kGrow}, params.min_opacity, iteration, seed,
+                      stream_);
             model_.count = target;
             stats.added = target - n;
         }

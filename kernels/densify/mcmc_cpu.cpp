@@ -11,12 +11,13 @@ namespace {
 
 /// Turns row to[k] into a copy of the row that draw k names. Drawn rows get the opacity and scale of their share and
 /// lose their moments. The moments of the rows of `to` do not change. The rows of `to` must have no weight.
-void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, const std::vector<std::uint32_t>& to, float min_opacity, RngStream stream,
-               std::int64_t iteration, std::uint64_t seed) {
+void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, const std::vector<std::uint32_t>& to,
+               float min_opacity, RngStream stream, std::int64_t iteration, std::uint64_t seed) {
     const auto n = static_cast<std::int64_t>(prefix_sums.size());
     std::vector<std::uint32_t> from(to.size());
     std::vector<std::int32_t> copies(n, 0);
-    for (std::size_t k = 0; k < to.size(); ++k) ++copies[from[k] = draw_row(prefix_sums.data(), n, seed, stream, iteration, std::uint32_t(k))];
+    for (std::size_t k = 0; k < to.size(); ++k)
+        ++copies[from[k] = draw_row(prefix_sums.data(), n, seed, stream, iteration, std::uint32_t(k))];
     for (std::int64_t j = 0; j < n; ++j) {
         if (copies[j] == 0) continue;
         float& raw_opacity = s[Group::kOpacity].param[j];
@@ -28,7 +29,8 @@ void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, cons
     }
     for (auto& group : s.groups)
         for (std::size_t k = 0; k < to.size(); ++k)
-            std::copy_n(group.param.begin() + std::ptrdiff_t(from[k]) * group.width, group.width, group.param.begin() + std::ptrdiff_t(to[k]) * group.width);
+            std::copy_n(group.param.begin() + std::ptrdiff_t(from[k]) * group.width, group.width,
+                        group.param.begin() + std::ptrdiff_t(to[k]) * group.width);
 }
 
 }  // namespace
@@ -46,7 +48,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
         if (dead) to.push_back(static_cast<std::uint32_t>(i));
         sums[i] = total += dead ? 0 : sampling_weight(raw_opacities[i]);
     }
-    if (total > 0) { // otherwise none is alive, and nothing moves
+    if (total > 0) {  // otherwise none is alive, and nothing moves
         fill_rows(s, sums, to, params.min_opacity, RngStream::kRelocate, iteration, seed);
         stats.relocated = static_cast<std::int64_t>(to.size());
     }
@@ -57,7 +59,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
     if (target > n && total > 0) {
         for (auto& group : s.groups)
             for (auto* data : {&group.param, &group.m, &group.v}) {
-                data->reserve(std::size_t(params.cap) * group.width); // only once, so that growth never copies
+                data->reserve(std::size_t(params.cap) * group.width);  // only once, so that growth never copies
                 data->resize(std::size_t(target) * group.width, 0.0f);
             }
         s.count = target;
@@ -66,7 +68,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
         fill_rows(s, sums, to, params.min_opacity, RngStream::kGrow, iteration, seed);
         stats.added = target - n;
     }
-    s.gradient_sum.clear(); // the statistic is of other rows (docs/math/densification.md#mcmc)
+    s.gradient_sum.clear();  // the statistic is of other rows (docs/math/densification.md#mcmc)
     s.gradient_count.clear();
     stats.count = s.count;
     return stats;

@@ -11,7 +11,9 @@
 
 namespace gs {
 
-GS_HD bool is_dead(float raw_opacity, const float* q, float dead_logit) { return !(raw_opacity > dead_logit) || !usable_rotation(q); }
+GS_HD bool is_dead(float raw_opacity, const float* q, float dead_logit) {
+    return !(raw_opacity > dead_logit) || !usable_rotation(q);
+}
 
 /// Returns the weight of a row in draws, in units of 2^-32 of opacity; 0 for a NaN. It is an integer, because sums of
 /// integers are exact in any order. So a parallel prefix sum draws the same rows as a serial one. 2^32 rows cannot
@@ -23,12 +25,13 @@ GS_HD std::uint64_t sampling_weight(float raw_opacity) {
 
 /// Returns the row of the k-th draw, with probability proportional to weight. prefix_sums: (n), inclusive, the last >
 /// 0.
-GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, std::uint64_t seed, RngStream stream, std::int64_t iteration, std::uint32_t k) {
+GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, std::uint64_t seed, RngStream stream,
+                             std::int64_t iteration, std::uint32_t k) {
     __extension__ using Wide = unsigned __int128;
     const Philox4 r = philox(seed, stream, std::uint64_t(iteration), k);
     // Uniform in [0, sum).
     const std::uint64_t target = std::uint64_t(Wide(std::uint64_t(r.v[0]) << 32 | r.v[1]) * prefix_sums[n - 1] >> 64);
-    std::int64_t low = 0, high = n - 1; // bisects for the first row whose sum is above the target
+    std::int64_t low = 0, high = n - 1;  // bisects for the first row whose sum is above the target
     while (low < high) {
         const std::int64_t middle = (low + high) / 2;
         if (prefix_sums[middle] > target)
@@ -42,7 +45,7 @@ GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, s
 /// The opacity and scale that a Gaussian and each of its copies get in place of its own.
 struct McmcShare {
     float raw_opacity;
-    float log_scale_shift; ///< added to all three log scales
+    float log_scale_shift;  ///< added to all three log scales
 };
 
 GS_HD McmcShare mcmc_share(float raw_opacity, int copies, float min_opacity) {

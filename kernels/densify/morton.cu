@@ -28,7 +28,8 @@ struct BoundsUnion {
     }
 };
 
-__global__ void write_codes(std::int64_t n, const float* means, const MeanBounds* bounds, std::uint64_t* codes, std::uint32_t* order) {
+__global__ void write_codes(std::int64_t n, const float* means, const MeanBounds* bounds, std::uint64_t* codes,
+                            std::uint32_t* order) {
     const std::int64_t i = thread_row();
     if (i >= n) return;
     codes[i] = morton_code(means + 3 * i, *bounds);
@@ -47,12 +48,15 @@ void CudaDensify::morton_sort() {
     CubSpace cub;
     RowSlice slice;
     const auto reduce = [&](void* m, std::size_t& b) {
-        return cub::DeviceReduce::Reduce(m, b, thrust::make_transform_iterator(row_indices(), BoundsOfRow{means}), bounds, n, BoundsUnion{}, MeanBounds{}, stream_);
+        return cub::DeviceReduce::Reduce(m, b, thrust::make_transform_iterator(row_indices(), BoundsOfRow{means}),
+                                         bounds, n, BoundsUnion{}, MeanBounds{}, stream_);
     };
     cub::DoubleBuffer<std::uint64_t> keys;
     cub::DoubleBuffer<std::uint32_t> rows;
     // The sort is stable: equal codes keep their order, as on the CPU.
-    const auto sort = [&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, n, 0, 63, stream_); };
+    const auto sort = [&](void* m, std::size_t& b) {
+        return cub::DeviceRadixSort::SortPairs(m, b, keys, rows, n, 0, 63, stream_);
+    };
     cub.ask(reduce), cub.ask(sort);
     scratch_.carve([&](Carver& c) {
         for (auto& half : order) half = c.take<std::uint32_t>(n);

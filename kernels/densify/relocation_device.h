@@ -11,15 +11,15 @@ inline constexpr int kMaxRelocationCopies = 50;
 
 /// The opacity and scale of each of n copies.
 struct Relocated {
-    double opacity;     ///< opacity of each copy, not clamped
-    double scale_factor; ///< factor on linear scales
+    double opacity;       ///< opacity of each copy, not clamped
+    double scale_factor;  ///< factor on linear scales
 };
 
 /// Returns the values of n copies that together look like one Gaussian of this opacity (MCMC paper Eq. 9; the
 /// hockey-stick identity collapses the double sum to one). It uses double, because in float the alternating sum loses
 /// up to 4e-4 at n = 50.
 GS_HD Relocated relocate(double opacity, int n) {
-    const double o = gs_min(opacity, 1 - 1.1920928955078125e-7); // exactly 1 would cancel completely
+    const double o = gs_min(opacity, 1 - 1.1920928955078125e-7);  // exactly 1 would cancel completely
     n = n < 1 ? 1 : (n > kMaxRelocationCopies ? kMaxRelocationCopies : n);
     const double shared = -gs_expm1(gs_log1p(-o) / n);
     double sum = 0, binomial = 1, power = 1;

@@ -12,7 +12,7 @@ namespace {
 template <class T> void gather(std::vector<T>& data, int width, const std::vector<std::uint32_t>& order) {
     if (data.empty()) return;
     std::vector<T> out;
-    out.reserve(std::max(data.capacity(), order.size() * width)); // keeps the room reserved for growth
+    out.reserve(std::max(data.capacity(), order.size() * width));  // keeps the room reserved for growth
     out.resize(order.size() * width);
     const std::int64_t n = static_cast<std::int64_t>(order.size());
     parallel_for(num_parts(n), [&](std::int64_t part) {
@@ -51,7 +51,8 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
         for (int g = 0; g < kNumGroups; ++g) {
             const auto& group = state.groups[g];
             const float* row = group.param.data() + i * group.width;
-            const bool good = std::all_of(row, row + group.width, [g](float x) { return in_range(x, kLargestParameter[g]); });
+            const bool good =
+                std::all_of(row, row + group.width, [g](float x) { return in_range(x, kLargestParameter[g]); });
             if (!good) ++by_group[g];
             keep = keep && good;
         }
@@ -60,7 +61,9 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
 }
 
 std::int64_t remove_invisible(Gaussians& state) {
-    return keep_if(state, [&](std::int64_t i) { return is_visible(state[Group::kOpacity].param[i], &state[Group::kRotation].param[4 * i]); });
+    return keep_if(state, [&](std::int64_t i) {
+        return is_visible(state[Group::kOpacity].param[i], &state[Group::kRotation].param[4 * i]);
+    });
 }
 
 std::vector<std::uint32_t> morton_order(const Gaussians& state) {
@@ -68,7 +71,8 @@ std::vector<std::uint32_t> morton_order(const Gaussians& state) {
     MeanBounds bounds;
     for (std::int64_t i = 0; i < state.count; ++i) bounds.add(&means[3 * i]);
     std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(state.count);
-    for (std::int64_t i = 0; i < state.count; ++i) keys[i] = {morton_code(&means[3 * i], bounds), static_cast<std::uint32_t>(i)};
+    for (std::int64_t i = 0; i < state.count; ++i)
+        keys[i] = {morton_code(&means[3 * i], bounds), static_cast<std::uint32_t>(i)};
     std::sort(keys.begin(), keys.end());
     std::vector<std::uint32_t> order(state.count);
     for (std::int64_t i = 0; i < state.count; ++i) order[i] = keys[i].second;

@@ -7,18 +7,23 @@
 namespace gs {
 namespace {
 
-__global__ void gather_columns(std::int64_t n, const std::uint32_t* order, int width, int first, int columns, const float* data, float* slice) {
-    for_row_values(n, columns, [=](std::int64_t row, unsigned c) { slice[row * columns + c] = data[std::int64_t(order[row]) * width + first + c]; });
+__global__ void gather_columns(std::int64_t n, const std::uint32_t* order, int width, int first, int columns,
+                               const float* data, float* slice) {
+    for_row_values(n, columns, [=](std::int64_t row, unsigned c) {
+        slice[row * columns + c] = data[std::int64_t(order[row]) * width + first + c];
+    });
 }
 
 __global__ void put_columns(std::int64_t n, int width, int first, int columns, const float* slice, float* data) {
-    for_row_values(n, columns, [=](std::int64_t row, unsigned c) { data[row * width + first + c] = slice[row * columns + c]; });
+    for_row_values(n, columns,
+                   [=](std::int64_t row, unsigned c) { data[row * width + first + c] = slice[row * columns + c]; });
 }
 
-void gather_array(float* data, int width, const std::uint32_t* order, std::int64_t n, const RowSlice& slice, cudaStream_t stream) {
+void gather_array(float* data, int width, const std::uint32_t* order, std::int64_t n, const RowSlice& slice,
+                  cudaStream_t stream) {
     if (n == 0 || width == 0) return;
     int most = int(std::min<std::size_t>(width, slice.floats / n));
-    if (most > 8 && most < width) most -= most % 8; // 8 values are 32 bytes, the unit in which memory is read
+    if (most > 8 && most < width) most -= most % 8;  // 8 values are 32 bytes, the unit in which memory is read
     const unsigned blocks = num_blocks(n, kRowsPerBlock);
     for (int first = 0; first < width; first += most) {
         const int columns = std::min(most, width - first);
@@ -35,7 +40,8 @@ __global__ void find_nonfinite(std::int64_t n, const float* values, float larges
 }
 
 /// Marks the broken rows, with a thread per row. It runs only for models that are known to have such rows.
-__global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, float largest, unsigned char* bad, unsigned long long* num_bad) {
+__global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* values, float largest, unsigned char* bad,
+                                    unsigned long long* num_bad) {
     const std::int64_t i = thread_row();
     if (i >= n) return;
     for (int c = 0; c < width; ++c)
@@ -46,20 +52,23 @@ __global__ void mark_nonfinite_rows(std::int64_t n, int width, const float* valu
         }
 }
 
-__global__ void mark_invisible_rows(std::int64_t n, const float* raw_opacities, const float* rotations, unsigned char* marked) {
+__global__ void mark_invisible_rows(std::int64_t n, const float* raw_opacities, const float* rotations,
+                                    unsigned char* marked) {
     const std::int64_t i = thread_row();
     if (i < n) marked[i] = !is_visible(raw_opacities[i], rotations + 4 * i);
 }
 
 }  // namespace
 
-void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total, const RowSlice& slice, cudaStream_t stream) {
+void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total,
+                 const RowSlice& slice, cudaStream_t stream) {
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.width[g];
         gather_array(model.param[g].get(), width, order, total, slice, stream);
         for (auto* moment : model.moments(g)) {
             gather_array(moment->get(), width, order, kept, slice, stream);
-            if (const std::size_t fresh = std::size_t(total - kept) * width) GS_CUDA(cudaMemsetAsync(moment->get() + kept * width, 0, fresh * sizeof(float), stream));
+            if (const std::size_t fresh = std::size_t(total - kept) * width)
+                GS_CUDA(cudaMemsetAsync(moment->get() + kept * width, 0, fresh * sizeof(float), stream));
         }
     }
     if (model.has_statistic) {
@@ -79,15 +88,16 @@ std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
     for (int g = 0; g < kNumGroups; ++g) {
         if (model_.width[g] == 0) continue;
         const auto values = std::int64_t(model_.floats(g));
-        find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(), kLargestParameter[g], found);
+        find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(),
+                                                                                 kLargestParameter[g], found);
         GS_CUDA_LAUNCHED("find_nonfinite");
     }
-    if (!read_back(found, stream_)) return 0; // the usual case: no row is broken
+    if (!read_back(found, stream_)) return 0;  // the usual case: no row is broken
 
     PruneSpace space(model_, scratch_, stream_);
     for (int g = 0; g < kNumGroups; ++g) {
-        mark_nonfinite_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.width[g], model_.param[g].get(), kLargestParameter[g], space.marked,
-                                                                                  space.num_bad + g);
+        mark_nonfinite_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(
+            n, model_.width[g], model_.param[g].get(), kLargestParameter[g], space.marked, space.num_bad + g);
         GS_CUDA_LAUNCHED("mark_nonfinite_rows");
     }
     unsigned long long num_bad[kNumGroups];
@@ -101,8 +111,8 @@ std::int64_t CudaDensify::prune_invisible() {
     const std::int64_t n = model_.count;
     if (n == 0) return 0;
     PruneSpace space(model_, scratch_, stream_);
-    mark_invisible_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(),
-                                                                            space.marked);
+    mark_invisible_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(
+        n, model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(), space.marked);
     GS_CUDA_LAUNCHED("mark_invisible_rows");
     return space.remove_marked();
 }

@@ -50,7 +50,8 @@ inline thrust::counting_iterator<std::uint32_t> row_indices() { return thrust::c
 
 /// Writes the rows i < n for which keep(i) holds to `out`, ascending, and their number to `num_out`.
 template <class Keep>
-cudaError_t select_rows(void* memory, std::size_t& bytes, std::int64_t n, const Keep& keep, std::uint32_t* out, std::int64_t* num_out, cudaStream_t stream) {
+cudaError_t select_rows(void* memory, std::size_t& bytes, std::int64_t n, const Keep& keep, std::uint32_t* out,
+                        std::int64_t* num_out, cudaStream_t stream) {
     return cub::DeviceSelect::If(memory, bytes, row_indices(), out, num_out, n, keep, stream);
 }
 
@@ -74,7 +75,8 @@ inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows,
     const std::size_t left = std::size_t(block) > c.at() + 256 ? std::size_t(block) - c.at() - 256 : 0;
     const auto widest = std::size_t(*std::max_element(model.width, model.width + kNumGroups));
     RowSlice slice;
-    slice.floats = std::clamp(std::max(left, kSliceBytes) / sizeof(float), std::size_t(rows), std::size_t(rows) * std::max<std::size_t>(widest, 1));
+    slice.floats = std::clamp(std::max(left, kSliceBytes) / sizeof(float), std::size_t(rows),
+                              std::size_t(rows) * std::max<std::size_t>(widest, 1));
     slice.data = c.take<float>(slice.floats);
     return slice;
 }
@@ -82,7 +84,8 @@ inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows,
 /// Makes old row order[k] the new row k for k < total, removes rows that `order` does not name, and sets the count.
 /// Moments move along up to row `kept`; the rows from there on are copies and start with moments of 0. `order` is on
 /// the device. There must be room for `total` rows.
-void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total, const RowSlice& slice, cudaStream_t stream);
+void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total,
+                 const RowSlice& slice, cudaStream_t stream);
 
 struct IsUnmarked {
     const unsigned char* marked;
@@ -91,8 +94,8 @@ struct IsUnmarked {
 
 /// A mark for each row, and the buffers that removing the marked rows needs.
 struct PruneSpace {
-    unsigned char* marked = nullptr;       ///< (n) 0 at first
-    unsigned long long* num_bad = nullptr; ///< (groups) counters, 0 at first
+    unsigned char* marked = nullptr;        ///< (n) 0 at first
+    unsigned long long* num_bad = nullptr;  ///< (groups) counters, 0 at first
 
     PruneSpace(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), stream_(stream) {
         const std::int64_t n = model.count, block = scratch.bytes();
@@ -118,7 +121,9 @@ struct PruneSpace {
     }
 
   private:
-    cudaError_t select(void* m, std::size_t& b) const { return select_rows(m, b, model_.count, IsUnmarked{marked}, order_, num_kept_, stream_); }
+    cudaError_t select(void* m, std::size_t& b) const {
+        return select_rows(m, b, model_.count, IsUnmarked{marked}, order_, num_kept_, stream_);
+    }
 
     CudaModel& model_;
     cudaStream_t stream_;

@@ -14,7 +14,9 @@ inline float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 GS_HD bool usable_rotation(const float* q) { return usable_rotation(Vec4<float>{q[0], q[1], q[2], q[3]}); }
 
 /// Returns false if no view can show the Gaussian.
-GS_HD bool is_visible(float raw_opacity, const float* q) { return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q); }
+GS_HD bool is_visible(float raw_opacity, const float* q) {
+    return sigmoid(raw_opacity) >= float(kMinAlpha) && usable_rotation(q);
+}
 
 /// The largest magnitude of the parameters of each group. Training neither gets there from sane values nor back: at its
 /// rate a base colour needs a million steps to 1e3, and the fastest residual needs 2000 steps in one direction to 5e3.
@@ -31,7 +33,9 @@ struct MeanBounds {
 
     GS_HD void add(const float* mean) { add(mean, mean); }
     GS_HD void add(const MeanBounds& other) { add(other.low, other.high); }
-    GS_HD float extent() const { return gs_max(gs_max(gs_max(0.0f, high[0] - low[0]), high[1] - low[1]), high[2] - low[2]); }
+    GS_HD float extent() const {
+        return gs_max(gs_max(gs_max(0.0f, high[0] - low[0]), high[1] - low[1]), high[2] - low[2]);
+    }
 
   private:
     GS_HD void add(const float* a, const float* b) {

@@ -15,9 +15,10 @@ __global__ void list_rows(std::int64_t n, std::uint32_t* rows) {
 }
 
 /// Finds the cut in one thread. `scores` fall; the threshold is the score of rank `rank` from below.
-__global__ void find_cut(std::int64_t n, std::int64_t rank, std::int64_t least, const float* scores, const std::uint32_t* rows, ScoreCut* cut) {
+__global__ void find_cut(std::int64_t n, std::int64_t rank, std::int64_t least, const float* scores,
+                         const std::uint32_t* rows, ScoreCut* cut) {
     const float threshold = scores[n - rank];
-    std::int64_t low = 0, high = n; // bisects for the first score that is not above the threshold
+    std::int64_t low = 0, high = n;  // bisects for the first score that is not above the threshold
     while (low < high) {
         const std::int64_t middle = (low + high) / 2;
         if (scores[middle] > threshold)
@@ -44,15 +45,18 @@ std::int64_t CudaDensify::prune_lowest_scores(const float* scores, double ratio)
     std::uint32_t *rows = nullptr, *sorted_rows = nullptr;
     ScoreCut* cut = nullptr;
     CubSpace cub;
-    const auto sort = [&](void* m, std::size_t& b) { return cub::DeviceRadixSort::SortPairsDescending(m, b, scores, sorted, rows, sorted_rows, n, 0, 32, stream_); };
+    const auto sort = [&](void* m, std::size_t& b) {
+        return cub::DeviceRadixSort::SortPairsDescending(m, b, scores, sorted, rows, sorted_rows, n, 0, 32, stream_);
+    };
     cub.ask(sort);
     scratch_.carve([&](Carver& c) {
-        sorted = c.take<float>(n), rows = c.take<std::uint32_t>(n), sorted_rows = c.take<std::uint32_t>(n), cut = c.take<ScoreCut>(1);
+        sorted = c.take<float>(n), rows = c.take<std::uint32_t>(n), sorted_rows = c.take<std::uint32_t>(n),
+        cut = c.take<ScoreCut>(1);
         cub.take(c);
     });
     list_rows<<<blocks, kRowBlock, 0, stream_>>>(n, rows);
     GS_CUDA_LAUNCHED("list_rows");
-    cub.run(sort); // stable: equal scores stay in the order of their rows
+    cub.run(sort);  // stable: equal scores stay in the order of their rows
     find_cut<<<1, 1, 0, stream_>>>(n, score_rank(ratio, n), least_kept(n), sorted, sorted_rows, cut);
     GS_CUDA_LAUNCHED("find_cut");
     const ScoreCut found = read_back(cut, stream_);

@@ -9,7 +9,7 @@ namespace gs {
 namespace {
 
 constexpr int kTile = 32, kHalo = kTile + 2 * kSsimRadius, kThreads = 256;
-constexpr int kAcross = 8, kDown = kTile * kTile / kThreads; ///< outputs of a thread in a row and in a column
+constexpr int kAcross = 8, kDown = kTile * kTile / kThreads;  ///< outputs of a thread in a row and in a column
 constexpr int kTapCount = 2 * kSsimRadius + 1;
 
 __constant__ float kTaps[kTapCount];
@@ -18,10 +18,14 @@ struct LossArgs {
     CudaLossInput in;
     float l1_step, ssim_step;
 
-    __device__ bool inside(int x, int y) const { return x >= 0 && y >= 0 && x < in.target.width && y < in.target.height; }
+    __device__ bool inside(int x, int y) const {
+        return x >= 0 && y >= 0 && x < in.target.width && y < in.target.height;
+    }
     __device__ std::size_t pixel(int x, int y) const { return std::size_t(y) * in.target.width + x; }
     __device__ std::size_t plane() const { return std::size_t(in.target.width) * in.target.height; }
-    __device__ float weight(int x, int y) const { return in.target.mask ? in.target.mask[pixel(x, y)] * (1.0f / 255.0f) : 1.0f; }
+    __device__ float weight(int x, int y) const {
+        return in.target.mask ? in.target.mask[pixel(x, y)] * (1.0f / 255.0f) : 1.0f;
+    }
     __device__ float target(int c, int x, int y) const {
         const TargetImage& t = in.target;
         const std::size_t i = pixel(x, y) * t.channels;
@@ -60,8 +64,9 @@ __device__ float block_sum(float value) {
 
 __device__ unsigned block_number() { return blockIdx.x + gridDim.x * (blockIdx.y + gridDim.y * blockIdx.z); }
 
-__global__ void __launch_bounds__(kThreads, 4) ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
-    __shared__ float2 tile[kHalo][kHalo + 1]; // render, target; the odd stride puts rows into different banks
+__global__ void __launch_bounds__(kThreads, 4)
+    ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
+    __shared__ float2 tile[kHalo][kHalo + 1];  // render, target; the odd stride puts rows into different banks
     __shared__ float rows[5][kHalo][kTile + 1];
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
     for (int k = threadIdx.x; k < kHalo * kHalo; k += kThreads) {
@@ -144,8 +149,9 @@ __device__ void finish_sums(const float2* partials, StepControl* control) {
 }
 
 __global__ void __launch_bounds__(kThreads, 4)
-    loss_gradient(LossArgs a, const float* __restrict__ maps, float* __restrict__ dL_dimage, float2* __restrict__ partials, StepControl* control) {
-    __shared__ float tile[3][kHalo][kHalo + 1]; // odd stride, as above
+    loss_gradient(LossArgs a, const float* __restrict__ maps, float* __restrict__ dL_dimage,
+                  float2* __restrict__ partials, StepControl* control) {
+    __shared__ float tile[3][kHalo][kHalo + 1];  // odd stride, as above
     __shared__ float rows[3][kHalo][kTile + 1];
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
     const std::size_t plane = a.plane();
@@ -204,14 +210,16 @@ void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* c
         float all[kTapCount];
         for (int k = 0; k < kTapCount; ++k) all[k] = taps.g[std::abs(k - kSsimRadius)];
         GS_CUDA(cudaMemcpyToSymbolAsync(kTaps, all, sizeof all, 0, cudaMemcpyHostToDevice, stream));
-        GS_CUDA(cudaStreamSynchronize(stream)); // `all` goes out of scope
+        GS_CUDA(cudaStreamSynchronize(stream));  // `all` goes out of scope
         has_taps_ = true;
     }
-    if (!(in.weight_sum > 0)) { // the mask hides all pixels
-        GS_CUDA(cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
+    if (!(in.weight_sum > 0)) {  // the mask hides all pixels
+        GS_CUDA(
+            cudaMemsetAsync(dL_dimage, 0, 3 * std::size_t(in.target.width) * in.target.height * sizeof(float), stream));
         return;
     }
-    const LossArgs args{in, float((1 - in.lambda_dssim) / (3 * in.weight_sum)), float(-in.lambda_dssim / (3 * in.weight_sum))};
+    const LossArgs args{in, float((1 - in.lambda_dssim) / (3 * in.weight_sum)),
+                        float(-in.lambda_dssim / (3 * in.weight_sum))};
     const dim3 grid = grid_of(in.target.width, in.target.height);
     ssim_maps<<<grid, kThreads, 0, stream>>>(args, maps_, partials_);
     GS_CUDA_LAUNCHED("ssim_maps");

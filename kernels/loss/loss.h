@@ -10,7 +10,7 @@ namespace gs {
 
 /// The loss of one view and its parts.
 struct LossValues {
-    double loss = 0, l1 = 0, ssim = 0; ///< loss: without regularisers
+    double loss = 0, l1 = 0, ssim = 0;  ///< loss: without regularisers
 };
 
 /// Computes the loss of images. It reuses its buffers from call to call.
@@ -20,14 +20,15 @@ template <class Real> class ImageLoss {
     /// where it has alpha. Overwrites dL_dimage (3,H,W). With a mask, L1 is the weighted mean; SSIM sees both images
     /// multiplied by the mask and is averaged with it. An all-zero mask gives loss 0 and gradient 0. The result does
     /// not depend on threads, to the bit. Takes about 60 bytes per pixel and channel.
-    LossValues compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim, Real* dL_dimage);
+    LossValues compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
+                       Real* dL_dimage);
 
   private:
     /// Multiplies the target and a copy of the image by the mask. Returns the sum of the weights.
     double apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels);
 
     std::vector<Real> target_, weight_, masked_, maps_;
-    std::vector<double> l1_sums_, ssim_sums_; ///< (tasks) added up in order
+    std::vector<double> l1_sums_, ssim_sums_;  ///< (tasks) added up in order
 };
 
 extern template class ImageLoss<float>;

@@ -12,14 +12,16 @@
 namespace gs {
 namespace {
 
-constexpr int kRows = 8; ///< rows per task
+constexpr int kRows = 8;  ///< rows per task
 
 /// Scratch rows, with zeros on both sides for the horizontal filter. The memory belongs to the thread and stays, so
 /// that an iteration allocates none. A thread may use one at a time.
 template <class Real> struct RowScratch {
     std::vector<Real>& data;
     int stride;
-    RowScratch(int rows, int width) : data(memory()), stride(width + 2 * kSsimRadius) { data.assign(std::size_t(rows) * stride, Real(0)); }
+    RowScratch(int rows, int width) : data(memory()), stride(width + 2 * kSsimRadius) {
+        data.assign(std::size_t(rows) * stride, Real(0));
+    }
     Real* row(int k) { return data.data() + std::size_t(k) * stride + kSsimRadius; }
 
   private:
@@ -33,8 +35,8 @@ template <class Real> void filter_row(const Real* in, const SsimTaps<Real>& taps
     const Real g0 = taps.g[0], g1 = taps.g[1], g2 = taps.g[2], g3 = taps.g[3], g4 = taps.g[4], g5 = taps.g[5];
 #pragma omp simd
     for (int x = 0; x < width; ++x)
-        out[x] = g0 * in[x] + g1 * (in[x - 1] + in[x + 1]) + g2 * (in[x - 2] + in[x + 2]) + g3 * (in[x - 3] + in[x + 3]) +
-                 g4 * (in[x - 4] + in[x + 4]) + g5 * (in[x - 5] + in[x + 5]);
+        out[x] = g0 * in[x] + g1 * (in[x - 1] + in[x + 1]) + g2 * (in[x - 2] + in[x + 2]) +
+                 g3 * (in[x - 3] + in[x + 3]) + g4 * (in[x - 4] + in[x + 4]) + g5 * (in[x - 5] + in[x + 5]);
 }
 
 template <class Real> struct Plane {
@@ -44,7 +46,8 @@ template <class Real> struct Plane {
 };
 
 /// Computes the vertical moments of row y with zero padding: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy.
-template <class Real> void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>& taps, Real* const out[5]) {
+template <class Real>
+void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>& taps, Real* const out[5]) {
     const int w = a.width;
     for (int k = 0; k < 5; ++k) std::fill(out[k], out[k] + w, Real(0));
     Real *o0 = out[0], *o1 = out[1], *o2 = out[2], *o3 = out[3], *o4 = out[4];
@@ -89,7 +92,8 @@ template <class Real> void decode_target(const TargetImage& t, const Vec3<float>
                 } else {
                     for (int x = 0; x < t.width; ++x) {
                         const Real alpha = px[4 * x + 3] / full;
-                        row[x] = std::clamp(alpha * (px[4 * x + c] / full) + (Real(1) - alpha) * bg[c], Real(0), Real(1));
+                        row[x] =
+                            std::clamp(alpha * (px[4 * x + c] / full) + (Real(1) - alpha) * bg[c], Real(0), Real(1));
                     }
                 }
             }
@@ -102,7 +106,8 @@ template <class Real> void decode_target(const TargetImage& t, const Vec3<float>
 }
 
 /// Adds up the sums of all tasks in their order; `norm`: one over the weights of all values.
-LossValues weighted_means(const std::vector<double>& l1_sums, const std::vector<double>& ssim_sums, double norm, double lambda_dssim) {
+LossValues weighted_means(const std::vector<double>& l1_sums, const std::vector<double>& ssim_sums, double norm,
+                          double lambda_dssim) {
     LossValues out;
     for (std::size_t k = 0; k < l1_sums.size(); ++k) out.l1 += l1_sums[k], out.ssim += ssim_sums[k];
     out.l1 *= norm;
@@ -113,18 +118,20 @@ LossValues weighted_means(const std::vector<double>& l1_sums, const std::vector<
 
 }  // namespace
 
-template <class Real> double ImageLoss<Real>::apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels) {
+template <class Real>
+double ImageLoss<Real>::apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels) {
     weight_.resize(pixels);
     masked_.resize(3 * pixels);
     double weight_sum = 0;
     for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = mask[i] * (Real(1) / Real(255));
-    for (std::size_t i = 0; i < 3 * pixels; ++i) masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+    for (std::size_t i = 0; i < 3 * pixels; ++i)
+        masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
     return weight_sum;
 }
 
 template <class Real>
-LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
-                                    Real* dL_dimage) {
+LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target, const Vec3<float>& background,
+                                    double lambda_dssim, Real* dL_dimage) {
     static const SsimTaps<Real> taps;
     const int w = target.width, h = target.height;
     const std::size_t pixels = std::size_t(w) * h;
@@ -152,7 +159,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(10, w); // 5 rows filtered vertically, then these filtered in both directions
+        RowScratch<Real> v(10, w);  // 5 rows filtered vertically, then these filtered in both directions
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
         double ssim_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
@@ -194,7 +201,7 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
             for (int x = 0; x < w; ++x) {
                 const Real diff = px[x] - ty[x];
                 const Real sign = diff > Real(0) ? Real(1) : (diff < Real(0) ? Real(-1) : Real(0));
-                row_sum += diff * sign; // masked images are already multiplied by the weight
+                row_sum += diff * sign;  // masked images are already multiplied by the weight
                 const Real g = l1_step * sign + fp[x] + Real(2) * px[x] * fq[x] + ty[x] * fr[x];
                 out[x] = m ? g * m[x] : g;
             }

@@ -14,7 +14,7 @@ struct CudaLossInput {
     TargetImage target;  ///< with device pointers
     Vec3<float> background;
     float lambda_dssim;
-    double weight_sum;   ///< sum of the mask's weights, or the number of pixels without a mask
+    double weight_sum;  ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
 class CudaLoss {
@@ -26,9 +26,9 @@ class CudaLoss {
     void compute(const CudaLossInput& in, float* dL_dimage, StepControl* control, cudaStream_t stream);
 
   private:
-    bool has_taps_ = false;     ///< whether the filter is on the device
-    float* maps_ = nullptr;     ///< (3 maps, 3, H, W)
-    float2* partials_ = nullptr; ///< (blocks) sums of |difference| and of SSIM
+    bool has_taps_ = false;       ///< whether the filter is on the device
+    float* maps_ = nullptr;       ///< (3 maps, 3, H, W)
+    float2* partials_ = nullptr;  ///< (blocks) sums of |difference| and of SSIM
 };
 
 }  // namespace gs

@@ -23,9 +23,7 @@ template <class T> struct SsimTaps {
 };
 
 /// SSIM and its derivatives p, q, r by the filtered x (total, through mu1), x^2 and x y.
-template <class T> struct SsimPixel {
-    T ssim, p, q, r;
-};
+template <class T> struct SsimPixel { T ssim, p, q, r; };
 
 /// Computes the SSIM of a pixel. x is the render, y the target; mx = G*x, exx = G*x^2, and so on. It has no branches,
 /// so that loops over it vectorise.

@@ -18,8 +18,8 @@ inline constexpr double kAdamEpsilon = 1e-15;
 
 /// The factors of step t, computed in double on the host.
 template <class T> struct AdamStep {
-    T step_size;         ///< lr / (1 - beta1^t)
-    T inverse_sqrt_bias; ///< 1 / sqrt(1 - beta2^t)
+    T step_size;          ///< lr / (1 - beta1^t)
+    T inverse_sqrt_bias;  ///< 1 / sqrt(1 - beta2^t)
 
     static AdamStep at(double rate, std::int64_t t, double beta2 = kAdamBeta2) {
         return {T(rate / (1 - std::pow(kAdamBeta1, double(t)))), T(1 / std::sqrt(1 - std::pow(beta2, double(t))))};
@@ -31,7 +31,8 @@ template <class T> struct AdamStep {
 inline constexpr double kLargestGradient = 1e18;
 
 /// Takes one step: updates p, m and v in place. The gradient must be finite.
-template <class T> GS_HD void adam_update(T& p, T& m, T& v, T gradient, const AdamStep<T>& s, double beta2 = kAdamBeta2) {
+template <class T>
+GS_HD void adam_update(T& p, T& m, T& v, T gradient, const AdamStep<T>& s, double beta2 = kAdamBeta2) {
     const T g = gs_clamp(gradient, T(-kLargestGradient), T(kLargestGradient));
     // Written as v + (1-beta)(g^2 - v), since 1-beta is exact to half an ulp; beta rounded to float would be off by
     // 1e-5 of 1-beta.

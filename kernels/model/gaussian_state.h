@@ -15,13 +15,14 @@ namespace gs {
 /// Parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
 enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
 inline constexpr int kNumGroups = 6;
-inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means", "raw_scales", "rotations", "raw_opacities", "base_colors", "residuals"};
+inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means",         "raw_scales",  "rotations",
+                                                                    "raw_opacities", "base_colors", "residuals"};
 
 /// The values of one group, `width` per Gaussian, row-major (N, width).
 template <class Real> struct GroupArrays {
     int width = 0;
-    std::vector<Real> param; ///< raw (pre-activation) values
-    std::vector<Real> m, v;  ///< Adam moments; empty when the optimizer state was dropped
+    std::vector<Real> param;  ///< raw (pre-activation) values
+    std::vector<Real> m, v;   ///< Adam moments; empty when the optimizer state was dropped
 };
 
 /// All Gaussians of a model. The groups are means (N,3) in world units; raw_scales (N,3), log; rotations (N,4), w,x,y,z
@@ -31,14 +32,14 @@ template <class Real> struct GaussianState {
     std::int64_t count = 0;
     AppearanceSpec appearance;
     int active_degree = 0;
-    std::int64_t step = 0; ///< optimizer steps, skipped ones included; Adam's t
+    std::int64_t step = 0;  ///< optimizer steps, skipped ones included; Adam's t
     std::array<GroupArrays<Real>, kNumGroups> groups;
     /// The weights that all Gaussians share, one row in the model's own layout; width 0 for a model without any.
     GroupArrays<Real> shared;
     /// The ADC statistic since the last densification, one value per Gaussian: the summed norm of the screen-space mean
     /// gradient, and the number of views in which it was seen. Both are empty where nothing gathers them.
     std::vector<Real> gradient_sum, gradient_count;
-    PpispState ppisp; ///< photometric differences between the training images; inactive where a scene needs none
+    PpispState ppisp;  ///< photometric differences between the training images; inactive where a scene needs none
 
     GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
     const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }

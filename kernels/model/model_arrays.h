@@ -10,8 +10,8 @@ namespace gs {
 struct ModelArrays {
     float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
     int width[kNumGroups];
-    float *gradient_sum, *gradient_count; ///< ADC statistic, or null
-    float *shared_param, *shared_m, *shared_v; ///< weights that all Gaussians share, or null
+    float *gradient_sum, *gradient_count;       ///< ADC statistic, or null
+    float *shared_param, *shared_m, *shared_v;  ///< weights that all Gaussians share, or null
 };
 
 }  // namespace gs

@@ -62,7 +62,8 @@ void CudaLazyResiduals::catch_up() {
     caught_up_ = step_;
     if (!behind) return;
     constexpr int k = int(Group::kResidual);
-    const LazyArgs args{last_step_.get(), std::uint32_t(step_ + 1), {model_.m[k].get(), model_.v[k].get()}, schedule_.table()};
+    const LazyArgs args{
+        last_step_.get(), std::uint32_t(step_ + 1), {model_.m[k].get(), model_.v[k].get()}, schedule_.table()};
     catch_up_all<<<num_blocks(32 * n, kBlock), kBlock, 0, stream_>>>(n, width, args, model_.param[k].get());
     GS_CUDA_LAUNCHED("catch_up_all");
 }

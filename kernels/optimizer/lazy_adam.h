@@ -24,7 +24,7 @@ inline constexpr int kMaxLag = 127;
 /// T_t(k) by k. It is plain data, passed to kernels by value.
 struct LazyTable {
     float sums[kMaxLag + 1];
-    float epsilon; ///< eps / b
+    float epsilon;  ///< eps / b
 };
 
 /// The table of the step about to be taken.
@@ -38,7 +38,8 @@ class LazySchedule {
     }
     /// Advances the table after step t, which was taken with this rate.
     void advance(double rate, std::int64_t t) {
-        const double inverse_b = std::sqrt(1 - std::pow(kAdamBeta2, double(t))), r = rate / (1 - std::pow(kAdamBeta1, double(t))) * inverse_b;
+        const double inverse_b = std::sqrt(1 - std::pow(kAdamBeta2, double(t))),
+                     r = rate / (1 - std::pow(kAdamBeta1, double(t))) * inverse_b;
         epsilon_ = kAdamEpsilon * inverse_b;
         const double q = kAdamBeta1 / std::sqrt(kAdamBeta2);
         double power = 1, before = sums_[0];
@@ -56,10 +57,12 @@ class LazySchedule {
 };
 
 /// Returns the parameter after the missed steps; `sum` is T_t(k) of the row.
-GS_HD float catch_up_parameter(float p, float m, float v, float sum, float epsilon) { return p - sum * m * reciprocal(gs_sqrt(v) + epsilon); }
+GS_HD float catch_up_parameter(float p, float m, float v, float sum, float epsilon) {
+    return p - sum * m * reciprocal(gs_sqrt(v) + epsilon);
+}
 
 /// The factors of the moments after `lag` missed steps.
-GS_HD float first_moment_decay(int lag) { return ::exp2f(float(lag) * -0.15200309344504995f); }  // log2 0.9
+GS_HD float first_moment_decay(int lag) { return ::exp2f(float(lag) * -0.15200309344504995f); }     // log2 0.9
 GS_HD float second_moment_decay(int lag) { return ::exp2f(float(lag) * -0.0014434168696687186f); }  // log2 0.999
 
 }  // namespace gs

@@ -33,8 +33,8 @@ class CudaLazyResiduals {
     cudaStream_t stream_;
     DeviceBuffer<std::uint32_t> last_step_;
     LazySchedule schedule_;
-    std::int64_t step_ = 0;        ///< last step that was begun
-    std::int64_t caught_up_ = 0;   ///< step to which all rows are at least up to date
+    std::int64_t step_ = 0;       ///< last step that was begun
+    std::int64_t caught_up_ = 0;  ///< step to which all rows are at least up to date
 };
 
 }  // namespace gs

@@ -10,7 +10,7 @@ namespace gs {
 /// Rows of moments. Offsets count values.
 struct MomentRows {
     float* m;
-    float* v; ///< null if m holds words of both moments
+    float* v;  ///< null if m holds words of both moments
 
     __device__ MomentRows at(std::int64_t first) const { return {m + first, v ? v + first : nullptr}; }
     __device__ void load(int at, float& mm, float& vv) const {
@@ -41,7 +41,8 @@ struct MomentRows {
             return;
         }
         const std::uint32_t k = seed + 4 * at;
-        reinterpret_cast<float4*>(m)[at] = make_float4(word(mm.x, vv.x, k), word(mm.y, vv.y, k + 1), word(mm.z, vv.z, k + 2), word(mm.w, vv.w, k + 3));
+        reinterpret_cast<float4*>(m)[at] =
+            make_float4(word(mm.x, vv.x, k), word(mm.y, vv.y, k + 1), word(mm.z, vv.z, k + 2), word(mm.w, vv.w, k + 3));
     }
 
   private:

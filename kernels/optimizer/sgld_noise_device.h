@@ -10,7 +10,8 @@ namespace gs {
 /// Returns the displacement of a mean: factor * sigmoid(0.5 - 100 o) * Sigma * xi. xi is standard normal and keyed on
 /// (seed, iteration, index). The displacement is zero where it could not change the mean in float, and for degenerate
 /// rotations.
-GS_HD Vec3<float> sgld_noise(const GaussianGeometry<float>& g, float factor, std::uint64_t seed, std::uint64_t iteration, std::uint32_t index) {
+GS_HD Vec3<float> sgld_noise(const GaussianGeometry<float>& g, float factor, std::uint64_t seed,
+                             std::uint64_t iteration, std::uint32_t index) {
     const float gate = factor * sigmoid(0.5f - 100.0f * sigmoid(g.raw_opacity));
     const Vec3<float> var = activated_variance(g.log_scale);
     const float reach = gate * gs_max(var.x, gs_max(var.y, var.z));

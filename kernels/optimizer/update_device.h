@@ -17,14 +17,14 @@ inline constexpr int kMaxResidualColumns = 96;
 /// The values that all Gaussians share in one step. They are plain data, passed to kernels by value.
 struct UpdateArgs {
     AdamStep<float> steps[kNumGroups];
-    bool per_column;                       ///< whether each residual column has its own residual_steps entry
+    bool per_column;  ///< whether each residual column has its own residual_steps entry
     AdamStep<float> residual_steps[kMaxResidualColumns];
-    AdamStep<float> shared_step;           ///< step of the shared weights
-    float opacity_gradient;                ///< lambda_o / N
-    float scale_gradient;                  ///< lambda_s / 3N
-    float noise;                           ///< SGLD factor, 0 = none
+    AdamStep<float> shared_step;  ///< step of the shared weights
+    float opacity_gradient;       ///< lambda_o / N
+    float scale_gradient;         ///< lambda_s / 3N
+    float noise;                  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
-    int width, height;                     ///< size of the view, for the ADC statistic
+    int width, height;  ///< size of the view, for the ADC statistic
 };
 
 /// One row of a group with its moments.
@@ -55,8 +55,9 @@ GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual
     // x - x is 0 for finite x and NaN otherwise. NaN survives the sum.
     const auto& q = g.geometry;
     const auto zero = [](float x) { return x - x; };
-    float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) + zero(q.log_scale.z) + zero(q.raw_opacity) +
-              zero(q.rotation.x) + zero(q.rotation.y) + zero(q.rotation.z) + zero(q.rotation.w) + zero(g.base.x) + zero(g.base.y) + zero(g.base.z);
+    float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) +
+              zero(q.log_scale.z) + zero(q.raw_opacity) + zero(q.rotation.x) + zero(q.rotation.y) + zero(q.rotation.z) +
+              zero(q.rotation.w) + zero(g.base.x) + zero(g.base.y) + zero(g.base.z);
     for (int k = 0; k < residual_width; ++k) s += zero(dL_dresidual[k]);
     return s == 0;
 }
@@ -95,7 +96,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
     rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
     opacity.step(u, {q.raw_opacity});
-    opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]); // NaN stays NaN, so that pruning finds it
+    opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]);  // NaN stays NaN, so that pruning finds it
     base.step(u, {g.base.x, g.base.y, g.base.z});
     if (u.noise > 0) {
         const GaussianGeometry<float> now{{mean.p[0], mean.p[1], mean.p[2]},
@@ -127,7 +128,8 @@ inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
     u.per_column = !r.residual_rates.empty();
-    for (std::size_t c = 0; c < r.residual_rates.size(); ++c) u.residual_steps[c] = AdamStep<float>::at(r.residual_rates[c], t);
+    for (std::size_t c = 0; c < r.residual_rates.size(); ++c)
+        u.residual_steps[c] = AdamStep<float>::at(r.residual_rates[c], t);
     return u;
 }
 

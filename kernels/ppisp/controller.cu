@@ -20,10 +20,12 @@ __device__ void copy_block_weights(const float* weights, float* to) {
 }
 
 /// Sums the features of one row of blocks by bin: (rows, 5, 32).
-__global__ void __launch_bounds__(kForwardThreads) sum_row_features(const float* weights, const float* image, int width, int height, float* row_sums) {
+__global__ void __launch_bounds__(kForwardThreads)
+    sum_row_features(const float* weights, const float* image, int width, int height, float* row_sums) {
     __shared__ float w[kControllerBlockWeights], features[kForwardColumns][kControllerChannels + 1];
     copy_block_weights(weights, w);
-    const int t = threadIdx.x, columns = controller_blocks(width), bin = t / kControllerChannels, channel = t % kControllerChannels;
+    const int t = threadIdx.x, columns = controller_blocks(width), bin = t / kControllerChannels,
+              channel = t % kControllerChannels;
     const int begin = controller_bin_begin(bin, columns), end = controller_bin_end(bin, columns);
     float sum = 0;
     for (int first = 0; first < columns; first += kForwardColumns) {
@@ -52,11 +54,15 @@ __device__ void linear(const float* weights, ControllerLayer layer, const float*
     __syncthreads();
 }
 
-__global__ void __launch_bounds__(kDenseThreads) evaluate_dense(const float* weights, const float* row_sums, int columns, int rows, float prior_exposure, Activations* a) {
+__global__ void __launch_bounds__(kDenseThreads)
+    evaluate_dense(const float* weights, const float* row_sums, int columns, int rows, float prior_exposure,
+                   Activations* a) {
     for (int k = threadIdx.x; k < Activations::kGridValues; k += kDenseThreads) {
-        const int bin = k / kControllerChannels, at = bin % kControllerBins * kControllerChannels + k % kControllerChannels, y = bin / kControllerBins;
+        const int bin = k / kControllerChannels,
+                  at = bin % kControllerBins * kControllerChannels + k % kControllerChannels, y = bin / kControllerBins;
         float sum = 0;
-        for (int row = controller_bin_begin(y, rows); row < controller_bin_end(y, rows); ++row) sum += row_sums[row * kRowValues + at];
+        for (int row = controller_bin_begin(y, rows); row < controller_bin_end(y, rows); ++row)
+            sum += row_sums[row * kRowValues + at];
         a->bins[k] = sum / controller_bin_size(bin, columns, rows);
     }
     __syncthreads();
@@ -64,7 +70,8 @@ __global__ void __launch_bounds__(kDenseThreads) evaluate_dense(const float* wei
     for (int k = threadIdx.x; k < Activations::kEncoded; k += kDenseThreads) {
         const int e = k / kControllerGrid, bin = k % kControllerGrid;
         float sum = weights[encoder.bias() + e];
-        for (int c = 0; c < encoder.inputs; ++c) sum += weights[encoder.offset + e * encoder.inputs + c] * a->bins[bin * kControllerChannels + c];
+        for (int c = 0; c < encoder.inputs; ++c)
+            sum += weights[encoder.offset + e * encoder.inputs + c] * a->bins[bin * kControllerChannels + c];
         a->inputs[k] = sum;
     }
     if (threadIdx.x == 0) a->inputs[Activations::kEncoded] = prior_exposure;
@@ -82,38 +89,45 @@ __device__ float linear_backward(const float* weights, ControllerLayer layer, co
     return sum;
 }
 
-__global__ void __launch_bounds__(kDenseThreads) dense_backward(const float* weights, const float* dL_dout, int columns, int rows, Activations* a) {
+__global__ void __launch_bounds__(kDenseThreads)
+    dense_backward(const float* weights, const float* dL_dout, int columns, int rows, Activations* a) {
     const int t = threadIdx.x;
     if (t < kIspFrameValues) a->dL_dout[t] = dL_dout[t];
     if (t == 0) a->nonfinite = 0;
     __syncthreads();
     const float* d = a->dL_dout;
     for (int k = 2; k >= 0; --k) {
-        if (t < kControllerHidden) a->dL_dhidden[k][t] = a->hidden[k][t] > 0 ? linear_backward(weights, controller_layer(4 + k), d, t) : 0.0f;
+        if (t < kControllerHidden)
+            a->dL_dhidden[k][t] = a->hidden[k][t] > 0 ? linear_backward(weights, controller_layer(4 + k), d, t) : 0.0f;
         d = a->dL_dhidden[k];
         __syncthreads();
     }
-    for (int i = t; i < Activations::kEncoded; i += kDenseThreads) a->dL_dencoded[i] = linear_backward(weights, controller_layer(3), d, i);
+    for (int i = t; i < Activations::kEncoded; i += kDenseThreads)
+        a->dL_dencoded[i] = linear_backward(weights, controller_layer(3), d, i);
     __syncthreads();
     constexpr ControllerLayer encoder = controller_layer(2);
     for (int k = t; k < Activations::kGridValues; k += kDenseThreads) {
         const int bin = k / kControllerChannels, c = k % kControllerChannels;
         float sum = 0;
-        for (int e = 0; e < encoder.outputs; ++e) sum += weights[encoder.offset + e * encoder.inputs + c] * a->dL_dencoded[e * kControllerGrid + bin];
+        for (int e = 0; e < encoder.outputs; ++e)
+            sum += weights[encoder.offset + e * encoder.inputs + c] * a->dL_dencoded[e * kControllerGrid + bin];
         a->dL_dbins[k] = sum / controller_bin_size(bin, columns, rows);
     }
 }
 
 /// Sums the gradients of the layers that see blocks over one row of blocks: (rows, kControllerBlockWeights).
 __global__ void __launch_bounds__(kBackwardThreads)
-    sum_row_gradients(const float* weights, const float* image, int width, int height, const Activations* a, float* row_gradients) {
+    sum_row_gradients(const float* weights, const float* image, int width, int height, const Activations* a,
+                      float* row_gradients) {
     constexpr ControllerLayer first = controller_layer(0), second = controller_layer(1);
     __shared__ float w[kControllerBlockWeights], dL_dcolumn[kControllerBins][kControllerChannels];
-    __shared__ float hidden[kBackwardColumns][kControllerHiddenChannels], dL_dhidden[kBackwardColumns][kControllerHiddenChannels];
-    __shared__ float dL_dout[kBackwardColumns][kControllerChannels], pixel[kBackwardColumns][kControllerHiddenChannels * 3];
+    __shared__ float hidden[kBackwardColumns][kControllerHiddenChannels],
+        dL_dhidden[kBackwardColumns][kControllerHiddenChannels];
+    __shared__ float dL_dout[kBackwardColumns][kControllerChannels],
+        pixel[kBackwardColumns][kControllerHiddenChannels * 3];
     copy_block_weights(weights, w);
     const int t = threadIdx.x, y = blockIdx.x, columns = controller_blocks(width), rows = controller_blocks(height);
-    if (t < kRowValues) { // the gradient that a block of this row gets from each bin column
+    if (t < kRowValues) {  // the gradient that a block of this row gets from each bin column
         float sum = 0;
         for (int row = 0; row < kControllerBins; ++row)
             if (controller_bin_has(row, rows, y)) sum += a->dL_dbins[row * kRowValues + t];
@@ -136,7 +150,8 @@ __global__ void __launch_bounds__(kBackwardThreads)
             }
             for (int k = 0; k < kControllerHiddenChannels; ++k) {
                 float g = 0;
-                for (int c = 0; c < kControllerChannels; ++c) g += dL_dout[t][c] * w[second.offset + c * second.inputs + k];
+                for (int c = 0; c < kControllerChannels; ++c)
+                    g += dL_dout[t][c] * w[second.offset + c * second.inputs + k];
                 hidden[t][k] = f.hidden[k];
                 dL_dhidden[t][k] = f.hidden[k] > 0 ? g : 0.0f;
                 for (int channel = 0; channel < 3; ++channel) pixel[t][3 * k + channel] = block.at(channel, f.pixel[k]);
@@ -152,14 +167,16 @@ __global__ void __launch_bounds__(kBackwardThreads)
                 else if (k < second.offset)
                     sums[m] += dL_dhidden[j][k - first.bias()];
                 else if (k < second.bias())
-                    sums[m] += dL_dout[j][(k - second.offset) / second.inputs] * hidden[j][(k - second.offset) % second.inputs];
+                    sums[m] += dL_dout[j][(k - second.offset) / second.inputs] *
+                               hidden[j][(k - second.offset) % second.inputs];
                 else if (k < kControllerBlockWeights)
                     sums[m] += dL_dout[j][k - second.bias()];
             }
         }
     }
     for (int m = 0; m < kMine; ++m)
-        if (const int k = t + m * kBackwardThreads; k < kControllerBlockWeights) row_gradients[std::size_t(y) * kControllerBlockWeights + k] = sums[m];
+        if (const int k = t + m * kBackwardThreads; k < kControllerBlockWeights)
+            row_gradients[std::size_t(y) * kControllerBlockWeights + k] = sums[m];
 }
 
 /// Returns the gradient of weight k from the layers' activations and gradients.
@@ -172,18 +189,26 @@ __device__ float weight_gradient(int k, const Activations* a, const float* row_g
     if (k < controller_layer(3).offset) {
         constexpr ControllerLayer encoder = controller_layer(2);
         const bool bias = k >= encoder.bias();
-        const int e = bias ? k - encoder.bias() : (k - encoder.offset) / encoder.inputs, c = (k - encoder.offset) % encoder.inputs;
+        const int e = bias ? k - encoder.bias() : (k - encoder.offset) / encoder.inputs,
+                  c = (k - encoder.offset) % encoder.inputs;
         float sum = 0;
-        for (int bin = 0; bin < kControllerGrid; ++bin) sum += a->dL_dencoded[e * kControllerGrid + bin] * (bias ? 1.0f : a->bins[bin * kControllerChannels + c]);
+        for (int bin = 0; bin < kControllerGrid; ++bin)
+            sum += a->dL_dencoded[e * kControllerGrid + bin] * (bias ? 1.0f : a->bins[bin * kControllerChannels + c]);
         return sum;
     }
-    const int number = k < controller_layer(4).offset ? 3 : k < controller_layer(5).offset ? 4 : k < controller_layer(6).offset ? 5 : 6;
+    const int number = k < controller_layer(4).offset   ? 3
+                       : k < controller_layer(5).offset ? 4
+                       : k < controller_layer(6).offset ? 5
+                                                        : 6;
     const ControllerLayer layer = controller_layer(number);
-    const float *in = number == 3 ? a->inputs : a->hidden[number - 4], *d = number == 6 ? a->dL_dout : a->dL_dhidden[number - 3];
-    return k >= layer.bias() ? d[k - layer.bias()] : d[(k - layer.offset) / layer.inputs] * in[(k - layer.offset) % layer.inputs];
+    const float *in = number == 3 ? a->inputs : a->hidden[number - 4],
+                *d = number == 6 ? a->dL_dout : a->dL_dhidden[number - 3];
+    return k >= layer.bias() ? d[k - layer.bias()]
+                             : d[(k - layer.offset) / layer.inputs] * in[(k - layer.offset) % layer.inputs];
 }
 
-__global__ void __launch_bounds__(kWeightThreads) weight_gradients(Activations* a, const float* row_gradients, int rows, float* gradient) {
+__global__ void __launch_bounds__(kWeightThreads)
+    weight_gradients(Activations* a, const float* row_gradients, int rows, float* gradient) {
     const int k = blockIdx.x * kWeightThreads + threadIdx.x;
     if (k >= kControllerWeights) return;
     const float g = weight_gradient(k, a, row_gradients, rows);
@@ -192,7 +217,8 @@ __global__ void __launch_bounds__(kWeightThreads) weight_gradients(Activations* 
 }
 
 __global__ void __launch_bounds__(kWeightThreads)
-    step_weights(const Activations* a, const float* gradient, float* weights, float* m, float* v, AdamStep<float> step, StepControl* control) {
+    step_weights(const Activations* a, const float* gradient, float* weights, float* m, float* v, AdamStep<float> step,
+                 StepControl* control) {
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     const int k = blockIdx.x * kWeightThreads + threadIdx.x;
     if (a->nonfinite) {
@@ -230,7 +256,8 @@ void CudaController::take(Carver& c, int width, int height, bool for_step) {
     gradient_ = c.take<float>(kControllerWeights);
 }
 
-const float* CudaController::forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream) {
+const float* CudaController::forward(int camera, const ControllerImage& image, float prior_exposure,
+                                     cudaStream_t stream) {
     const auto [rgb, width, height] = image;
     Activations* a = activations_.get();
     if (!controller_sees(width, height)) {
@@ -240,13 +267,14 @@ const float* CudaController::forward(int camera, const ControllerImage& image, f
     const float* weights = weights_.get() + std::size_t(camera) * kControllerWeights;
     sum_row_features<<<controller_blocks(height), kForwardThreads, 0, stream>>>(weights, rgb, width, height, row_sums_);
     GS_CUDA_LAUNCHED("sum_row_features");
-    evaluate_dense<<<1, kDenseThreads, 0, stream>>>(weights, row_sums_, controller_blocks(width), controller_blocks(height), prior_exposure, a);
+    evaluate_dense<<<1, kDenseThreads, 0, stream>>>(weights, row_sums_, controller_blocks(width),
+                                                    controller_blocks(height), prior_exposure, a);
     GS_CUDA_LAUNCHED("evaluate_dense");
     return a->out;
 }
 
-void CudaController::step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step, StepControl* control,
-                          cudaStream_t stream) {
+void CudaController::step(int camera, const ControllerImage& image, const float* dL_dout, double rate,
+                          std::int64_t step, StepControl* control, cudaStream_t stream) {
     const auto [rgb, width, height] = image;
     const std::size_t at = std::size_t(camera) * kControllerWeights;
     const int columns = controller_blocks(width), rows = controller_blocks(height);
@@ -259,7 +287,8 @@ void CudaController::step(int camera, const ControllerImage& image, const float*
     const unsigned blocks = num_blocks(kControllerWeights, kWeightThreads);
     weight_gradients<<<blocks, kWeightThreads, 0, stream>>>(a, row_gradients_, rows, gradient_);
     GS_CUDA_LAUNCHED("weight_gradients");
-    step_weights<<<blocks, kWeightThreads, 0, stream>>>(a, gradient_, weights, m_.get() + at, v_.get() + at, AdamStep<float>::at(rate, step), control);
+    step_weights<<<blocks, kWeightThreads, 0, stream>>>(a, gradient_, weights, m_.get() + at, v_.get() + at,
+                                                        AdamStep<float>::at(rate, step), control);
     GS_CUDA_LAUNCHED("step_weights");
 }
 

@@ -23,10 +23,10 @@ template <class Real> class Controller {
 
   private:
     int width_ = 0, height_ = 0;
-    std::vector<Real> row_sums_;   ///< (rows of blocks, 5 bins, 32)
-    std::vector<Real> bins_;       ///< (25, 32) means
-    std::vector<Real> inputs_[4];  ///< inputs of layers 3 to 6
-    std::vector<Real> row_gradients_; ///< (rows of blocks, kControllerBlockWeights)
+    std::vector<Real> row_sums_;       ///< (rows of blocks, 5 bins, 32)
+    std::vector<Real> bins_;           ///< (25, 32) means
+    std::vector<Real> inputs_[4];      ///< inputs of layers 3 to 6
+    std::vector<Real> row_gradients_;  ///< (rows of blocks, kControllerBlockWeights)
 };
 
 extern template class Controller<float>;

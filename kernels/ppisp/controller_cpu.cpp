@@ -24,7 +24,8 @@ template <class Real> void linear(const Real* weights, const ControllerLayer& la
 
 /// Adds to dL_din and to the layer's part of dL_dweights.
 template <class Real>
-void linear_backward(const Real* weights, const ControllerLayer& layer, const Real* in, const Real* dL_dout, Real* dL_din, Real* dL_dweights) {
+void linear_backward(const Real* weights, const ControllerLayer& layer, const Real* in, const Real* dL_dout,
+                     Real* dL_din, Real* dL_dweights) {
     for (int o = 0; o < layer.outputs; ++o) {
         const std::ptrdiff_t row = layer.offset + std::ptrdiff_t(o) * layer.inputs;
         const Real g = dL_dout[o];
@@ -36,11 +37,13 @@ void linear_backward(const Real* weights, const ControllerLayer& layer, const Re
     }
 }
 
-constexpr int kEncoded = kControllerConv[3]; ///< number of channels of a bin
+constexpr int kEncoded = kControllerConv[3];  ///< number of channels of a bin
 
 }  // namespace
 
-template <class Real> void Controller<Real>::forward(const Real* weights, const Real* image, int width, int height, Real prior_exposure, Real* out) {
+template <class Real>
+void Controller<Real>::forward(const Real* weights, const Real* image, int width, int height, Real prior_exposure,
+                               Real* out) {
     width_ = width, height_ = height;
     std::fill(out, out + kIspFrameValues, Real(0));
     if (!controller_sees(width, height)) return;
@@ -64,7 +67,8 @@ template <class Real> void Controller<Real>::forward(const Real* weights, const 
         Real *mean = bins_.data() + bin * kControllerChannels, encoded[kEncoded];
         const int column = bin % kControllerBins, row = bin / kControllerBins;
         for (int y = controller_bin_begin(row, rows); y < controller_bin_end(row, rows); ++y)
-            for (int c = 0; c < kControllerChannels; ++c) mean[c] += row_sums_[std::size_t(y) * kRowValues + column * kControllerChannels + c];
+            for (int c = 0; c < kControllerChannels; ++c)
+                mean[c] += row_sums_[std::size_t(y) * kRowValues + column * kControllerChannels + c];
         for (int c = 0; c < kControllerChannels; ++c) mean[c] /= Real(controller_bin_size(bin, columns, rows));
         linear(weights, controller_layer(2), mean, encoded);
         for (int c = 0; c < kEncoded; ++c) inputs_[0][c * kControllerGrid + bin] = encoded[c];
@@ -77,23 +81,26 @@ template <class Real> void Controller<Real>::forward(const Real* weights, const 
     linear(weights, controller_layer(6), inputs_[3].data(), out);
 }
 
-template <class Real> void Controller<Real>::backward(const Real* weights, const Real* image, const Real* dL_dout, Real* dL_dweights) {
+template <class Real>
+void Controller<Real>::backward(const Real* weights, const Real* image, const Real* dL_dout, Real* dL_dweights) {
     std::fill(dL_dweights, dL_dweights + kControllerWeights, Real(0));
     if (!controller_sees(width_, height_)) return;
     const int columns = controller_blocks(width_), rows = controller_blocks(height_);
     std::vector<Real> dL_dlayer(dL_dout, dL_dout + kIspFrameValues);
     for (int k = 3; k >= 0; --k) {
         std::vector<Real> dL_din(inputs_[k].size(), Real(0));
-        linear_backward(weights, controller_layer(3 + k), inputs_[k].data(), dL_dlayer.data(), dL_din.data(), dL_dweights);
+        linear_backward(weights, controller_layer(3 + k), inputs_[k].data(), dL_dlayer.data(), dL_din.data(),
+                        dL_dweights);
         for (std::size_t i = 0; k > 0 && i < dL_din.size(); ++i)
             if (!(inputs_[k][i] > Real(0))) dL_din[i] = 0;
         dL_dlayer = std::move(dL_din);
     }
-    std::vector<Real> dL_dbins(kControllerGrid * kControllerChannels, Real(0)); // gradients of the bins' sums
+    std::vector<Real> dL_dbins(kControllerGrid * kControllerChannels, Real(0));  // gradients of the bins' sums
     for (int bin = 0; bin < kControllerGrid; ++bin) {
         Real dL_dencoded[kEncoded], *dL_dmean = dL_dbins.data() + bin * kControllerChannels;
         for (int c = 0; c < kEncoded; ++c) dL_dencoded[c] = dL_dlayer[c * kControllerGrid + bin];
-        linear_backward(weights, controller_layer(2), bins_.data() + bin * kControllerChannels, dL_dencoded, dL_dmean, dL_dweights);
+        linear_backward(weights, controller_layer(2), bins_.data() + bin * kControllerChannels, dL_dencoded, dL_dmean,
+                        dL_dweights);
         for (int c = 0; c < kControllerChannels; ++c) dL_dmean[c] /= Real(controller_bin_size(bin, columns, rows));
     }
     row_gradients_.assign(std::size_t(rows) * kControllerBlockWeights, Real(0));
@@ -102,12 +109,16 @@ template <class Real> void Controller<Real>::backward(const Real* weights, const
         for (int x = 0; x < columns; ++x) {
             Real dL_dfeatures[kControllerChannels] = {};
             for (int bin = 0; bin < kControllerGrid; ++bin) {
-                if (!controller_bin_has(bin % kControllerBins, columns, x) || !controller_bin_has(bin / kControllerBins, rows, int(y))) continue;
-                for (int c = 0; c < kControllerChannels; ++c) dL_dfeatures[c] += dL_dbins[bin * kControllerChannels + c];
+                if (!controller_bin_has(bin % kControllerBins, columns, x) ||
+                    !controller_bin_has(bin / kControllerBins, rows, int(y)))
+                    continue;
+                for (int c = 0; c < kControllerChannels; ++c)
+                    dL_dfeatures[c] += dL_dbins[bin * kControllerChannels + c];
             }
             const ControllerBlock<Real> block = controller_block(image, width_, height_, x, int(y));
             controller_features(weights, block, f);
-            controller_features_backward(weights, block, f, dL_dfeatures, row_gradients_.data() + y * kControllerBlockWeights);
+            controller_features_backward(weights, block, f, dL_dfeatures,
+                                         row_gradients_.data() + y * kControllerBlockWeights);
         }
     });
     for (int k = 0; k < kControllerBlockWeights; ++k) {
@@ -130,7 +141,8 @@ void initialize_controller(PpispState& state, std::uint64_t seed) {
             const ControllerLayer layer = controller_layer(k);
             const float bound = 1 / std::sqrt(float(layer.inputs));
             for (int i = layer.offset; i < layer.bias() + layer.outputs; ++i) {
-                const Philox4 random = philox(seed, RngStream::kController, std::uint64_t(camera), std::uint32_t(i / 4));
+                const Philox4 random =
+                    philox(seed, RngStream::kController, std::uint64_t(camera), std::uint32_t(i / 4));
                 weights[i] = bound * (2 * uniform_from_bits(random.v[i % 4]) - 1);
             }
         }

@@ -15,7 +15,7 @@ struct ControllerActivations {
     float bins[kGridValues], inputs[kControllerInputs], hidden[3][kControllerHidden], out[kIspFrameValues];
     /// The gradients of the sums over bins' blocks.
     float dL_dbins[kGridValues];
-    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues]; ///< before the activation
+    float dL_dencoded[kEncoded], dL_dhidden[3][kControllerHidden], dL_dout[kIspFrameValues];  ///< before the activation
     /// Nonzero if a gradient of the last step was not finite.
     int nonfinite;
 };
@@ -35,14 +35,15 @@ class CudaController {
     /// Evaluates the controller of one camera; the result stays on the device.
     const float* forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream);
     /// Optimizer step of that controller. dL_dout: kIspFrameValues, on the device.
-    void step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
+    void step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step,
+              StepControl* control, cudaStream_t stream);
 
     bool exists() const { return count_ > 0; }
     std::int64_t bytes() const;
 
   private:
     int count_ = 0;
-    DeviceBuffer<float> weights_, m_, v_; ///< (cameras, kControllerWeights)
+    DeviceBuffer<float> weights_, m_, v_;  ///< (cameras, kControllerWeights)
     DeviceBuffer<ControllerActivations> activations_;
     /// The first two have one row per row of blocks; gradient_ has kControllerWeights.
     float *row_sums_ = nullptr, *row_gradients_ = nullptr, *gradient_ = nullptr;

@@ -22,8 +22,10 @@ struct ControllerLayer {
 inline constexpr int kControllerLayers = 7;
 /// Returns a layer. Layers 0..2 see blocks and bins, 3..5 the whole image; layer 6 gives exposure and colour latents.
 GS_HD constexpr ControllerLayer controller_layer(int layer) {
-    const int inputs[kControllerLayers] = {3, 16, 32, kControllerInputs, kControllerHidden, kControllerHidden, kControllerHidden};
-    const int outputs[kControllerLayers] = {16, 32, 64, kControllerHidden, kControllerHidden, kControllerHidden, kIspFrameValues};
+    const int inputs[kControllerLayers] = {
+        3, 16, 32, kControllerInputs, kControllerHidden, kControllerHidden, kControllerHidden};
+    const int outputs[kControllerLayers] = {
+        16, 32, 64, kControllerHidden, kControllerHidden, kControllerHidden, kIspFrameValues};
     int offset = 0;
     for (int k = 0; k < layer; ++k) offset += layer_weights(inputs[k], outputs[k]);
     return {offset, inputs[layer], outputs[layer]};
@@ -39,34 +41,46 @@ inline constexpr int kControllerBlockWeights = controller_layer(2).offset;
 /// Returns the number of blocks along a side of `pixels`. Pixels left over at its end are ignored.
 GS_HD constexpr int controller_blocks(int pixels) { return pixels / kControllerPool; }
 /// Returns whether an image has a block. Without one the controller's values are 0.
-GS_HD constexpr bool controller_sees(int width, int height) { return controller_blocks(width) > 0 && controller_blocks(height) > 0; }
+GS_HD constexpr bool controller_sees(int width, int height) {
+    return controller_blocks(width) > 0 && controller_blocks(height) > 0;
+}
 /// Bin `bin` along a side of n blocks covers [begin, end). Neighbours overlap by one unless 5 divides n. With fewer
 /// than 5 blocks they repeat.
 GS_HD constexpr int controller_bin_begin(int bin, int n) { return bin * n / kControllerBins; }
-GS_HD constexpr int controller_bin_end(int bin, int n) { return ((bin + 1) * n + kControllerBins - 1) / kControllerBins; }
-GS_HD constexpr bool controller_bin_has(int bin, int n, int block) { return controller_bin_begin(bin, n) <= block && block < controller_bin_end(bin, n); }
+GS_HD constexpr int controller_bin_end(int bin, int n) {
+    return ((bin + 1) * n + kControllerBins - 1) / kControllerBins;
+}
+GS_HD constexpr bool controller_bin_has(int bin, int n, int block) {
+    return controller_bin_begin(bin, n) <= block && block < controller_bin_end(bin, n);
+}
 /// Returns the number of blocks in bin `bin` (row-major) of an image of columns x rows blocks.
 GS_HD constexpr int controller_bin_size(int bin, int columns, int rows) {
     const int x = bin % kControllerBins, y = bin / kControllerBins;
-    return (controller_bin_end(x, columns) - controller_bin_begin(x, columns)) * (controller_bin_end(y, rows) - controller_bin_begin(y, rows));
+    return (controller_bin_end(x, columns) - controller_bin_begin(x, columns)) *
+           (controller_bin_end(y, rows) - controller_bin_begin(y, rows));
 }
 
 /// A block of pixels of a planar image.
 template <class Real> struct ControllerBlock {
-    const Real* corner; ///< first channel of the first pixel
+    const Real* corner;  ///< first channel of the first pixel
     std::ptrdiff_t row, plane;
 
-    GS_HD Real at(int channel, int pixel) const { return corner[channel * plane + pixel / kControllerPool * row + pixel % kControllerPool]; }
+    GS_HD Real at(int channel, int pixel) const {
+        return corner[channel * plane + pixel / kControllerPool * row + pixel % kControllerPool];
+    }
 };
 
 /// Returns block (x, y), counted in blocks, of a planar (3,H,W) image.
-template <class Real> GS_HD ControllerBlock<Real> controller_block(const Real* image, int width, int height, int x, int y) {
-    return {image + std::ptrdiff_t(kControllerPool) * y * width + kControllerPool * x, width, std::ptrdiff_t(width) * height};
+template <class Real>
+GS_HD ControllerBlock<Real> controller_block(const Real* image, int width, int height, int x, int y) {
+    return {image + std::ptrdiff_t(kControllerPool) * y * width + kControllerPool * x, width,
+            std::ptrdiff_t(width) * height};
 }
 
 /// Evaluates an output of the first layer. Returns its largest value over the block; `pixel` becomes the (first) pixel
 /// that has it.
-template <class Real> GS_HD Real controller_strongest(const Real* weights, const ControllerBlock<Real>& block, int output, int& pixel) {
+template <class Real>
+GS_HD Real controller_strongest(const Real* weights, const ControllerBlock<Real>& block, int output, int& pixel) {
     constexpr ControllerLayer layer = controller_layer(0);
     const Real* w = weights + layer.offset + output * layer.inputs;
     Real largest = 0;
@@ -79,14 +93,16 @@ template <class Real> GS_HD Real controller_strongest(const Real* weights, const
 
 /// The activations of one block.
 template <class Real> struct ControllerFeatures {
-    Real hidden[kControllerHiddenChannels], out[kControllerChannels]; ///< both after ReLU
+    Real hidden[kControllerHiddenChannels], out[kControllerChannels];  ///< both after ReLU
     /// The pixel that has the maximum of each hidden channel.
     int pixel[kControllerHiddenChannels];
 };
 
-template <class Real> GS_HD void controller_features(const Real* weights, const ControllerBlock<Real>& block, ControllerFeatures<Real>& f) {
+template <class Real>
+GS_HD void controller_features(const Real* weights, const ControllerBlock<Real>& block, ControllerFeatures<Real>& f) {
     constexpr ControllerLayer layer = controller_layer(1);
-    for (int k = 0; k < layer.inputs; ++k) f.hidden[k] = gs_max(controller_strongest(weights, block, k, f.pixel[k]), Real(0));
+    for (int k = 0; k < layer.inputs; ++k)
+        f.hidden[k] = gs_max(controller_strongest(weights, block, k, f.pixel[k]), Real(0));
     for (int c = 0; c < layer.outputs; ++c) {
         Real sum = weights[layer.bias() + c];
         for (int k = 0; k < layer.inputs; ++k) sum += weights[layer.offset + c * layer.inputs + k] * f.hidden[k];
@@ -96,7 +112,8 @@ template <class Real> GS_HD void controller_features(const Real* weights, const 
 
 /// Adds to the first kControllerBlockWeights of dL_dweights, given dL/d(f.out).
 template <class Real>
-GS_HD void controller_features_backward(const Real* weights, const ControllerBlock<Real>& block, const ControllerFeatures<Real>& f, const Real* dL_dfeatures,
+GS_HD void controller_features_backward(const Real* weights, const ControllerBlock<Real>& block,
+                                        const ControllerFeatures<Real>& f, const Real* dL_dfeatures,
                                         Real* dL_dweights) {
     constexpr ControllerLayer first = controller_layer(0), second = controller_layer(1);
     Real dL_dhidden[kControllerHiddenChannels] = {};
@@ -112,7 +129,8 @@ GS_HD void controller_features_backward(const Real* weights, const ControllerBlo
     for (int k = 0; k < first.outputs; ++k) {
         if (!(f.hidden[k] > Real(0))) continue;
         dL_dweights[first.bias() + k] += dL_dhidden[k];
-        for (int c = 0; c < first.inputs; ++c) dL_dweights[first.offset + k * first.inputs + c] += dL_dhidden[k] * block.at(c, f.pixel[k]);
+        for (int c = 0; c < first.inputs; ++c)
+            dL_dweights[first.offset + k * first.inputs + c] += dL_dhidden[k] * block.at(c, f.pixel[k]);
     }
 }
 

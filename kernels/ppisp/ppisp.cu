@@ -14,8 +14,12 @@ constexpr int kSumThreads = 128, kSumBlocks = 528;
 /// The threads of the one block that takes the optimizer's step, which has only a few values a frame.
 constexpr int kStepThreads = 1024;
 
-__device__ Vec3<float> pixel_of(const float* image, std::size_t i, std::size_t pixels) { return {image[i], image[pixels + i], image[2 * pixels + i]}; }
-__device__ void put_pixel(float* image, std::size_t i, std::size_t pixels, const Vec3<float>& c) { image[i] = c.x, image[pixels + i] = c.y, image[2 * pixels + i] = c.z; }
+__device__ Vec3<float> pixel_of(const float* image, std::size_t i, std::size_t pixels) {
+    return {image[i], image[pixels + i], image[2 * pixels + i]};
+}
+__device__ void put_pixel(float* image, std::size_t i, std::size_t pixels, const Vec3<float>& c) {
+    image[i] = c.x, image[pixels + i] = c.y, image[2 * pixels + i] = c.z;
+}
 
 /// Returns isp_uv of pixel i. Images have fewer than 2^32 pixels (largest side 65504), and 32-bit division is cheaper.
 __device__ Vec2<float> uv_of(std::size_t i, int width, int height) {
@@ -32,17 +36,22 @@ __global__ void prepare_view(const float* raw_frame, const float* raw_camera, Is
     if (k == 1) view->camera = isp_camera(view->raw_camera);
 }
 
-__global__ void __launch_bounds__(kPixelThreads) correct(const IspDeviceView* view, const float* image, int width, int height, float* out) {
+__global__ void __launch_bounds__(kPixelThreads)
+    correct(const IspDeviceView* view, const float* image, int width, int height, float* out) {
     const std::size_t pixels = std::size_t(width) * height, i = std::size_t(blockIdx.x) * kPixelThreads + threadIdx.x;
     if (i >= pixels) return;
-    put_pixel(out, i, pixels, isp_forward(view->frame, view->camera, pixel_of(image, i, pixels), uv_of(i, width, height)));
+    put_pixel(out, i, pixels,
+              isp_forward(view->frame, view->camera, pixel_of(image, i, pixels), uv_of(i, width, height)));
 }
 
-__global__ void __launch_bounds__(kSumThreads) correct_backward(const IspDeviceView* view, const float* image, float* dL_dimage, int width, int height, float* partials) {
+__global__ void __launch_bounds__(kSumThreads)
+    correct_backward(const IspDeviceView* view, const float* image, float* dL_dimage, int width, int height,
+                     float* partials) {
     const std::size_t pixels = std::size_t(width) * height;
     const IspFrame<float> frame = view->frame;
     IspSums<float> sums{};
-    for (std::size_t i = std::size_t(blockIdx.x) * kSumThreads + threadIdx.x; i < pixels; i += std::size_t(kSumBlocks) * kSumThreads)
+    for (std::size_t i = std::size_t(blockIdx.x) * kSumThreads + threadIdx.x; i < pixels;
+         i += std::size_t(kSumBlocks) * kSumThreads)
         put_pixel(dL_dimage, i, pixels,
                   isp_backward(frame, view->camera, pixel_of(image, i, pixels), uv_of(i, width, height),
                                pixel_of(dL_dimage, i, pixels), sums));
@@ -75,11 +84,12 @@ __global__ void __launch_bounds__(kStepThreads) finish_view(const float* partial
 
 struct StepArgs {
     float *param, *m, *v, *gradient;
-    int frames, cameras, frame, camera; ///< numbers of both, and the view's indices; frame -1: none
+    int frames, cameras, frame, camera;  ///< numbers of both, and the view's indices; frame -1: none
     AdamStep<float> step;
 };
 
-__global__ void __launch_bounds__(kStepThreads) step_parameters_of_all(StepArgs a, const IspDeviceView* view, StepControl* control) {
+__global__ void __launch_bounds__(kStepThreads)
+    step_parameters_of_all(StepArgs a, const IspDeviceView* view, StepControl* control) {
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     constexpr int kSummands = kStepThreads / kIspFrameValues;
     __shared__ double summands[kSummands][kIspFrameValues], means[kIspFrameValues], regularizer[kIspFrameValues];
@@ -110,7 +120,7 @@ __global__ void __launch_bounds__(kStepThreads) step_parameters_of_all(StepArgs 
             if (camera == a.camera) g += view->dL_dcamera[k];
         }
         finite &= gs_isfinite(g);
-        a.gradient[i] = g; // parameters must not change before all gradients have read them
+        a.gradient[i] = g;  // parameters must not change before all gradients have read them
     }
     if (!__syncthreads_and(finite)) {
         if (t == 0) atomicAdd(&control->num_nonfinite, 1u);
@@ -155,31 +165,44 @@ void CudaPpisp::apply(const IspView& view, const float* image, int width, int he
     check_isp_view(host_, view);
     view_ = view, width_ = width, height_ = height;
     const float* frame = nullptr;
-    if (view.mode == IspMode::kFrame && view.frame >= 0) frame = param_.get() + std::size_t(view.frame) * kIspFrameValues;
-    if (view.mode == IspMode::kController && controller_.exists()) frame = controller_.forward(view.camera, {image, width, height}, view.prior_exposure, stream);
+    if (view.mode == IspMode::kFrame && view.frame >= 0)
+        frame = param_.get() + std::size_t(view.frame) * kIspFrameValues;
+    if (view.mode == IspMode::kController && controller_.exists())
+        frame = controller_.forward(view.camera, {image, width, height}, view.prior_exposure, stream);
     prepare_view<<<1, 32, 0, stream>>>(frame, param_.get() + host_.camera_offset(view.camera), device_view_.get());
     GS_CUDA_LAUNCHED("prepare_view");
-    correct<<<num_blocks(std::int64_t(width) * height, kPixelThreads), kPixelThreads, 0, stream>>>(device_view_.get(), image, width, height, out);
+    correct<<<num_blocks(std::int64_t(width) * height, kPixelThreads), kPixelThreads, 0, stream>>>(
+        device_view_.get(), image, width, height, out);
     GS_CUDA_LAUNCHED("correct");
 }
 
 void CudaPpisp::backward(const float* image, float* dL_dimage, cudaStream_t stream) {
-    correct_backward<<<kSumBlocks, kSumThreads, 0, stream>>>(device_view_.get(), image, dL_dimage, width_, height_, partials_);
+    correct_backward<<<kSumBlocks, kSumThreads, 0, stream>>>(device_view_.get(), image, dL_dimage, width_, height_,
+                                                             partials_);
     GS_CUDA_LAUNCHED("correct_backward");
     finish_view<<<1, kStepThreads, 0, stream>>>(partials_, device_view_.get());
     GS_CUDA_LAUNCHED("finish_view");
 }
 
 void CudaPpisp::step_parameters(double rate, std::int64_t step, StepControl* control, cudaStream_t stream) {
-    const StepArgs args{param_.get(), m_.get(), v_.get(), gradient_.get(), host_.num_frames, host_.num_cameras, view_.mode == IspMode::kFrame ? view_.frame : -1,
-                        view_.camera, AdamStep<float>::at(rate, step)};
+    const StepArgs args{param_.get(),
+                        m_.get(),
+                        v_.get(),
+                        gradient_.get(),
+                        host_.num_frames,
+                        host_.num_cameras,
+                        view_.mode == IspMode::kFrame ? view_.frame : -1,
+                        view_.camera,
+                        AdamStep<float>::at(rate, step)};
     step_parameters_of_all<<<1, kStepThreads, 0, stream>>>(args, device_view_.get(), control);
     GS_CUDA_LAUNCHED("step_parameters_of_all");
 }
 
-void CudaPpisp::step_controller(const float* image, double rate, std::int64_t step, StepControl* control, cudaStream_t stream) {
+void CudaPpisp::step_controller(const float* image, double rate, std::int64_t step, StepControl* control,
+                                cudaStream_t stream) {
     if (controller_sees(width_, height_))
-        controller_.step(view_.camera, {image, width_, height_}, device_view_.get()->dL_dframe, rate, step, control, stream);
+        controller_.step(view_.camera, {image, width_, height_}, device_view_.get()->dL_dframe, rate, step, control,
+                         stream);
 }
 
 std::int64_t CudaPpisp::bytes() const {

@@ -11,7 +11,9 @@
 namespace gs {
 
 /// Returns whether a view is corrected. If not, no part of PPISP runs for it.
-inline bool is_corrected(const PpispState& state, const IspView& view) { return state.active() && view.mode != IspMode::kNone; }
+inline bool is_corrected(const PpispState& state, const IspView& view) {
+    return state.active() && view.mode != IspMode::kNone;
+}
 
 /// Throws UsageError if the model lacks the view's frame or camera; the message names it.
 void check_isp_view(const PpispState& state, const IspView& view);
@@ -50,7 +52,8 @@ class ViewCorrection {
   private:
     IspView view_;
     int width_ = 0, height_ = 0;
-    float raw_frame_[kIspFrameValues] = {}, raw_camera_[kIspCameraValues] = {}, dL_dframe_[kIspFrameValues] = {}, dL_dcamera_[kIspCameraValues] = {};
+    float raw_frame_[kIspFrameValues] = {}, raw_camera_[kIspCameraValues] = {}, dL_dframe_[kIspFrameValues] = {},
+          dL_dcamera_[kIspCameraValues] = {};
     IspFrame<float> frame_;
     IspCamera<float> camera_;
     Controller<float> controller_;

@@ -13,7 +13,8 @@ namespace gs {
 void check_isp_view(const PpispState& state, const IspView& view) {
     const auto check = [](const char* what, int index, int least, int count) {
         if (index >= least && index < count) return;
-        throw UsageError("the view needs " + std::string(what) + " " + std::to_string(index) + ", but the model's PPISP has " + std::to_string(count) + " " + what + "s");
+        throw UsageError("the view needs " + std::string(what) + " " + std::to_string(index) +
+                         ", but the model's PPISP has " + std::to_string(count) + " " + what + "s");
     };
     check("camera", view.camera, 0, state.num_cameras);
     if (view.mode == IspMode::kFrame) check("frame", view.frame, -1, state.num_frames);
@@ -21,7 +22,8 @@ void check_isp_view(const PpispState& state, const IspView& view) {
 
 void check_distillation(const PpispState& state, const IspView& view) {
     if (!state.active() || state.controller.empty()) throw UsageError("cannot train controllers: the model has none");
-    if (view.mode != IspMode::kController) throw UsageError("cannot train a controller on a view that it does not correct");
+    if (view.mode != IspMode::kController)
+        throw UsageError("cannot train a controller on a view that it does not correct");
 }
 
 void allocate_moments(PpispState& state) {
@@ -41,20 +43,24 @@ bool step_values(float* param, float* m, float* v, const float* gradient, std::i
     return true;
 }
 
-void ViewCorrection::apply(const PpispState& state, const IspView& view, const float* image, int width, int height, float* out) {
+void ViewCorrection::apply(const PpispState& state, const IspView& view, const float* image, int width, int height,
+                           float* out) {
     check_isp_view(state, view);
     view_ = view, width_ = width, height_ = height;
     std::fill_n(raw_frame_, kIspFrameValues, 0.0f);
-    if (view.mode == IspMode::kFrame && view.frame >= 0) std::copy_n(state.param.data() + view.frame * std::size_t(kIspFrameValues), kIspFrameValues, raw_frame_);
+    if (view.mode == IspMode::kFrame && view.frame >= 0)
+        std::copy_n(state.param.data() + view.frame * std::size_t(kIspFrameValues), kIspFrameValues, raw_frame_);
     if (view.mode == IspMode::kController && !state.controller.empty())
-        controller_.forward(state.controller.data() + view.camera * std::size_t(kControllerWeights), image, width, height, view.prior_exposure, raw_frame_);
+        controller_.forward(state.controller.data() + view.camera * std::size_t(kControllerWeights), image, width,
+                            height, view.prior_exposure, raw_frame_);
     std::copy_n(state.param.data() + state.camera_offset(view.camera), kIspCameraValues, raw_camera_);
     frame_ = isp_frame(raw_frame_), camera_ = isp_camera(raw_camera_);
     const std::size_t pixels = std::size_t(width) * height;
     parallel_for(height, [&](std::int64_t y) {
         for (int x = 0; x < width; ++x) {
             const std::size_t i = y * width + x;
-            const Vec3<float> c = isp_forward(frame_, camera_, {image[i], image[pixels + i], image[2 * pixels + i]}, isp_uv<float>(x, int(y), width, height));
+            const Vec3<float> c = isp_forward(frame_, camera_, {image[i], image[pixels + i], image[2 * pixels + i]},
+                                              isp_uv<float>(x, int(y), width, height));
             out[i] = c.x, out[pixels + i] = c.y, out[2 * pixels + i] = c.z;
         }
     });
@@ -66,8 +72,10 @@ void ViewCorrection::backward(const float* image, float* dL_dimage) {
     parallel_for(height_, [&](std::int64_t y) {
         for (int x = 0; x < width_; ++x) {
             const std::size_t i = y * width_ + x;
-            const Vec3<float> g = isp_backward(frame_, camera_, {image[i], image[pixels + i], image[2 * pixels + i]}, isp_uv<float>(x, int(y), width_, height_),
-                                               {dL_dimage[i], dL_dimage[pixels + i], dL_dimage[2 * pixels + i]}, row_sums_[y]);
+            const Vec3<float> g =
+                isp_backward(frame_, camera_, {image[i], image[pixels + i], image[2 * pixels + i]},
+                             isp_uv<float>(x, int(y), width_, height_),
+                             {dL_dimage[i], dL_dimage[pixels + i], dL_dimage[2 * pixels + i]}, row_sums_[y]);
             dL_dimage[i] = g.x, dL_dimage[pixels + i] = g.y, dL_dimage[2 * pixels + i] = g.z;
         }
     });
@@ -84,16 +92,21 @@ bool ViewCorrection::step_parameters(PpispState& state, double rate) {
     gradient_.resize(state.size());
     double means[kIspFrameValues] = {}, regularizer[kIspFrameValues];
     for (int f = 0; f < state.num_frames; ++f)
-        for (int k = 0; k < kIspFrameValues; ++k) means[k] += state.param[f * std::size_t(kIspFrameValues) + k] / double(state.num_frames);
+        for (int k = 0; k < kIspFrameValues; ++k)
+            means[k] += state.param[f * std::size_t(kIspFrameValues) + k] / double(state.num_frames);
     isp_frame_regularizer(means, std::max(state.num_frames, 1), regularizer);
-    for (int f = 0; f < state.num_frames; ++f) std::copy_n(regularizer, kIspFrameValues, gradient_.data() + f * std::size_t(kIspFrameValues));
+    for (int f = 0; f < state.num_frames; ++f)
+        std::copy_n(regularizer, kIspFrameValues, gradient_.data() + f * std::size_t(kIspFrameValues));
     for (int c = 0; c < state.num_cameras; ++c)
         for (int k = 0; k < kIspCameraValues; ++k)
-            gradient_[state.camera_offset(c) + k] = isp_camera_regularizer(state.param.data() + state.camera_offset(c), state.num_cameras, k);
+            gradient_[state.camera_offset(c) + k] =
+                isp_camera_regularizer(state.param.data() + state.camera_offset(c), state.num_cameras, k);
     if (view_.mode == IspMode::kFrame && view_.frame >= 0)
-        for (int k = 0; k < kIspFrameValues; ++k) gradient_[view_.frame * std::size_t(kIspFrameValues) + k] += dL_dframe_[k];
+        for (int k = 0; k < kIspFrameValues; ++k)
+            gradient_[view_.frame * std::size_t(kIspFrameValues) + k] += dL_dframe_[k];
     for (int k = 0; k < kIspCameraValues; ++k) gradient_[state.camera_offset(view_.camera) + k] += dL_dcamera_[k];
-    return step_values(state.param.data(), state.m.data(), state.v.data(), gradient_.data(), std::int64_t(state.size()), rate, state.step);
+    return step_values(state.param.data(), state.m.data(), state.v.data(), gradient_.data(), std::int64_t(state.size()),
+                       rate, state.step);
 }
 
 bool ViewCorrection::step_controller(PpispState& state, const float* image, double rate) {
@@ -101,8 +114,8 @@ bool ViewCorrection::step_controller(PpispState& state, const float* image, doub
     const std::size_t at = view_.camera * std::size_t(kControllerWeights);
     gradient_.resize(kControllerWeights);
     controller_.backward(state.controller.data() + at, image, dL_dframe_, gradient_.data());
-    return step_values(state.controller.data() + at, state.controller_m.data() + at, state.controller_v.data() + at, gradient_.data(), kControllerWeights, rate,
-                       state.controller_step);
+    return step_values(state.controller.data() + at, state.controller_m.data() + at, state.controller_v.data() + at,
+                       gradient_.data(), kControllerWeights, rate, state.controller_step);
 }
 
 }  // namespace gs

@@ -13,7 +13,8 @@ namespace gs {
 struct IspDeviceView {
     IspFrame<float> frame;
     IspCamera<float> camera;
-    float raw_frame[kIspFrameValues], raw_camera[kIspCameraValues], dL_dframe[kIspFrameValues], dL_dcamera[kIspCameraValues];
+    float raw_frame[kIspFrameValues], raw_camera[kIspCameraValues], dL_dframe[kIspFrameValues],
+        dL_dcamera[kIspCameraValues];
 };
 
 /// Parameters, moments and controllers on the device. It corrects one view at a time. All sums have a fixed order.
@@ -29,11 +30,13 @@ class CudaPpisp {
     /// Counts a step of the parameters and returns its number. `rewind` takes a number of steps back.
     std::int64_t begin_step() { return ++host_.step; }
     std::int64_t begin_controller_step() { return ++host_.controller_step; }
-    void rewind(std::int64_t steps, std::int64_t controller_steps) { host_.step -= steps, host_.controller_step -= controller_steps; }
+    void rewind(std::int64_t steps, std::int64_t controller_steps) {
+        host_.step -= steps, host_.controller_step -= controller_steps;
+    }
 
     /// Takes the buffers of the calls below for a view of this size; none without PPISP.
     void take(Carver& c, int width, int height, bool for_step);
-    float* corrected() const { return corrected_; } ///< (3,H,W), room for the output of a step
+    float* corrected() const { return corrected_; }  ///< (3,H,W), room for the output of a step
 
     // These do the same as in ViewCorrection. Steps do nothing if the step of `control` was stopped or its loss is not
     // finite.
@@ -51,7 +54,7 @@ class CudaPpisp {
     CudaController controller_;
     IspView view_;
     int width_ = 0, height_ = 0;
-    float *corrected_ = nullptr, *partials_ = nullptr; ///< partials: (blocks, kIspSums)
+    float *corrected_ = nullptr, *partials_ = nullptr;  ///< partials: (blocks, kIspSums)
 };
 
 }  // namespace gs

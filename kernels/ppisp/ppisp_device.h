@@ -27,58 +27,63 @@ inline constexpr double kIspLargestSlope = 1e12;
 
 /// The prepared exposure and colour of one frame.
 template <class Real> struct IspFrame {
-    Real gain;             ///< 2^exposure
-    Mat3<Real> mix;        ///< homography of (red, green, intensity), as it acts on (red, green, blue)
+    Real gain;       ///< 2^exposure
+    Mat3<Real> mix;  ///< homography of (red, green, intensity), as it acts on (red, green, blue)
 };
 
 /// The response of one channel from 0 to 1. Toe and shoulder meet at the centre with one value and slope.
 template <class Real> struct IspResponse {
-    Real toe, shoulder, gamma; ///< exponents
-    Real centre, rest;         ///< the centre, and 1 - centre without its rounding
-    Real inverse_length;       ///< 1 / (shoulder centre + toe rest)
+    Real toe, shoulder, gamma;  ///< exponents
+    Real centre, rest;          ///< the centre, and 1 - centre without its rounding
+    Real inverse_length;        ///< 1 / (shoulder centre + toe rest)
 };
 
 /// The prepared vignetting and response of one camera.
 template <class Real> struct IspCamera {
-    Real vignetting[3][kIspVignetting]; ///< cx, cy, alpha0..2 of each channel
+    Real vignetting[3][kIspVignetting];  ///< cx, cy, alpha0..2 of each channel
     IspResponse<Real> response[3];
 };
 
 /// The first index of each part of the sums.
 inline constexpr int kIspSumExposure = 0, kIspSumMix = 1, kIspSumVignetting = kIspSumMix + 9,
-                     kIspSumResponse = kIspSumVignetting + 3 * kIspVignetting, kIspSums = kIspSumResponse + 3 * kIspResponse;
+                     kIspSumResponse = kIspSumVignetting + 3 * kIspVignetting,
+                     kIspSums = kIspSumResponse + 3 * kIspResponse;
 static_assert(kIspSums == 37);
 
 /// The gradients of the values that a view's pixels share: exposure (in stops); mix, row-major; vignetting per channel;
 /// toe, shoulder, gamma (activated) and centre per channel.
-template <class Real> struct IspSums {
-    Real v[kIspSums];
-};
+template <class Real> struct IspSums { Real v[kIspSums]; };
 
 // --- the homography, once per view, in double ------------------------------------------------------------------------
 
 /// The homography of a frame's colour latents, with the intermediate results of its gradient.
 struct IspColor {
-    Vec3<double> target[4]; ///< targets of blue, red, green and neutral
-    Vec3<double> rows[3];   ///< rows of M = [neutral]x (blue red green), which has rank 2
-    int first, second;      ///< rows whose cross product is lambda
-    Vec3<double> lambda;    ///< M's null vector: weights that mix neutral from the three
-    Mat3<double> mixed;     ///< homography before the division by `scale`
-    double scale;           ///< divisor of the homography
-    bool scaled_by_element; ///< whether scale is the last element (and not a bound)
+    Vec3<double> target[4];  ///< targets of blue, red, green and neutral
+    Vec3<double> rows[3];    ///< rows of M = [neutral]x (blue red green), which has rank 2
+    int first, second;       ///< rows whose cross product is lambda
+    Vec3<double> lambda;     ///< M's null vector: weights that mix neutral from the three
+    Mat3<double> mixed;      ///< homography before the division by `scale`
+    double scale;            ///< divisor of the homography
+    bool scaled_by_element;  ///< whether scale is the last element (and not a bound)
 };
 
 /// Returns the symmetric matrix (xx, xy, yy) that maps the latents of a point to the offset of its target. The matrices
 /// make a unit of each latent matter alike.
 GS_HD Sym2<double> isp_latent_scale(int point) {
     switch (point) {
-        case 0: return {0.0480542, -0.0043631, 0.0481283};
-        case 1: return {0.0580570, -0.0179872, 0.0431061};
-        case 2: return {0.0433336, -0.0180537, 0.0580500};
-        default: return {0.0128369, -0.0034654, 0.0128158};
+        case 0:
+            return {0.0480542, -0.0043631, 0.0481283};
+        case 1:
+            return {0.0580570, -0.0179872, 0.0431061};
+        case 2:
+            return {0.0433336, -0.0180537, 0.0580500};
+        default:
+            return {0.0128369, -0.0034654, 0.0128158};
     }
 }
-GS_HD Vec2<double> isp_times(const Sym2<double>& m, double x, double y) { return {m.xx * x + m.xy * y, m.xy * x + m.yy * y}; }
+GS_HD Vec2<double> isp_times(const Sym2<double>& m, double x, double y) {
+    return {m.xx * x + m.xy * y, m.xy * x + m.yy * y};
+}
 
 /// Computes the homography from the latents (blue, red, green, neutral) x 2.
 template <class Real> GS_HD IspColor isp_color(const Real* latents) {
@@ -88,7 +93,8 @@ template <class Real> GS_HD IspColor isp_color(const Real* latents) {
         const Vec2<double> offset = isp_times(isp_latent_scale(k), double(latents[2 * k]), double(latents[2 * k + 1]));
         c.target[k] = {source[k][0] + offset.x, source[k][1] + offset.y, 1};
     }
-    const Vec3<double> b = cross(c.target[3], c.target[0]), r = cross(c.target[3], c.target[1]), g = cross(c.target[3], c.target[2]);
+    const Vec3<double> b = cross(c.target[3], c.target[0]), r = cross(c.target[3], c.target[1]),
+                       g = cross(c.target[3], c.target[2]);
     c.rows[0] = {b.x, r.x, g.x}, c.rows[1] = {b.y, r.y, g.y}, c.rows[2] = {b.z, r.z, g.z};
     // All pairs give the same vector up to a factor, which the scale cancels. The longest has lost least to rounding.
     double longest = -1;
@@ -120,7 +126,8 @@ template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Rea
     }
     if (c.scaled_by_element) g[8] -= inner / c.scale;
     // Columns of dL/d(targets times lambda).
-    const Vec3<double> red{g[0], g[3], g[6]}, green{g[1], g[4], g[7]}, last{g[2], g[5], g[8]}, mixed[3] = {last - red - green, red, green};
+    const Vec3<double> red{g[0], g[3], g[6]}, green{g[1], g[4], g[7]}, last{g[2], g[5], g[8]},
+        mixed[3] = {last - red - green, red, green};
     const Vec3<double> dL_dlambda{dot(c.target[0], mixed[0]), dot(c.target[1], mixed[1]), dot(c.target[2], mixed[2])};
     Vec3<double> dL_drows[3] = {};
     dL_drows[c.first] = cross(c.rows[c.second], dL_dlambda);
@@ -130,7 +137,7 @@ template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Rea
                                          {dL_drows[0].z, dL_drows[1].z, dL_drows[2].z}};
     const double lambda[3] = {c.lambda.x, c.lambda.y, c.lambda.z};
     Vec3<double> dL_dtarget[4] = {};
-    for (int k = 0; k < 3; ++k) { // the columns are neutral x target
+    for (int k = 0; k < 3; ++k) {  // the columns are neutral x target
         dL_dtarget[k] = mixed[k] * lambda[k] + cross(dL_dcolumns[k], c.target[3]);
         dL_dtarget[3] += cross(c.target[k], dL_dcolumns[k]);
     }
@@ -146,10 +153,14 @@ template <class Real> GS_HD void isp_color_backward(const IspColor& c, const Rea
 template <class Real> GS_HD IspFrame<Real> isp_frame(const Real* raw) {
     const IspColor color = isp_color(raw + 1);
     // Intensity is the sum of the channels, and blue the rest of it. In double, a neutral correction is 1 to the bit.
-    const auto on_channels = [&](const Vec3<double>& row) { return Vec3<double>{(row.x + row.z) / color.scale, (row.y + row.z) / color.scale, row.z / color.scale}; };
-    const Vec3<double> red = on_channels(color.mixed.r0), green = on_channels(color.mixed.r1), blue = on_channels(color.mixed.r2) - red - green;
+    const auto on_channels = [&](const Vec3<double>& row) {
+        return Vec3<double>{(row.x + row.z) / color.scale, (row.y + row.z) / color.scale, row.z / color.scale};
+    };
+    const Vec3<double> red = on_channels(color.mixed.r0), green = on_channels(color.mixed.r1),
+                       blue = on_channels(color.mixed.r2) - red - green;
     const auto rounded = [](const Vec3<double>& v) { return Vec3<Real>{Real(v.x), Real(v.y), Real(v.z)}; };
-    return {gs_exp2(gs_clamp(raw[0], Real(-kLargestExposure), Real(kLargestExposure))), {rounded(red), rounded(green), rounded(blue)}};
+    return {gs_exp2(gs_clamp(raw[0], Real(-kLargestExposure), Real(kLargestExposure))),
+            {rounded(red), rounded(green), rounded(blue)}};
 }
 
 /// The smallest toe and shoulder, and the smallest gamma.
@@ -176,7 +187,8 @@ template <class Real> GS_HD IspCamera<Real> isp_camera(const Real* raw) {
 /// Returns the centre of pixel (x, y) in coordinates where the image's centre is 0 and its longer side 1.
 template <class Real> GS_HD Vec2<Real> isp_uv(int x, int y, int width, int height) {
     const Real longer = Real(width > height ? width : height);
-    return {(Real(x) + Real(0.5) - Real(0.5) * Real(width)) / longer, (Real(y) + Real(0.5) - Real(0.5) * Real(height)) / longer};
+    return {(Real(x) + Real(0.5) - Real(0.5) * Real(width)) / longer,
+            (Real(y) + Real(0.5) - Real(0.5) * Real(height)) / longer};
 }
 
 // --- one pixel -------------------------------------------------------------------------------------------------------
@@ -188,7 +200,8 @@ template <class Real> GS_HD Real isp_vignette(const Real* v, const Vec2<Real>& u
 }
 
 /// Adds to dL/d(cx, cy, alpha0..2), given dL/dfactor.
-template <class Real> GS_HD void isp_vignette_backward(const Real* v, const Vec2<Real>& uv, Real dL_dfactor, Real* sums) {
+template <class Real>
+GS_HD void isp_vignette_backward(const Real* v, const Vec2<Real>& uv, Real dL_dfactor, Real* sums) {
     const Real dx = uv.x - v[0], dy = uv.y - v[1], r2 = dx * dx + dy * dy;
     const Real dL_dr2 = dL_dfactor * (v[2] + r2 * (Real(2) * v[3] + Real(3) * r2 * v[4]));
     sums[0] -= Real(2) * dL_dr2 * dx;
@@ -202,12 +215,15 @@ template <class Real> GS_HD void isp_vignette_backward(const Real* v, const Vec2
 template <class Real> GS_HD Real isp_unit(Real x) { return x < Real(0) ? Real(0) : (x > Real(1) ? Real(1) : x); }
 
 /// Returns x^exponent for x >= 0. An exponent of 1 returns x to the bit.
-template <class Real> GS_HD Real isp_power(Real x, Real exponent) { return exponent == Real(1) ? x : gs_pow(x, exponent); }
+template <class Real> GS_HD Real isp_power(Real x, Real exponent) {
+    return exponent == Real(1) ? x : gs_pow(x, exponent);
+}
 
 /// Returns the response before gamma, in [0,1].
 template <class Real> GS_HD Real isp_curve(const IspResponse<Real>& r, Real value) {
     const Real x = isp_unit(value);
-    if (x <= r.centre) return x > Real(0) ? r.centre * r.shoulder * r.inverse_length * isp_power(x / r.centre, r.toe) : Real(0);
+    if (x <= r.centre)
+        return x > Real(0) ? r.centre * r.shoulder * r.inverse_length * isp_power(x / r.centre, r.toe) : Real(0);
     return Real(1) - r.rest * r.toe * r.inverse_length * isp_power((Real(1) - x) / r.rest, r.shoulder);
 }
 
@@ -217,7 +233,8 @@ template <class Real> GS_HD Real isp_respond(const IspResponse<Real>& r, Real va
 }
 
 /// Returns dL/dvalue, and adds to dL/d(toe, shoulder, gamma, centre). All are 0 for values outside (0,1).
-template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r, Real value, Real dL_dout, Real* sums) {
+template <class Real>
+GS_HD Real isp_respond_backward(const IspResponse<Real>& r, Real value, Real dL_dout, Real* sums) {
     const Real x = isp_unit(value), y = isp_curve(r, value);
     if (!(y > Real(0))) return Real(0);
     // With l = 1/inverse_length, y = centre shoulder/l u^toe, u = x/centre, on the toe's side, and 1 - y = rest toe/l
@@ -245,21 +262,25 @@ template <class Real> GS_HD Real isp_respond_backward(const IspResponse<Real>& r
 
 /// The values of one pixel between the steps.
 template <class Real> struct IspPixel {
-    Vec3<Real> exposed;   ///< colour after exposure
-    Vec3<Real> vignetted; ///< colour after vignetting
-    Vec3<Real> factor;    ///< vignetting before it is clamped to [0,1]
-    Vec3<Real> mapped;    ///< mix times vignetted
-    Real divisor, k;      ///< mapped is multiplied by k = intensity / divisor
-    bool divides;         ///< whether the divisor is the intensity of mapped, and not the least divisor
-    Vec3<Real> balanced;  ///< colour before the response
+    Vec3<Real> exposed;    ///< colour after exposure
+    Vec3<Real> vignetted;  ///< colour after vignetting
+    Vec3<Real> factor;     ///< vignetting before it is clamped to [0,1]
+    Vec3<Real> mapped;     ///< mix times vignetted
+    Real divisor, k;       ///< mapped is multiplied by k = intensity / divisor
+    bool divides;          ///< whether the divisor is the intensity of mapped, and not the least divisor
+    Vec3<Real> balanced;   ///< colour before the response
 };
 
-template <class Real> GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv) {
+template <class Real>
+GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb,
+                               const Vec2<Real>& uv) {
     const auto positive = [](Real x) { return x < Real(0) ? Real(0) : x; };
     IspPixel<Real> p;
     p.exposed = Vec3<Real>{positive(rgb.x), positive(rgb.y), positive(rgb.z)} * frame.gain;
-    p.factor = {isp_vignette(camera.vignetting[0], uv), isp_vignette(camera.vignetting[1], uv), isp_vignette(camera.vignetting[2], uv)};
-    p.vignetted = p.exposed * Vec3<Real>{gs_clamp(p.factor.x, Real(0), Real(1)), gs_clamp(p.factor.y, Real(0), Real(1)), gs_clamp(p.factor.z, Real(0), Real(1))};
+    p.factor = {isp_vignette(camera.vignetting[0], uv), isp_vignette(camera.vignetting[1], uv),
+                isp_vignette(camera.vignetting[2], uv)};
+    p.vignetted = p.exposed * Vec3<Real>{gs_clamp(p.factor.x, Real(0), Real(1)), gs_clamp(p.factor.y, Real(0), Real(1)),
+                                         gs_clamp(p.factor.z, Real(0), Real(1))};
     const auto intensity = [](const Vec3<Real>& v) { return v.x + v.y + v.z; };
     p.mapped = frame.mix * p.vignetted;
     const Real mapped = intensity(p.mapped);
@@ -272,22 +293,27 @@ template <class Real> GS_HD IspPixel<Real> isp_pixel(const IspFrame<Real>& frame
 
 /// Returns the corrected colour, in [0,1]. `rgb` is linear and unbounded above; values below 0 count as 0. `uv` comes
 /// from isp_uv.
-template <class Real> GS_HD Vec3<Real> isp_forward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv) {
+template <class Real>
+GS_HD Vec3<Real> isp_forward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb,
+                             const Vec2<Real>& uv) {
     const Vec3<Real> x = isp_pixel(frame, camera, rgb, uv).balanced;
-    return {isp_respond(camera.response[0], x.x), isp_respond(camera.response[1], x.y), isp_respond(camera.response[2], x.z)};
+    return {isp_respond(camera.response[0], x.x), isp_respond(camera.response[1], x.y),
+            isp_respond(camera.response[2], x.z)};
 }
 
 /// Returns dL/drgb, and adds the pixel's share to `sums`.
 template <class Real>
-GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb, const Vec2<Real>& uv, const Vec3<Real>& dL_dout,
-                              IspSums<Real>& sums) {
+GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>& camera, const Vec3<Real>& rgb,
+                              const Vec2<Real>& uv, const Vec3<Real>& dL_dout, IspSums<Real>& sums) {
     const IspPixel<Real> p = isp_pixel(frame, camera, rgb, uv);
     Real* const response = sums.v + kIspSumResponse;
     const Vec3<Real> g{isp_respond_backward(camera.response[0], p.balanced.x, dL_dout.x, response),
                        isp_respond_backward(camera.response[1], p.balanced.y, dL_dout.y, response + kIspResponse),
                        isp_respond_backward(camera.response[2], p.balanced.z, dL_dout.z, response + 2 * kIspResponse)};
-    const Real dL_dk = dot(g, p.mapped), dL_dmapped_intensity = p.divides ? -dL_dk * p.k / p.divisor : Real(0), dL_dintensity = dL_dk / p.divisor;
-    const Vec3<Real> dL_dmapped = g * p.k + Vec3<Real>{dL_dmapped_intensity, dL_dmapped_intensity, dL_dmapped_intensity};
+    const Real dL_dk = dot(g, p.mapped), dL_dmapped_intensity = p.divides ? -dL_dk * p.k / p.divisor : Real(0),
+               dL_dintensity = dL_dk / p.divisor;
+    const Vec3<Real> dL_dmapped =
+        g * p.k + Vec3<Real>{dL_dmapped_intensity, dL_dmapped_intensity, dL_dmapped_intensity};
     Real* const mix = sums.v + kIspSumMix;
     const Real rows[3] = {dL_dmapped.x, dL_dmapped.y, dL_dmapped.z};
     GS_UNROLL
@@ -296,15 +322,18 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
         mix[3 * i + 1] += rows[i] * p.vignetted.y;
         mix[3 * i + 2] += rows[i] * p.vignetted.z;
     }
-    const Vec3<Real> dL_dvignetted = frame.mix.transposed_times(dL_dmapped) + Vec3<Real>{dL_dintensity, dL_dintensity, dL_dintensity};
+    const Vec3<Real> dL_dvignetted =
+        frame.mix.transposed_times(dL_dmapped) + Vec3<Real>{dL_dintensity, dL_dintensity, dL_dintensity};
     // The bounds of the vignetting's factor belong to its inside: without vignetting it is 1 everywhere, and must be
     // able to move.
     Real* const vignetting = sums.v + kIspSumVignetting;
     const auto vignette = [&](int c, Real factor, Real exposed, Real dL_dv) {
-        if (factor >= Real(0) && factor <= Real(1)) isp_vignette_backward(camera.vignetting[c], uv, dL_dv * exposed, vignetting + c * kIspVignetting);
+        if (factor >= Real(0) && factor <= Real(1))
+            isp_vignette_backward(camera.vignetting[c], uv, dL_dv * exposed, vignetting + c * kIspVignetting);
         return dL_dv * gs_clamp(factor, Real(0), Real(1));
     };
-    const Vec3<Real> dL_dexposed{vignette(0, p.factor.x, p.exposed.x, dL_dvignetted.x), vignette(1, p.factor.y, p.exposed.y, dL_dvignetted.y),
+    const Vec3<Real> dL_dexposed{vignette(0, p.factor.x, p.exposed.x, dL_dvignetted.x),
+                                 vignette(1, p.factor.y, p.exposed.y, dL_dvignetted.y),
                                  vignette(2, p.factor.z, p.exposed.z, dL_dvignetted.z)};
     sums.v[kIspSumExposure] += Real(0.6931471805599453) * dot(dL_dexposed, p.exposed);
     const auto through = [&](Real x, Real d) { return x < Real(0) ? Real(0) : frame.gain * d; };
@@ -314,18 +343,21 @@ GS_HD Vec3<Real> isp_backward(const IspFrame<Real>& frame, const IspCamera<Real>
 /// Computes the gradients of the raw values of a frame (kIspFrameValues) and of a camera (kIspCameraValues) from the
 /// sums over a view.
 template <class Real>
-GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe, Real* dL_dcamera) {
+GS_HD void isp_finish(const Real* raw_frame, const Real* raw_camera, const IspSums<Real>& sums, Real* dL_dframe,
+                      Real* dL_dcamera) {
     dL_dframe[0] = gs_abs(raw_frame[0]) <= Real(kLargestExposure) ? sums.v[kIspSumExposure] : Real(0);
     // Mix is S H S^-1, where S maps (red, green, intensity) to (red, green, blue). The gradient of H is S^T dL/dmix
     // S^-T.
     const Real* g = sums.v + kIspSumMix;
     Real dL_dhomography[9];
-    for (int j = 0; j < 3; ++j) dL_dhomography[j] = g[j] - g[6 + j], dL_dhomography[3 + j] = g[3 + j] - g[6 + j], dL_dhomography[6 + j] = g[6 + j];
+    for (int j = 0; j < 3; ++j)
+        dL_dhomography[j] = g[j] - g[6 + j], dL_dhomography[3 + j] = g[3 + j] - g[6 + j],
+        dL_dhomography[6 + j] = g[6 + j];
     for (int i = 0; i < 3; ++i) dL_dhomography[3 * i + 2] += dL_dhomography[3 * i] + dL_dhomography[3 * i + 1];
     isp_color_backward(isp_color(raw_frame + 1), dL_dhomography, dL_dframe + 1);
     for (int k = 0; k < 3 * kIspVignetting; ++k) dL_dcamera[k] = sums.v[kIspSumVignetting + k];
     for (int k = 0; k < 3 * kIspResponse; ++k) {
-        const Real slope = sigmoid(raw_camera[3 * kIspVignetting + k]); // slope of softplus
+        const Real slope = sigmoid(raw_camera[3 * kIspVignetting + k]);  // slope of softplus
         const bool centre = k % kIspResponse == 3;
         dL_dcamera[3 * kIspVignetting + k] =
             sums.v[kIspSumResponse + k] * (centre ? slope * sigmoid(-raw_camera[3 * kIspVignetting + k]) : slope);

@@ -15,7 +15,8 @@ inline constexpr double kIspExposureMean = 1.0, kIspExposureBend = 0.1;
 inline constexpr double kIspColorMean = 1.0, kIspColorBend = 0.005;
 // A lens darkens towards the edge (alpha <= 0), around the middle of the image, for all colours alike. A camera's
 // response is nearly the same for all colours.
-inline constexpr double kIspVignetteCentre = 0.02, kIspVignettePositive = 0.01, kIspVignetteVariance = 0.1, kIspResponseVariance = 0.1;
+inline constexpr double kIspVignetteCentre = 0.02, kIspVignettePositive = 0.01, kIspVignetteVariance = 0.1,
+                        kIspResponseVariance = 0.1;
 
 /// Returns the slope of smooth L1, which is x^2 / (2 bend) near 0 and |x| - bend/2 beyond.
 template <class Real> GS_HD Real smooth_l1_slope(Real x, Real bend) { return gs_clamp(x / bend, Real(-1), Real(1)); }
@@ -28,7 +29,8 @@ template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int nu
     for (int k = 0; k < 4; ++k) {
         const Sym2<double> scale = isp_latent_scale(k);
         const Vec2<double> offset = isp_times(scale, double(means[1 + 2 * k]), double(means[2 + 2 * k]));
-        const Vec2<double> g = isp_times(scale, smooth_l1_slope(offset.x, kIspColorBend), smooth_l1_slope(offset.y, kIspColorBend));
+        const Vec2<double> g =
+            isp_times(scale, smooth_l1_slope(offset.x, kIspColorBend), smooth_l1_slope(offset.y, kIspColorBend));
         gradient[1 + 2 * k] = weight * Real(g.x), gradient[2 + 2 * k] = weight * Real(g.y);
     }
 }
@@ -37,11 +39,13 @@ template <class Real> GS_HD void isp_frame_regularizer(const Real* means, int nu
 /// (kIspCameraValues).
 template <class Real> GS_HD Real isp_camera_regularizer(const Real* raw, int num_cameras, int k) {
     const bool vignetting = k < 3 * kIspVignetting;
-    const int first = vignetting ? 0 : 3 * kIspVignetting, width = vignetting ? kIspVignetting : kIspResponse, column = (k - first) % width;
+    const int first = vignetting ? 0 : 3 * kIspVignetting, width = vignetting ? kIspVignetting : kIspResponse,
+              column = (k - first) % width;
     // The term is the variance over the channels, averaged over cameras and columns.
     const Real* channel = raw + first + column;
     const Real mean = (channel[0] + channel[width] + channel[2 * width]) / Real(3), cameras = Real(num_cameras);
-    Real g = Real(vignetting ? kIspVignetteVariance : kIspResponseVariance) * Real(2) * (raw[k] - mean) / (Real(3 * width) * cameras);
+    Real g = Real(vignetting ? kIspVignetteVariance : kIspResponseVariance) * Real(2) * (raw[k] - mean) /
+             (Real(3 * width) * cameras);
     if (vignetting && column < 2) g += Real(kIspVignetteCentre) * Real(2) * raw[k] / (Real(3) * cameras);
     if (vignetting && column >= 2 && raw[k] > Real(0)) g += Real(kIspVignettePositive) / (Real(9) * cameras);
     return g;

@@ -8,14 +8,18 @@
 
 namespace gs {
 
-template <class Real> GS_HD bool is_finite(const Vec3<Real>& v) { return gs_isfinite(v.x) && gs_isfinite(v.y) && gs_isfinite(v.z); }
+template <class Real> GS_HD bool is_finite(const Vec3<Real>& v) {
+    return gs_isfinite(v.x) && gs_isfinite(v.y) && gs_isfinite(v.z);
+}
 
 template <class Real> GS_HD Vec3<Real> activate(ColorActivation activation, const Vec3<Real>& y) {
     return {color_activation(activation, y.x), color_activation(activation, y.y), color_activation(activation, y.z)};
 }
 
 /// Returns the colour of a Gaussian from its base colour and its residual.
-template <class Real> GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual, RenderMode mode) {
+template <class Real>
+GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual,
+                                RenderMode mode) {
     if (mode == RenderMode::kBaseOnly) return activate(activation, base);
     const Vec3<Real> full = activate(activation, base + residual);
     if (mode == RenderMode::kFull) return full;
@@ -25,9 +29,11 @@ template <class Real> GS_HD Vec3<Real> gaussian_color(ColorActivation activation
 
 /// Returns dL/dy from dL/dcolour, where y = base + residual. It is the gradient of the base colour and of the residual.
 template <class Real>
-GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual, const Vec3<Real>& dL_dcolor) {
+GS_HD Vec3<Real> color_backward(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual,
+                                const Vec3<Real>& dL_dcolor) {
     const Vec3<Real> y = base + residual;
-    return {color_activation_derivative(activation, y.x) * dL_dcolor.x, color_activation_derivative(activation, y.y) * dL_dcolor.y,
+    return {color_activation_derivative(activation, y.x) * dL_dcolor.x,
+            color_activation_derivative(activation, y.y) * dL_dcolor.y,
             color_activation_derivative(activation, y.z) * dL_dcolor.z};
 }
 
@@ -43,8 +49,9 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
 /// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. Returns false
 /// if the Gaussian is culled. The colour is left out: it is only worth computing once a tile is known to be touched.
 template <class Real>
-GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded, int height_padded, Splat<Real>& s,
-                      PixelBounds& bounds, Real& depth, const Cutoffs<Real>& cutoffs = {}) {
+GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded,
+                      int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth,
+                      const Cutoffs<Real>& cutoffs = {}) {
     if (!(sigmoid(g.raw_opacity) >= cutoffs.alpha)) return false;
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
@@ -59,7 +66,8 @@ GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>&
 /// Computes the gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays so for a
 /// Gaussian that is culled.
 template <class Real>
-GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, const SplatSums<Real>& sums, GaussianGradient<Real>& out) {
+GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera,
+                             const SplatSums<Real>& sums, GaussianGradient<Real>& out) {
     Projection<Real> p;
     if (!project_geometry(g, camera, p)) return;
     out.visible = true;
@@ -73,15 +81,17 @@ GS_HD void geometry_backward(const GaussianGeometry<Real>& g, const CameraParams
 /// Computes all gradients of Gaussian i, which is visible. `out` and `dL_dresidual` (of the model's width) must be
 /// zeroed. The function adds to `dL_dshared`.
 template <class Model, class Real>
-GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera, int degree, const SplatSums<Real>& sums,
-                             GaussianGradient<Real>& out, Real* dL_dresidual, Real* dL_dshared) {
+GS_HD void gaussian_backward(const ParameterView<Real>& params, std::int64_t i, const CameraParams<Real>& camera,
+                             int degree, const SplatSums<Real>& sums, GaussianGradient<Real>& out, Real* dL_dresidual,
+                             Real* dL_dshared) {
     geometry_backward(params.geometry(i), camera, sums, out);
     const ViewDirection<Real> direction = params.direction(i, camera.position);
     const Vec3<Real> residual = model_residual<Model>(params.shared, params.residual(i), direction.unit, degree);
     out.base = color_backward(params.activation, params.base(i), residual, {sums.r, sums.g, sums.b});
-    if (!is_finite(out.base)) return; // this Gaussian's gradient is dropped; the shared weights must not see it
+    if (!is_finite(out.base)) return;  // this Gaussian's gradient is dropped; the shared weights must not see it
     Vec3<Real> dL_ddirection;
-    model_residual_backward<Model>(params.shared, params.residual(i), direction.unit, degree, out.base, dL_dresidual, dL_ddirection, dL_dshared);
+    model_residual_backward<Model>(params.shared, params.residual(i), direction.unit, degree, out.base, dL_dresidual,
+                                   dL_ddirection, dL_dshared);
     out.geometry.mean += direction_pullback(direction, dL_ddirection);
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Radix sorts of Gaussians by depth and of their instances by tile.
+#include <thrust/iterator/transform_iterator.h>
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
-#include <thrust/iterator/transform_iterator.h>
 
 #include "kernels/sort/binning_cuda.h"
 
@@ -25,17 +25,18 @@ __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
 /// What writing instances reads and writes.
 template <class Key> struct InstanceLists {
     std::uint32_t capacity;
-    const std::uint32_t* order;   ///< visible Gaussians, front to back
-    const std::uint32_t* offsets; ///< in that order: the end of each one's instances
-    Key* tile_keys;               ///< (capacity)
-    std::uint32_t* instances;     ///< (capacity): the Gaussian of each
+    const std::uint32_t* order;    ///< visible Gaussians, front to back
+    const std::uint32_t* offsets;  ///< in that order: the end of each one's instances
+    Key* tile_keys;                ///< (capacity)
+    std::uint32_t* instances;      ///< (capacity): the Gaussian of each
 };
 
-/// One thread per Gaussian in depth order. Those with more than 32 candidate tiles, which come together in depth order, are left
-/// for write_large_instances.
+/// One thread per Gaussian in depth order. Those with more than 32 candidate tiles, which come together in depth order,
+/// are left for write_large_instances.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
-    write_instances(InstanceLists<Key> lists, const TileSpan* __restrict__ spans, int tiles_x, StepControl* control, std::uint32_t* __restrict__ large) {
+    write_instances(InstanceLists<Key> lists, const TileSpan* __restrict__ spans, int tiles_x, StepControl* control,
+                    std::uint32_t* __restrict__ large) {
     if (control->num_instances > lists.capacity) {
         if (blockIdx.x == 0 && threadIdx.x == 0) control->stopped = 1;
         return;
@@ -60,11 +61,12 @@ __global__ void __launch_bounds__(kBlock)
 /// Writes the instances of large Gaussians, with a warp for each.
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
-    write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x, const StepControl* __restrict__ control,
-                          const std::uint32_t* __restrict__ large) {
+    write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x,
+                          const StepControl* __restrict__ control, const std::uint32_t* __restrict__ large) {
     if (control->num_instances > lists.capacity) return;
     const std::uint32_t lane = threadIdx.x & 31;
-    for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large; item += gridDim.x * kBlock / 32) {
+    for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large;
+         item += gridDim.x * kBlock / 32) {
         const std::uint32_t k = large[item], gaussian = lists.order[k], stop = lists.offsets[k];
         std::uint32_t at = k > 0 ? lists.offsets[k - 1] : 0;
         const PackedSplat s = splats[gaussian];
@@ -82,11 +84,12 @@ __global__ void __launch_bounds__(kBlock)
         }
     }
 }
-constexpr int kLargeBlocks = 512; ///< enough blocks to fill a large device once
+constexpr int kLargeBlocks = 512;  ///< enough blocks to fill a large device once
 
 /// Sets offsets[t] to the first instance of a tile >= t, by bisection. Keys beyond the last instance exceed every tile.
 template <class Key>
-__global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles, std::uint32_t* __restrict__ offsets) {
+__global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles,
+                                  std::uint32_t* __restrict__ offsets) {
     const std::uint32_t t = blockIdx.x * kBlock + threadIdx.x;
     if (t > num_tiles) return;
     std::uint32_t low = 0, high = capacity;
@@ -102,14 +105,18 @@ __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict_
 
 /// Sorts the tiles by the length of their lists, in steps of 16 instances, with a counting sort in one block.
 constexpr int kOrderThreads = 1024, kLengths = 256;
-__global__ void __launch_bounds__(kOrderThreads) order_tiles(std::uint32_t num_tiles, const std::uint32_t* __restrict__ offsets, std::uint32_t* __restrict__ longest_first) {
+__global__ void __launch_bounds__(kOrderThreads)
+    order_tiles(std::uint32_t num_tiles, const std::uint32_t* __restrict__ offsets,
+                std::uint32_t* __restrict__ longest_first) {
     __shared__ std::uint32_t place[kLengths];
-    const auto bin = [&](std::uint32_t t) { return kLengths - 1 - min((offsets[t + 1] - offsets[t]) / 16, std::uint32_t(kLengths - 1)); };
+    const auto bin = [&](std::uint32_t t) {
+        return kLengths - 1 - min((offsets[t + 1] - offsets[t]) / 16, std::uint32_t(kLengths - 1));
+    };
     if (threadIdx.x < kLengths) place[threadIdx.x] = 0;
     __syncthreads();
     for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) atomicAdd(&place[bin(t)], 1u);
     __syncthreads();
-    if (threadIdx.x < 32) { // exclusive scan by one warp, eight bins a lane
+    if (threadIdx.x < 32) {  // exclusive scan by one warp, eight bins a lane
         std::uint32_t own[kLengths / 32], sum = 0;
         for (int k = 0; k < kLengths / 32; ++k) own[k] = place[threadIdx.x * (kLengths / 32) + k], sum += own[k];
         std::uint32_t before = sum;
@@ -121,12 +128,14 @@ __global__ void __launch_bounds__(kOrderThreads) order_tiles(std::uint32_t num_t
         for (int k = 0; k < kLengths / 32; ++k) place[threadIdx.x * (kLengths / 32) + k] = before, before += own[k];
     }
     __syncthreads();
-    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) longest_first[atomicAdd(&place[bin(t)], 1u)] = t;
+    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads)
+        longest_first[atomicAdd(&place[bin(t)], 1u)] = t;
 }
 
 template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
     std::size_t bytes = 0;
-    GS_CUDA(cub::DeviceRadixSort::SortPairs(nullptr, bytes, static_cast<const Key*>(nullptr), static_cast<Key*>(nullptr), static_cast<const std::uint32_t*>(nullptr),
+    GS_CUDA(cub::DeviceRadixSort::SortPairs(nullptr, bytes, static_cast<const Key*>(nullptr),
+                                            static_cast<Key*>(nullptr), static_cast<const std::uint32_t*>(nullptr),
                                             static_cast<std::uint32_t*>(nullptr), int(items), 0, bits));
     return bytes;
 }
@@ -134,12 +143,13 @@ template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
 }  // namespace
 
 int CudaBinning::tile_bits() const {
-    int bits = 1; // the values exceed the tiles by one, for keys beyond the last instance
+    int bits = 1;  // the values exceed the tiles by one, for keys beyond the last instance
     while ((std::int64_t(1) << bits) <= bins_.num_tiles()) ++bits;
     return bits;
 }
 
-void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height, bool keep_slots) {
+void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity, int width, int height,
+                               bool keep_slots) {
     n_ = n, capacity_ = capacity, keep_slots_ = keep_slots;
     bins_.tiles_x = (width + kCudaTileX - 1) / kCudaTileX;
     bins_.tiles_y = (height + kCudaTileY - 1) / kCudaTileY;
@@ -164,27 +174,35 @@ void CudaBinning::take_temporaries(Carver& c) {
     sorted_tile_keys_ = c.take<std::uint32_t>(key_words);
     unsorted_ = keep_slots_ ? gaussians_ : c.take<std::uint32_t>(capacity_);
     std::size_t scan = 0;
-    GS_CUDA(cub::DeviceScan::InclusiveSum(nullptr, scan, CountIterator(nullptr, CountInOrder{nullptr}), static_cast<std::uint32_t*>(nullptr), int(n_)));
+    GS_CUDA(cub::DeviceScan::InclusiveSum(nullptr, scan, CountIterator(nullptr, CountInOrder{nullptr}),
+                                          static_cast<std::uint32_t*>(nullptr), int(n_)));
     workspace_bytes_ = std::max({scan, sort_bytes<std::uint32_t>(n_, kDepthKeyBits),
-                                 small ? sort_bytes<std::uint16_t>(capacity_, tile_bits()) : sort_bytes<std::uint32_t>(capacity_, tile_bits())});
+                                 small ? sort_bytes<std::uint16_t>(capacity_, tile_bits())
+                                       : sort_bytes<std::uint32_t>(capacity_, tile_bits())});
     workspace_ = c.take<unsigned char>(workspace_bytes_);
 }
 
-template <class Key> void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
+template <class Key>
+void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
     // All of the capacity is sorted, also the entries beyond the last instance.
     GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
     GS_CUDA(cudaMemsetAsync(unsorted_, 0, capacity_ * sizeof(std::uint32_t), stream));
     if (n_ > 0) {
         const InstanceLists<Key> lists{std::uint32_t(capacity_), order_, offsets_, keys, unsorted_};
-        write_instances<Key><<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
+        write_instances<Key>
+            <<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
         GS_CUDA_LAUNCHED("write_instances");
-        write_large_instances<Key><<<kLargeBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
+        write_large_instances<Key>
+            <<<kLargeBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
         GS_CUDA_LAUNCHED("write_large_instances");
     }
     std::size_t bytes = workspace_bytes_;
-    GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys, keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0, tile_bits(), stream));
-    find_tile_offsets<Key><<<num_blocks(bins_.num_tiles() + 1, kBlock), kBlock, 0, stream>>>(std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
+    GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys,
+                                            keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0,
+                                            tile_bits(), stream));
+    find_tile_offsets<Key><<<num_blocks(bins_.num_tiles() + 1, kBlock), kBlock, 0, stream>>>(
+        std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
     order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), tile_offsets_, longest_first_);
     GS_CUDA_LAUNCHED("order_tiles");
@@ -195,14 +213,17 @@ CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cud
     const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
     if (identities > identity_.capacity()) {
         identity_.reserve(identities);
-        fill_identity<<<num_blocks(identity_.capacity(), kBlock), kBlock, 0, stream>>>(std::uint32_t(identity_.capacity()), identity_.get());
+        fill_identity<<<num_blocks(identity_.capacity(), kBlock), kBlock, 0, stream>>>(
+            std::uint32_t(identity_.capacity()), identity_.get());
         GS_CUDA_LAUNCHED("fill_identity");
     }
     if (n_ > 0) {
         std::size_t bytes = workspace_bytes_;
-        GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, input_.depth_keys, sorted_keys_, identity_.get(), order_, int(n_), 0, kDepthKeyBits, stream));
+        GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, input_.depth_keys, sorted_keys_, identity_.get(),
+                                                order_, int(n_), 0, kDepthKeyBits, stream));
         bytes = workspace_bytes_;
-        GS_CUDA(cub::DeviceScan::InclusiveSum(workspace_, bytes, CountIterator(order_, CountInOrder{input_.counts}), offsets_, int(n_), stream));
+        GS_CUDA(cub::DeviceScan::InclusiveSum(workspace_, bytes, CountIterator(order_, CountInOrder{input_.counts}),
+                                              offsets_, int(n_), stream));
     }
     if (tile_bits() <= 16)
         sort_instances<std::uint16_t>(splats, control, stream);

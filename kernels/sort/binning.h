@@ -12,12 +12,12 @@ namespace gs {
 /// The touched tiles that preprocessing hands over: one list per part of kPartSize Gaussians.
 struct BinningInput {
     struct Part {
-        std::vector<std::uint64_t> depth_keys; ///< (depth bits << 32 | Gaussian index) of the part's visible Gaussians
-        std::vector<std::uint32_t> tiles;      ///< tile indices, one Gaussian after the other
+        std::vector<std::uint64_t> depth_keys;  ///< (depth bits << 32 | Gaussian index) of the part's visible Gaussians
+        std::vector<std::uint32_t> tiles;       ///< tile indices, one Gaussian after the other
     };
     std::vector<Part> parts;
-    std::vector<std::uint32_t> first; ///< (N) position of a Gaussian's first tile within its part's list
-    std::vector<std::uint32_t> count; ///< (N) number of touched tiles; 0 = culled
+    std::vector<std::uint32_t> first;  ///< (N) position of a Gaussian's first tile within its part's list
+    std::vector<std::uint32_t> count;  ///< (N) number of touched tiles; 0 = culled
 };
 
 /// The sort. It is reused from call to call; its buffers grow and never shrink.

@@ -27,9 +27,11 @@ void TileBinning::build(const BinningInput& in, std::uint32_t num_tiles, std::in
         total += static_cast<std::int64_t>(in.parts[p].tiles.size());
         visible += static_cast<std::int64_t>(in.parts[p].depth_keys.size());
         if (total > max_instances)
-            throw DeviceError("more than " + std::to_string(max_instances) +
-                              " Gaussian-tile instances in one view (limit of memory or of 32-bit indices); likely cause: many "
-                              "Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower --resolution");
+            throw DeviceError(
+                "more than " + std::to_string(max_instances) +
+                " Gaussian-tile instances in one view (limit of memory or of 32-bit indices); likely cause: many "
+                "Gaussians larger than the image. Lower --cap-max, raise --scale-reg or render at a lower "
+                "--resolution");
     }
     keys_.resize(visible);
     std::int64_t at = 0;
@@ -48,7 +50,8 @@ void TileBinning::build(const BinningInput& in, std::uint32_t num_tiles, std::in
             const std::uint32_t g = static_cast<std::uint32_t>(keys_[k]);
             const std::int64_t part = g / kPartSize;
             const std::uint32_t first = in.first[g];
-            for (std::uint32_t j = 0; j < in.count[g]; ++j) fn(g, in.parts[part].tiles[first + j], part_slots_[part] + first + j);
+            for (std::uint32_t j = 0; j < in.count[g]; ++j)
+                fn(g, in.parts[part].tiles[first + j], part_slots_[part] + first + j);
         }
     };
     parallel_for(kSlices, [&](std::int64_t s) {
@@ -70,7 +73,9 @@ void TileBinning::build(const BinningInput& in, std::uint32_t num_tiles, std::in
     instances_.resize(total);
     parallel_for(kSlices, [&](std::int64_t s) {
         std::uint32_t* h = &histogram_[std::size_t(s) * num_tiles];
-        for_slice(s, [&](std::uint32_t g, std::uint32_t tile, std::uint32_t slot) { instances_[h[tile]++] = {g, slot}; });
+        for_slice(s, [&](std::uint32_t g, std::uint32_t tile, std::uint32_t slot) {
+            instances_[h[tile]++] = {g, slot};
+        });
     });
 }
 

@@ -12,9 +12,9 @@ namespace gs {
 
 /// The arrays that preprocessing fills and binning sorts, (n) each.
 struct CudaBinningInput {
-    std::uint32_t* depth_keys; ///< kDepthKeyBits bits; culled Gaussians sort last
+    std::uint32_t* depth_keys;  ///< kDepthKeyBits bits; culled Gaussians sort last
     TileSpan* spans;
-    std::uint32_t* counts;     ///< number of touched tiles; 0 = culled
+    std::uint32_t* counts;  ///< number of touched tiles; 0 = culled
 };
 
 /// The sort on the device.
@@ -39,10 +39,11 @@ class CudaBinning {
     CudaBins bins_;
     bool keep_slots_ = false;
     CudaBinningInput input_{};
-    DeviceBuffer<std::uint32_t> identity_; ///< 0, 1, 2, ...: the values to sort
+    DeviceBuffer<std::uint32_t> identity_;  ///< 0, 1, 2, ...: the values to sort
     // Tile keys hold 16-bit values where these suffice.
-    std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr,
-                  *tile_offsets_ = nullptr, *longest_first_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr;
+    std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr,
+                  *gaussians_ = nullptr, *sorted_ = nullptr, *tile_offsets_ = nullptr, *longest_first_ = nullptr,
+                  *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr;
     unsigned char* workspace_ = nullptr;
     std::size_t workspace_bytes_ = 0;
 };

@@ -13,8 +13,8 @@ struct CudaBins {
     int tiles_x = 0, tiles_y = 0;
     /// The Gaussians by tile and depth; slots instead where `gaussians` is set.
     const std::uint32_t* instances = nullptr;
-    const std::uint32_t* gaussians = nullptr;    ///< Gaussian of each slot; only where the order of sums is fixed
-    const std::uint32_t* tile_offsets = nullptr; ///< (tiles+1)
+    const std::uint32_t* gaussians = nullptr;     ///< Gaussian of each slot; only where the order of sums is fixed
+    const std::uint32_t* tile_offsets = nullptr;  ///< (tiles+1)
     /// (tiles) The tiles with the longest lists first, about in order, so that no long list is left for last.
     const std::uint32_t* longest_first = nullptr;
 

@@ -14,12 +14,20 @@ template <class Real> struct ParameterView {
     const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
     int residual_width;
     ColorActivation activation;
-    const Real* shared; ///< weights that all Gaussians share, or null
+    const Real* shared;  ///< weights that all Gaussians share, or null
 
     static ParameterView of(const GaussianState<Real>& s) {
         const auto p = [&](Group g) { return s[g].param.data(); };
-        return {s.count,         p(Group::kMean),     p(Group::kScale),          p(Group::kRotation),     p(Group::kOpacity),
-                p(Group::kBase), p(Group::kResidual), s[Group::kResidual].width, s.appearance.activation, s.shared.param.data()};
+        return {s.count,
+                p(Group::kMean),
+                p(Group::kScale),
+                p(Group::kRotation),
+                p(Group::kOpacity),
+                p(Group::kBase),
+                p(Group::kResidual),
+                s[Group::kResidual].width,
+                s.appearance.activation,
+                s.shared.param.data()};
     }
     GS_HD GaussianGeometry<Real> geometry(std::int64_t i) const {
         return {{means[3 * i], means[3 * i + 1], means[3 * i + 2]},
@@ -30,7 +38,9 @@ template <class Real> struct ParameterView {
     GS_HD ViewDirection<Real> direction(std::int64_t i, const Vec3<Real>& camera_position) const {
         return view_direction(Vec3<Real>{means[3 * i], means[3 * i + 1], means[3 * i + 2]}, camera_position);
     }
-    GS_HD Vec3<Real> base(std::int64_t i) const { return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]}; }
+    GS_HD Vec3<Real> base(std::int64_t i) const {
+        return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]};
+    }
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
 };
 
@@ -40,7 +50,7 @@ template <class Real> struct GaussianGradient {
     bool visible;
     GeometryGradient<Real> geometry;
     Vec3<Real> base;
-    Vec2<Real> mean2d; ///< gradient of the mean in pixels, for the densification statistic
+    Vec2<Real> mean2d;  ///< gradient of the mean in pixels, for the densification statistic
 };
 
 }  // namespace gs

@@ -9,7 +9,7 @@ namespace gs {
 /// One (Gaussian, tile) pair.
 struct Instance {
     std::uint32_t gaussian;
-    std::uint32_t slot; ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there
+    std::uint32_t slot;  ///< position in Gaussian-major order: the instances of one Gaussian are neighbours there
 };
 
 }  // namespace gs

@@ -12,7 +12,7 @@ namespace gs {
 
 /// The geometry of one Gaussian as stored (raw).
 template <class T> struct GaussianGeometry {
-    Vec3<T> mean;      ///< world units
+    Vec3<T> mean;  ///< world units
     Vec3<T> log_scale;
     Vec4<T> rotation;  ///< (w,x,y,z) in the fields (x,y,z,w), so that x holds w; unnormalised
     T raw_opacity;     ///< logit
@@ -26,15 +26,15 @@ struct PixelBounds {
 /// Intermediate results that the forward and backward pass share. The backward pass recomputes them instead of storing
 /// them.
 template <class T> struct Projection {
-    Vec3<T> cam;                ///< mean in camera space
-    T u, v, uc, vc;             ///< normalised image coordinates, and their values clipped for the Jacobian
+    Vec3<T> cam;     ///< mean in camera space
+    T u, v, uc, vc;  ///< normalised image coordinates, and their values clipped for the Jacobian
     bool u_inside, v_inside;
-    Mat3<T> rotation;           ///< R(q)
-    Vec3<T> variance;           ///< exp(2 s)
-    Sym3<T> covariance;         ///< R diag(variance) R^T, world
-    T j11, j22;                 ///< fx/z, fy/z
-    Vec3<T> a1, a2;             ///< rows of J W
-    Sym2<T> cov2d;              ///< dilated
+    Mat3<T> rotation;    ///< R(q)
+    Vec3<T> variance;    ///< exp(2 s)
+    Sym3<T> covariance;  ///< R diag(variance) R^T, world
+    T j11, j22;          ///< fx/z, fy/z
+    Vec3<T> a1, a2;      ///< rows of J W
+    Sym2<T> cov2d;       ///< dilated
     T det;
 };
 
@@ -50,7 +50,9 @@ template <class T> GS_HD Mat3<T> rotation_matrix(const Vec4<T>& q) {
 template <class T> GS_HD T norm2(const Vec4<T>& q) { return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w; }
 
 /// Returns whether a quaternion has a direction: it has none if it is too short, too long for float, or NaN.
-template <class T> GS_HD bool usable_rotation(const Vec4<T>& q) { return norm2(q) >= T(kMinQuaternionNorm2) && norm2(q) <= T(kMaxQuaternionNorm2); }
+template <class T> GS_HD bool usable_rotation(const Vec4<T>& q) {
+    return norm2(q) >= T(kMinQuaternionNorm2) && norm2(q) <= T(kMaxQuaternionNorm2);
+}
 
 template <class T> GS_HD Sym3<T> world_covariance(const Mat3<T>& r, const Vec3<T>& var) {
     const Vec3<T> m0 = r.r0 * var, m1 = r.r1 * var, m2 = r.r2 * var;
@@ -64,7 +66,8 @@ template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
 
 /// Takes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
 /// positively, so that NaN fails it.
-template <class T> GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
+template <class T>
+GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     p.cam = cam.rotation * g.mean + cam.translation;
     const T z = p.cam.z;
     if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
@@ -95,7 +98,8 @@ template <class T> GS_HD bool project_geometry(const GaussianGeometry<T>& g, con
 /// Returns the pixel rectangle of the ellipse alpha >= 1/255, clamped to [0, width_padded] x [0, height_padded]. It is
 /// clamped as floating point first, because means far off axis exceed the range of int.
 template <class T>
-GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width_padded, int height_padded) {
+GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width_padded,
+                               int height_padded) {
     const T hx = gs_max(gs_sqrt(T(2) * threshold * cov2d.xx) - T(0.5), T(0));
     const T hy = gs_max(gs_sqrt(T(2) * threshold * cov2d.yy) - T(0.5), T(0));
     const T w = T(width_padded), h = T(height_padded);
@@ -107,7 +111,8 @@ GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T thresho
 /// [y0+.5, y0+.5+extent_y], which is 0 if the mean lies inside. P is a scalar, or lanes that test one rectangle each.
 /// extent_x and extent_y are positive.
 template <class P, class T> GS_HD P min_power_in_rectangle(const Splat<T>& s, P x0, P y0, T extent_x, T extent_y) {
-    const P zero(T(0)), one(T(1)), mx(s.mean.x - T(0.5)), my(s.mean.y - T(0.5)), ax(s.a), bx(s.b), cx(s.c), wx(extent_x), wy(extent_y);
+    const P zero(T(0)), one(T(1)), mx(s.mean.x - T(0.5)), my(s.mean.y - T(0.5)), ax(s.a), bx(s.b), cx(s.c),
+        wx(extent_x), wy(extent_y);
     const P x1 = x0 + wx, y1 = y0 + wy;
     const P left = select(at_least(x0, mx), one, zero), right = select(at_least(x1, mx), zero, one);
     const P above = select(at_least(y0, my), one, zero), below = select(at_least(y1, my), zero, one);
@@ -131,8 +136,8 @@ template <class T> struct GeometryGradient {
 
 /// Takes steps 1 and 3 to 9 of the backward pass, which are all but the colour.
 template <class T>
-GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam, const Projection<T>& p, T opacity,
-                                           const SplatGradient<T>& d) {
+GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const CameraParams<T>& cam,
+                                           const Projection<T>& p, T opacity, const SplatGradient<T>& d) {
     GeometryGradient<T> out;
     out.raw_opacity = d.opacity * opacity * (T(1) - opacity);
 
@@ -174,9 +179,12 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     const T gxy = m0.y + m1.x, gxz = m2.x + m0.z, gyz = m1.z + m2.y;
     const T grx = m1.z - m2.y, gry = m2.x - m0.z, grz = m0.y - m1.x;
     const T s = T(2) / norm2(g.rotation);
-    const T t = s * (x * y * gxy + x * z * gxz + y * z * gyz + w * x * grx + w * y * gry + w * z * grz - x * x * gxx - y * y * gyy - z * z * gzz);
-    out.rotation = {s * (x * grx + y * gry + z * grz - w * t), s * (w * grx - T(2) * x * gxx + y * gxy + z * gxz - x * t),
-                    s * (w * gry + x * gxy - T(2) * y * gyy + z * gyz - y * t), s * (w * grz + x * gxz + y * gyz - T(2) * z * gzz - z * t)};
+    const T t = s * (x * y * gxy + x * z * gxz + y * z * gyz + w * x * grx + w * y * gry + w * z * grz - x * x * gxx -
+                     y * y * gyy - z * z * gzz);
+    out.rotation = {s * (x * grx + y * gry + z * grz - w * t),
+                    s * (w * grx - T(2) * x * gxx + y * gxy + z * gxz - x * t),
+                    s * (w * gry + x * gxy - T(2) * y * gyy + z * gyz - y * t),
+                    s * (w * grz + x * gxz + y * gyz - T(2) * z * gzz - z * t)};
     return out;
 }
 

@@ -20,10 +20,12 @@ inline constexpr double kMinTransmittance = 1e-4;
 
 /// The limits at which a backend stops: the two above, or higher ones that trade accuracy for speed.
 template <class Real> struct Cutoffs {
-    Real alpha = Real(kMinAlpha), inverse_alpha = Real(255); ///< alpha is at least kMinAlpha
+    Real alpha = Real(kMinAlpha), inverse_alpha = Real(255);  ///< alpha is at least kMinAlpha
     Real transmittance = Real(kMinTransmittance);
 
-    static Cutoffs of(double alpha, double transmittance) { return {Real(alpha), Real(1 / alpha), Real(transmittance)}; }
+    static Cutoffs of(double alpha, double transmittance) {
+        return {Real(alpha), Real(1 / alpha), Real(transmittance)};
+    }
 };
 
 /// The floor of 1-alpha in the backward pass.

@@ -12,13 +12,14 @@ inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTi
 
 /// A splat in three 16-byte pieces, so that three instructions read it and it shares no sector needlessly.
 struct alignas(16) PackedSplat {
-    float4 a; ///< mean x, mean y, conic a, conic b
-    float4 b; ///< conic c, opacity, threshold, red
-    float4 c; ///< green, blue, and the pixel bounds: x_min | x_max << 16, y_min | y_max << 16
+    float4 a;  ///< mean x, mean y, conic a, conic b
+    float4 b;  ///< conic c, opacity, threshold, red
+    float4 c;  ///< green, blue, and the pixel bounds: x_min | x_max << 16, y_min | y_max << 16
 
     static __device__ PackedSplat of(const Splat<float>& s, const PixelBounds& p) {
         return {make_float4(s.mean.x, s.mean.y, s.a, s.b), make_float4(s.c, s.opacity, s.threshold, s.color.x),
-                make_float4(s.color.y, s.color.z, __uint_as_float(p.x_min | p.x_max << 16), __uint_as_float(p.y_min | p.y_max << 16))};
+                make_float4(s.color.y, s.color.z, __uint_as_float(p.x_min | p.x_max << 16),
+                            __uint_as_float(p.y_min | p.y_max << 16))};
     }
     __device__ void set_color(const Vec3<float>& color) { b.w = color.x, c.x = color.y, c.y = color.z; }
     __device__ Splat<float> splat() const { return {{a.x, a.y}, a.z, a.w, b.x, b.y, {b.w, c.x, c.y}, b.z}; }
@@ -32,7 +33,9 @@ struct alignas(16) PackedSplat {
 struct TileRectangle {
     int x0, y0, width, height;
     __device__ explicit TileRectangle(const PixelBounds& b)
-        : x0(b.x_min / kCudaTileX), y0(b.y_min / kCudaTileY), width((b.x_max + kCudaTileX - 1) / kCudaTileX - x0),
+        : x0(b.x_min / kCudaTileX),
+          y0(b.y_min / kCudaTileY),
+          width((b.x_max + kCudaTileX - 1) / kCudaTileX - x0),
           height((b.y_max + kCudaTileY - 1) / kCudaTileY - y0) {}
     __device__ int size() const { return width * height; }
 };
@@ -40,11 +43,12 @@ struct TileRectangle {
 /// The tiles that a Gaussian touches, found once: up to 32 candidate tiles as bits, row by row. Larger Gaussians have
 /// width 0 and are tested again when their instances are written.
 struct TileSpan {
-    std::uint32_t where; ///< x0 | y0 << 13 | width << 26
+    std::uint32_t where;  ///< x0 | y0 << 13 | width << 26
     std::uint32_t mask;
 
     static __device__ TileSpan of(const TileRectangle& r, unsigned mask) {
-        return {std::uint32_t(r.x0) | std::uint32_t(r.y0) << 13 | std::uint32_t(r.size() <= 32 ? r.width : 0) << 26, mask};
+        return {std::uint32_t(r.x0) | std::uint32_t(r.y0) << 13 | std::uint32_t(r.size() <= 32 ? r.width : 0) << 26,
+                mask};
     }
     __device__ int x0() const { return where & 0x1fff; }
     __device__ int y0() const { return where >> 13 & 0x1fff; }
@@ -74,7 +78,8 @@ class TileRows {
         const float from = fmaxf(low, -half_height_), to = fminf(high, half_height_);
         if (!(from <= to)) return {0, 0};
         const float y_right = fminf(fmaxf(extreme_, from), to), y_left = fminf(fmaxf(-extreme_, from), to);
-        const float right = mx_ + slope_ * y_right + half_width(y_right), left = mx_ + slope_ * y_left - half_width(y_left);
+        const float right = mx_ + slope_ * y_right + half_width(y_right),
+                    left = mx_ + slope_ * y_left - half_width(y_left);
         // Clamped as floating point: an ellipse may reach beyond the range of int.
         const int x0 = int(fmaxf(ceilf((left - (kCudaTileX - 0.5f)) * (1.0f / kCudaTileX)), float(x0_)));
         const int x1 = int(fminf(floorf((right - 0.5f) * (1.0f / kCudaTileX)), float(x1_ - 1))) + 1;
@@ -82,7 +87,9 @@ class TileRows {
     }
 
   private:
-    __device__ float half_width(float dy) const { return sqrtf(fmaxf(reach_ - dy * dy * curvature_, 0.0f) * inverse_a_); }
+    __device__ float half_width(float dy) const {
+        return sqrtf(fmaxf(reach_ - dy * dy * curvature_, 0.0f) * inverse_a_);
+    }
     float mx_, my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
     int x0_, x1_;
 };

@@ -18,7 +18,9 @@ template <class T> struct Splat {
 
 /// Returns the threshold of the touch tests. It is widened by more than the rounding of the power in float, and by too
 /// little to cost time.
-template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) { return s.threshold * Real(1.0001) + Real(1e-3); }
+template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) {
+    return s.threshold * Real(1.0001) + Real(1e-3);
+}
 
 /// The gradients of the loss with respect to one splat.
 template <class T> struct SplatGradient {
@@ -29,16 +31,14 @@ template <class T> struct SplatGradient {
 };
 
 /// The sums of one splat over its pixels; h = -alpha dL/dalpha.
-template <class P> struct SplatSums {
-    P h, hx, hy, hxx, hxy, hyy, r, g, b;
-};
+template <class P> struct SplatSums { P h, hx, hy, hxx, hxy, hyy, r, g, b; };
 
 /// Returns the gradients of a splat from its sums over pixels.
 template <class T> GS_HD SplatGradient<T> splat_gradient(const Splat<T>& s, const SplatSums<T>& k) {
     SplatGradient<T> d;
     d.mean = {s.a * k.hx + s.b * k.hy, s.b * k.hx + s.c * k.hy};
     d.conic = {T(0.5) * k.hxx, T(0.5) * k.hxy, T(0.5) * k.hyy};
-    d.opacity = -k.h / s.opacity; // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, as alpha had to be
+    d.opacity = -k.h / s.opacity;  // dL/do = sum G dL/dalpha and alpha = o G; o >= 1/255, as alpha had to be
     d.color = {k.r, k.g, k.b};
     return d;
 }

@@ -40,15 +40,19 @@ struct Slice {
 class Fetch {
   public:
     __device__ Fetch(const ConvolutionArgs& a, int first_channel, int first_pixel)
-        : pixel_(first_pixel + int(threadIdx.x)), y_(pixel_ / a.out_width * a.stride - a.padding), x_(pixel_ % a.out_width * a.stride - a.padding),
-          channel_(first_channel + int(threadIdx.x) * kWeightsPerThread / kSlice), plane_(a.in) {}
+        : pixel_(first_pixel + int(threadIdx.x)),
+          y_(pixel_ / a.out_width * a.stride - a.padding),
+          x_(pixel_ % a.out_width * a.stride - a.padding),
+          channel_(first_channel + int(threadIdx.x) * kWeightsPerThread / kSlice),
+          plane_(a.in) {}
 
     /// Reads the next slice, which begins at `depth`, with zeros outside the image, the layer and the tile.
     __device__ void read(const ConvolutionArgs& a, int depth) {
 #pragma unroll
         for (int k = 0; k < kSlice; ++k) {
             const int y = y_ + ky_, x = x_ + kx_;
-            const bool inside = pixel_ < a.out_pixels && depth + k < a.depth && unsigned(y) < unsigned(a.in_height) && unsigned(x) < unsigned(a.in_width);
+            const bool inside = pixel_ < a.out_pixels && depth + k < a.depth && unsigned(y) < unsigned(a.in_height) &&
+                                unsigned(x) < unsigned(a.in_width);
             columns_[k] = inside ? plane_[std::size_t(y) * a.in_width + x] : 0.0f;
             if (++kx_ < a.kernel) continue;
             kx_ = 0;
@@ -59,13 +63,16 @@ class Fetch {
         const int first = depth + first_weight();
 #pragma unroll
         for (int k = 0; k < kWeightsPerThread; ++k)
-            weights_[k] = channel_ < a.out_channels && first + k < a.depth ? a.weights[std::size_t(channel_) * a.depth + first + k] : 0.0f;
+            weights_[k] = channel_ < a.out_channels && first + k < a.depth
+                              ? a.weights[std::size_t(channel_) * a.depth + first + k]
+                              : 0.0f;
     }
     __device__ void store(Slice& slice) const {
 #pragma unroll
         for (int k = 0; k < kSlice; ++k) slice.columns[k][threadIdx.x] = columns_[k];
 #pragma unroll
-        for (int k = 0; k < kWeightsPerThread; ++k) slice.weights[first_weight() + k][threadIdx.x * kWeightsPerThread / kSlice] = weights_[k];
+        for (int k = 0; k < kWeightsPerThread; ++k)
+            slice.weights[first_weight() + k][threadIdx.x * kWeightsPerThread / kSlice] = weights_[k];
     }
 
   private:
@@ -115,7 +122,7 @@ __global__ void __launch_bounds__(kThreads) convolution(ConvolutionArgs a) {
         }
         if (!more) break;
         current ^= 1;
-        fetch.store(slices[current]); // its readers are done, since they passed the barrier of the slice before
+        fetch.store(slices[current]);  // its readers are done, since they passed the barrier of the slice before
         __syncthreads();
     }
 #pragma unroll

@@ -16,7 +16,9 @@ GS_HD float max_of_window(const float* window, int width, int size) {
     return largest;
 }
 
-GS_HD float mean_of_window(const float* window, int width) { return (window[0] + window[1] + window[width] + window[width + 1]) * 0.25f; }
+GS_HD float mean_of_window(const float* window, int width) {
+    return (window[0] + window[1] + window[width] + window[width + 1]) * 0.25f;
+}
 
 /// Returns value (y, x) of l2_pool of a plane.
 GS_HD float l2_of_window(const float* plane, int height, int width, int y, int x) {
@@ -30,7 +32,9 @@ GS_HD float l2_of_window(const float* plane, int height, int width, int y, int x
 }
 
 /// Returns the position of value i of a doubled axis on the axis of n values.
-GS_HD float aligned_position(int i, int n) { return n < 2 ? 0.0f : float(gs_min(i, 2 * n - 1)) * float(n - 1) / float(2 * n - 1); }
+GS_HD float aligned_position(int i, int n) {
+    return n < 2 ? 0.0f : float(gs_min(i, 2 * n - 1)) * float(n - 1) / float(2 * n - 1);
+}
 
 /// Returns value (y, x) of upsample_aligned of a plane.
 GS_HD float aligned_sample(const float* plane, int height, int width, int y, int x) {

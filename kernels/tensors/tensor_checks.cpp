@@ -9,16 +9,22 @@
 namespace gs {
 namespace {
 
-std::string shape_text(int channels, int height, int width) { return "(" + std::to_string(channels) + "," + std::to_string(height) + "," + std::to_string(width) + ")"; }
+std::string shape_text(int channels, int height, int width) {
+    return "(" + std::to_string(channels) + "," + std::to_string(height) + "," + std::to_string(width) + ")";
+}
 
-int output_side(int n, int kernel, int stride, int padding) { return n + 2 * padding < kernel ? 0 : (n + 2 * padding - kernel) / stride + 1; }
+int output_side(int n, int kernel, int stride, int padding) {
+    return n + 2 * padding < kernel ? 0 : (n + 2 * padding - kernel) / stride + 1;
+}
 
 }  // namespace
 
 Tensor shape_of_windows(const Tensor& in, int channels, int kernel, int stride, int padding) {
-    const int height = output_side(in.height, kernel, stride, padding), width = output_side(in.width, kernel, stride, padding);
+    const int height = output_side(in.height, kernel, stride, padding),
+              width = output_side(in.width, kernel, stride, padding);
     if (height == 0 || width == 0)
-        throw UsageError(std::to_string(in.width) + "x" + std::to_string(in.height) + " values are too few for a window of " + std::to_string(kernel));
+        throw UsageError(std::to_string(in.width) + "x" + std::to_string(in.height) +
+                         " values are too few for a window of " + std::to_string(kernel));
     return {channels, height, width, nullptr};
 }
 
@@ -40,7 +46,8 @@ Tensor shape_of_stack(std::initializer_list<Tensor> parts) {
 
 void require_shape(const Tensor& tensor, int channels, int height, int width) {
     if (tensor.channels != channels || tensor.height != height || tensor.width != width)
-        throw UsageError("a tensor has the shape " + shape_text(tensor.channels, tensor.height, tensor.width) + " instead of " + shape_text(channels, height, width));
+        throw UsageError("a tensor has the shape " + shape_text(tensor.channels, tensor.height, tensor.width) +
+                         " instead of " + shape_text(channels, height, width));
 }
 
 }  // namespace gs

@@ -20,7 +20,8 @@ template <class T> std::shared_ptr<T[]> allocate(std::size_t n) {
     const cudaError_t error = cudaMallocAsync(&data, std::max<std::size_t>(n, 1) * sizeof(T), nullptr);
     if (error == cudaErrorMemoryAllocation) {
         cudaGetLastError();
-        throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) + " MiB for a layer of a metric; use --device cpu");
+        throw DeviceError("out of device memory: asked for " + std::to_string(n * sizeof(T) >> 20) +
+                          " MiB for a layer of a metric; use --device cpu");
     }
     cuda_check(error, "cudaMallocAsync");
     return {static_cast<T*>(data), [](T* p) { cudaFreeAsync(p, nullptr); }};
@@ -43,7 +44,8 @@ __device__ Place place_of(std::size_t i, int height, int width) {
 
 /// Sets out[i] = value(plane of `in`, y, x).
 template <class Value>
-__global__ void __launch_bounds__(kBlock) each_value(const float* in, std::size_t in_pixels, float* out, std::size_t n, int height, int width, Value value) {
+__global__ void __launch_bounds__(kBlock)
+    each_value(const float* in, std::size_t in_pixels, float* out, std::size_t n, int height, int width, Value value) {
     const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     if (i >= n) return;
     const Place p = place_of(i, height, width);
@@ -52,12 +54,14 @@ __global__ void __launch_bounds__(kBlock) each_value(const float* in, std::size_
 
 template <class Value> Tensor make_each(const char* name, const Tensor& in, const Tensor& shape, Value value) {
     const Tensor out = allocated(shape);
-    each_value<<<num_blocks(std::int64_t(out.size()), kBlock), kBlock>>>(in.values.get(), in.pixels(), out.values.get(), out.size(), out.height, out.width, value);
+    each_value<<<num_blocks(std::int64_t(out.size()), kBlock), kBlock>>>(in.values.get(), in.pixels(), out.values.get(),
+                                                                         out.size(), out.height, out.width, value);
     GS_CUDA_LAUNCHED(name);
     return out;
 }
 
-__global__ void __launch_bounds__(kBlock) add_logistic_values(const float* x, const float* y, float* out, std::size_t n) {
+__global__ void __launch_bounds__(kBlock)
+    add_logistic_values(const float* x, const float* y, float* out, std::size_t n) {
     const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     if (i < n) out[i] = sigmoid(x[i]) + y[i];
 }
@@ -66,7 +70,7 @@ __global__ void __launch_bounds__(kBlock) add_logistic_values(const float* x, co
 __device__ double block_sum(double x) {
     __shared__ double warps[kBlock / 32];
     x = warp_sum(x);
-    __syncthreads(); // the sums of the last call have then been read
+    __syncthreads();  // the sums of the last call have then been read
     if (threadIdx.x % 32 == 0) warps[threadIdx.x / 32] = x;
     __syncthreads();
     double sum = 0;
@@ -75,7 +79,8 @@ __device__ double block_sum(double x) {
 }
 
 /// Sums the distances of the pixels, with a thread for each. The blocks' sums go to `parts`.
-__global__ void __launch_bounds__(kBlock) direction_distances(const float* a, const float* b, const float* weights, int channels, std::size_t pixels, double* parts) {
+__global__ void __launch_bounds__(kBlock) direction_distances(const float* a, const float* b, const float* weights,
+                                                              int channels, std::size_t pixels, double* parts) {
     const std::size_t p = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     double sum = 0;
     if (p < pixels) {
@@ -97,7 +102,8 @@ __global__ void __launch_bounds__(kBlock) direction_distances(const float* a, co
 }
 
 /// Compares the channels, with a block for each.
-__global__ void __launch_bounds__(kBlock) compare_planes(const float* a, const float* b, std::size_t pixels, ChannelComparison* out) {
+__global__ void __launch_bounds__(kBlock)
+    compare_planes(const float* a, const float* b, std::size_t pixels, ChannelComparison* out) {
     a += blockIdx.x * pixels, b += blockIdx.x * pixels;
     double mean_a = 0, mean_b = 0;
     for (std::size_t p = threadIdx.x; p < pixels; p += kBlock) mean_a += a[p], mean_b += b[p];
@@ -107,15 +113,18 @@ __global__ void __launch_bounds__(kBlock) compare_planes(const float* a, const f
         const double da = a[p] - mean_a, db = b[p] - mean_b;
         variance_a += da * da, variance_b += db * db, difference += (da - db) * (da - db);
     }
-    variance_a = block_sum(variance_a) / double(pixels), variance_b = block_sum(variance_b) / double(pixels), difference = block_sum(difference) / double(pixels);
+    variance_a = block_sum(variance_a) / double(pixels), variance_b = block_sum(variance_b) / double(pixels),
+    difference = block_sum(difference) / double(pixels);
     if (threadIdx.x == 0) out[blockIdx.x] = {mean_a, mean_b, variance_a, variance_b, difference};
 }
 
-__global__ void __launch_bounds__(kBlock) masked_differences(const float* mask, const float* a, const float* b, int channels, std::size_t pixels, double* parts) {
+__global__ void __launch_bounds__(kBlock) masked_differences(const float* mask, const float* a, const float* b,
+                                                             int channels, std::size_t pixels, double* parts) {
     const std::size_t p = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     double sum = 0;
     if (p < pixels)
-        for (int c = 0; c < channels; ++c) sum += double(mask[p]) * gs_abs(double(a[c * pixels + p]) - double(b[c * pixels + p]));
+        for (int c = 0; c < channels; ++c)
+            sum += double(mask[p]) * gs_abs(double(a[c * pixels + p]) - double(b[c * pixels + p]));
     sum = block_sum(sum);
     if (threadIdx.x == 0) parts[blockIdx.x] = sum;
 }
@@ -153,7 +162,9 @@ class CudaTensorEngine : public TensorEngine {
         GS_CUDA(cudaMemcpy(tensor.values.get(), values.data(), tensor.size() * sizeof(float), cudaMemcpyHostToDevice));
         return tensor;
     }
-    std::vector<float> download(const Tensor& tensor) const override { return downloaded(tensor.values, tensor.size()); }
+    std::vector<float> download(const Tensor& tensor) const override {
+        return downloaded(tensor.values, tensor.size());
+    }
 
     Tensor convolve(const Tensor& in, const ConvLayer& layer, bool relu) const override {
         const Tensor out = allocated(shape_of_convolution(in, layer));
@@ -161,21 +172,29 @@ class CudaTensorEngine : public TensorEngine {
         return out;
     }
     Tensor max_pool(const Tensor& in, int size, int stride) const override {
-        return make_each("max_pool", in, shape_of_windows(in, in.channels, size, stride, 0), [=, width = in.width] __device__(const float* from, int y, int x) {
-            return max_of_window(from + std::size_t(y) * stride * width + std::size_t(x) * stride, width, size);
-        });
+        return make_each("max_pool", in, shape_of_windows(in, in.channels, size, stride, 0),
+                         [=, width = in.width] __device__(const float* from, int y, int x) {
+                             return max_of_window(from + std::size_t(y) * stride * width + std::size_t(x) * stride,
+                                                  width, size);
+                         });
     }
     Tensor average_pool(const Tensor& in) const override {
         return make_each("average_pool", in, shape_of_windows(in, in.channels, 2, 2, 0),
-                         [width = in.width] __device__(const float* from, int y, int x) { return mean_of_window(from + std::size_t(2 * y) * width + 2 * x, width); });
+                         [width = in.width] __device__(const float* from, int y, int x) {
+                             return mean_of_window(from + std::size_t(2 * y) * width + 2 * x, width);
+                         });
     }
     Tensor l2_pool(const Tensor& in) const override {
         return make_each("l2_pool", in, shape_of_windows(in, in.channels, 3, 2, 1),
-                         [height = in.height, width = in.width] __device__(const float* from, int y, int x) { return l2_of_window(from, height, width, y, x); });
+                         [height = in.height, width = in.width] __device__(const float* from, int y, int x) {
+                             return l2_of_window(from, height, width, y, x);
+                         });
     }
     Tensor upsample_aligned(const Tensor& in, int height, int width) const override {
         return make_each("upsample_aligned", in, {in.channels, height, width, nullptr},
-                         [h = in.height, w = in.width] __device__(const float* from, int y, int x) { return aligned_sample(from, h, w, y, x); });
+                         [h = in.height, w = in.width] __device__(const float* from, int y, int x) {
+                             return aligned_sample(from, h, w, y, x);
+                         });
     }
     Tensor stacked(std::initializer_list<Tensor> parts) const override {
         const Tensor all = allocated(shape_of_stack(parts));
@@ -189,7 +208,8 @@ class CudaTensorEngine : public TensorEngine {
     Tensor add_logistic(const Tensor& x, const Tensor& y) const override {
         require_shape(y, x.channels, x.height, x.width);
         const Tensor out = allocated(x);
-        add_logistic_values<<<num_blocks(std::int64_t(out.size()), kBlock), kBlock>>>(x.values.get(), y.values.get(), out.values.get(), out.size());
+        add_logistic_values<<<num_blocks(std::int64_t(out.size()), kBlock), kBlock>>>(x.values.get(), y.values.get(),
+                                                                                      out.values.get(), out.size());
         GS_CUDA_LAUNCHED("add_logistic");
         return out;
     }
@@ -197,10 +217,14 @@ class CudaTensorEngine : public TensorEngine {
     double direction_distance(const Tensor& a, const Tensor& b, const Tensor& weights) const override {
         require_shape(b, a.channels, a.height, a.width);
         require_shape(weights, a.channels, 1, 1);
-        return sum_of_parts(a.pixels(), [&](unsigned blocks, double* parts) {
-            direction_distances<<<blocks, kBlock>>>(a.values.get(), b.values.get(), weights.values.get(), a.channels, a.pixels(), parts);
-            GS_CUDA_LAUNCHED("direction_distances");
-        }) / double(a.pixels());
+        return sum_of_parts(a.pixels(),
+                            [&](unsigned blocks, double* parts) {
+                                direction_distances<<<blocks, kBlock>>>(a.values.get(), b.values.get(),
+                                                                        weights.values.get(), a.channels, a.pixels(),
+                                                                        parts);
+                                GS_CUDA_LAUNCHED("direction_distances");
+                            }) /
+               double(a.pixels());
     }
     std::vector<ChannelComparison> compare_channels(const Tensor& a, const Tensor& b) const override {
         require_shape(b, a.channels, a.height, a.width);
@@ -212,10 +236,13 @@ class CudaTensorEngine : public TensorEngine {
     double masked_difference(const Tensor& mask, const Tensor& a, const Tensor& b) const override {
         require_shape(b, a.channels, a.height, a.width);
         require_shape(mask, 1, a.height, a.width);
-        return sum_of_parts(a.pixels(), [&](unsigned blocks, double* parts) {
-            masked_differences<<<blocks, kBlock>>>(mask.values.get(), a.values.get(), b.values.get(), a.channels, a.pixels(), parts);
-            GS_CUDA_LAUNCHED("masked_differences");
-        }) / double(a.size());
+        return sum_of_parts(a.pixels(),
+                            [&](unsigned blocks, double* parts) {
+                                masked_differences<<<blocks, kBlock>>>(mask.values.get(), a.values.get(),
+                                                                       b.values.get(), a.channels, a.pixels(), parts);
+                                GS_CUDA_LAUNCHED("masked_differences");
+                            }) /
+               double(a.size());
     }
 };
 

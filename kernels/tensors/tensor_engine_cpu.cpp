@@ -43,7 +43,8 @@ void gather_row(const float* row, int width, int stride, int first, int begin, i
 }
 
 /// Gathers the columns of inputs for output pixels [begin, begin + count): (in * kernel * kernel, count).
-void gather(const Tensor& in, const ConvLayer& layer, int out_width, std::int64_t begin, std::int64_t count, float* columns) {
+void gather(const Tensor& in, const ConvLayer& layer, int out_width, std::int64_t begin, std::int64_t count,
+            float* columns) {
     for (int c = 0; c < layer.in; ++c) {
         for (int ky = 0; ky < layer.kernel; ++ky) {
             for (int kx = 0; kx < layer.kernel; ++kx) {
@@ -54,7 +55,8 @@ void gather(const Tensor& in, const ConvLayer& layer, int out_width, std::int64_
                     if (source < 0 || source >= in.height)
                         std::fill_n(columns + i, end - x, 0.0f);
                     else
-                        gather_row(plane(in, c) + std::size_t(source) * in.width, in.width, layer.stride, kx - layer.padding, x, end, columns + i);
+                        gather_row(plane(in, c) + std::size_t(source) * in.width, in.width, layer.stride,
+                                   kx - layer.padding, x, end, columns + i);
                     i += end - x;
                 }
                 columns += count;
@@ -93,7 +95,9 @@ class CpuTensorEngine : public TensorEngine {
         std::copy_n(values.begin(), tensor.size(), tensor.values.get());
         return tensor;
     }
-    std::vector<float> download(const Tensor& tensor) const override { return {tensor.values.get(), tensor.values.get() + tensor.size()}; }
+    std::vector<float> download(const Tensor& tensor) const override {
+        return {tensor.values.get(), tensor.values.get() + tensor.size()};
+    }
 
     /// Takes 2 MiB to 8 MiB a thread besides input and output.
     Tensor convolve(const Tensor& in, const ConvLayer& layer, bool relu) const override {
@@ -108,7 +112,8 @@ class CpuTensorEngine : public TensorEngine {
             const std::int64_t begin = part * block, count = std::min(block, pixels - begin);
             const auto columns = std::make_unique_for_overwrite<float[]>(std::size_t(depth * count));
             gather(in, layer, out.width, begin, count, columns.get());
-            Eigen::Map<Matrix, 0, Eigen::OuterStride<>> result(out.values.get() + begin, layer.out, count, Eigen::OuterStride<>(pixels));
+            Eigen::Map<Matrix, 0, Eigen::OuterStride<>> result(out.values.get() + begin, layer.out, count,
+                                                               Eigen::OuterStride<>(pixels));
             result.noalias() = weights * Eigen::Map<const Matrix>(columns.get(), depth, count);
             result.colwise() += bias;
             if (relu) result = result.cwiseMax(0.0f);
@@ -122,14 +127,19 @@ class CpuTensorEngine : public TensorEngine {
         });
     }
     Tensor average_pool(const Tensor& in) const override {
-        return each_value(in, shape_of_windows(in, in.channels, 2, 2, 0),
-                          [&](const float* from, int y, int x) { return mean_of_window(from + std::size_t(2 * y) * in.width + 2 * x, in.width); });
+        return each_value(in, shape_of_windows(in, in.channels, 2, 2, 0), [&](const float* from, int y, int x) {
+            return mean_of_window(from + std::size_t(2 * y) * in.width + 2 * x, in.width);
+        });
     }
     Tensor l2_pool(const Tensor& in) const override {
-        return each_value(in, shape_of_windows(in, in.channels, 3, 2, 1), [&](const float* from, int y, int x) { return l2_of_window(from, in.height, in.width, y, x); });
+        return each_value(in, shape_of_windows(in, in.channels, 3, 2, 1), [&](const float* from, int y, int x) {
+            return l2_of_window(from, in.height, in.width, y, x);
+        });
     }
     Tensor upsample_aligned(const Tensor& in, int height, int width) const override {
-        return each_value(in, {in.channels, height, width, nullptr}, [&](const float* from, int y, int x) { return aligned_sample(from, in.height, in.width, y, x); });
+        return each_value(in, {in.channels, height, width, nullptr}, [&](const float* from, int y, int x) {
+            return aligned_sample(from, in.height, in.width, y, x);
+        });
     }
 
     Tensor stacked(std::initializer_list<Tensor> parts) const override {
@@ -156,10 +166,12 @@ class CpuTensorEngine : public TensorEngine {
             std::vector<double> norm_a(std::size_t(count), 0.0), norm_b(std::size_t(count), 0.0);
             for (int c = 0; c < a.channels; ++c) {
                 const float *va = plane(a, c) + begin, *vb = plane(b, c) + begin;
-                for (std::int64_t i = 0; i < count; ++i) norm_a[i] += double(va[i]) * va[i], norm_b[i] += double(vb[i]) * vb[i];
+                for (std::int64_t i = 0; i < count; ++i)
+                    norm_a[i] += double(va[i]) * va[i], norm_b[i] += double(vb[i]) * vb[i];
             }
             for (std::int64_t i = 0; i < count; ++i)
-                norm_a[i] = 1 / (std::sqrt(norm_a[i]) + kDirectionEpsilon), norm_b[i] = 1 / (std::sqrt(norm_b[i]) + kDirectionEpsilon);
+                norm_a[i] = 1 / (std::sqrt(norm_a[i]) + kDirectionEpsilon),
+                norm_b[i] = 1 / (std::sqrt(norm_b[i]) + kDirectionEpsilon);
             // Scaling has a pass of its own. Fused into the subtraction, one product would be rounded and the other
             // not, and identical images would differ.
             std::vector<double> unit_a(norm_a.size()), unit_b(norm_b.size());
@@ -179,7 +191,9 @@ class CpuTensorEngine : public TensorEngine {
     std::vector<ChannelComparison> compare_channels(const Tensor& a, const Tensor& b) const override {
         require_shape(b, a.channels, a.height, a.width);
         std::vector<ChannelComparison> all(std::size_t(a.channels));
-        parallel_for(a.channels, [&](std::int64_t c) { all[std::size_t(c)] = compare_planes(plane(a, int(c)), plane(b, int(c)), a.pixels()); });
+        parallel_for(a.channels, [&](std::int64_t c) {
+            all[std::size_t(c)] = compare_planes(plane(a, int(c)), plane(b, int(c)), a.pixels());
+        });
         return all;
     }
 
@@ -189,7 +203,8 @@ class CpuTensorEngine : public TensorEngine {
         double sum = 0;
         for (int c = 0; c < a.channels; ++c) {
             const float *va = plane(a, c), *vb = plane(b, c);
-            for (std::size_t p = 0; p < a.pixels(); ++p) sum += double(mask.values[p]) * std::abs(double(va[p]) - vb[p]);
+            for (std::size_t p = 0; p < a.pixels(); ++p)
+                sum += double(mask.values[p]) * std::abs(double(va[p]) - vb[p]);
         }
         return sum / double(a.size());
     }

@@ -14,7 +14,9 @@
 namespace gs {
 
 std::uint64_t parse_bytes(std::string_view text) {
-    const auto fail = [&](const char* why) { return UsageError(fmt::format("byte size '{}': {} (examples: 4GiB, 500MB, 0)", text, why)); };
+    const auto fail = [&](const char* why) {
+        return UsageError(fmt::format("byte size '{}': {} (examples: 4GiB, 500MB, 0)", text, why));
+    };
     std::string_view rest = text;
     while (!rest.empty() && std::isspace(static_cast<unsigned char>(rest.front()))) rest.remove_prefix(1);
     while (!rest.empty() && std::isspace(static_cast<unsigned char>(rest.back()))) rest.remove_suffix(1);
@@ -27,13 +29,15 @@ std::uint64_t parse_bytes(std::string_view text) {
 
     std::string unit;
     for (const char c : rest)
-        if (!std::isspace(static_cast<unsigned char>(c))) unit += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+        if (!std::isspace(static_cast<unsigned char>(c)))
+            unit += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
 
     double factor = 1;
     if (!unit.empty() && unit != "b") {
         const std::size_t power = std::string_view("kmgt").find(unit[0]);
         const std::string_view suffix = std::string_view(unit).substr(1);
-        if (power == std::string_view::npos || !(suffix.empty() || suffix == "b" || suffix == "ib")) throw fail("has an unknown unit");
+        if (power == std::string_view::npos || !(suffix.empty() || suffix == "b" || suffix == "ib"))
+            throw fail("has an unknown unit");
         factor = std::pow(suffix == "b" ? 1000.0 : 1024.0, static_cast<double>(power + 1));
     }
     const double bytes = std::floor(number * factor);

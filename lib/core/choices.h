@@ -32,56 +32,39 @@ enum class AppearanceMoments { kFp32, kBf16 };
 enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };
 
 /// The words of an enum's values, in the order of the values; empty for types that are no choice.
-template <class T>
-inline constexpr std::array<std::string_view, 0> kWordsOf = {};
-template <>
-inline constexpr auto kWordsOf<Strategy> = std::to_array<std::string_view>({"mcmc", "adc", "none"});
-template <>
-inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
-template <>
-inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
-template <>
-inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
-template <>
-inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::string_view>({"transparent", "mask"});
-template <>
-inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});
-template <>
-inline constexpr auto kWordsOf<AppearanceMoments> = std::to_array<std::string_view>({"fp32", "bf16"});
+template <class T> inline constexpr std::array<std::string_view, 0> kWordsOf = {};
+template <> inline constexpr auto kWordsOf<Strategy> = std::to_array<std::string_view>({"mcmc", "adc", "none"});
+template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
+template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
+template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
+template <> inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::string_view>({"transparent", "mask"});
+template <> inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});
+template <> inline constexpr auto kWordsOf<AppearanceMoments> = std::to_array<std::string_view>({"fp32", "bf16"});
 template <>
 inline constexpr auto kWordsOf<LogLevel> = std::to_array<std::string_view>({"trace", "debug", "info", "warn", "error"});
 template <>
-inline constexpr auto kWordsOf<ColorActivation> =
-    std::to_array<std::string_view>({"relu", "softplus", "sigmoid", "hardsigmoid"});
+inline constexpr auto kWordsOf<ColorActivation> = std::to_array<std::string_view>({"relu", "softplus", "sigmoid",
+                                                                                   "hardsigmoid"});
 
 /// An enum with a table of words.
 template <class T>
-concept Choice = std::is_enum_v<T> && kWordsOf<T>.size() > 0;
+concept Choice = std::is_enum_v<T> && kWordsOf<T>
+.size() > 0;
 
 /// The word of a value.
-template <Choice T>
-constexpr std::string word(T value) {
-    return std::string(kWordsOf<T>[std::size_t(value)]);
-}
+template <Choice T> constexpr std::string word(T value) { return std::string(kWordsOf<T>[std::size_t(value)]); }
 
 /// All words, in the order of the values.
-template <Choice T>
-std::vector<std::string> words() {
-    return {kWordsOf<T>.begin(), kWordsOf<T>.end()};
-}
+template <Choice T> std::vector<std::string> words() { return {kWordsOf<T>.begin(), kWordsOf<T>.end()}; }
 
 /// The value of a word; empty where there is no such word.
-template <Choice T>
-constexpr std::optional<T> choice_of(std::string_view text) {
+template <Choice T> constexpr std::optional<T> choice_of(std::string_view text) {
     for (std::size_t i = 0; i < kWordsOf<T>.size(); ++i)
         if (kWordsOf<T>[i] == text) return T(int(i));
     return std::nullopt;
 }
 
 /// Prints the word, in messages of tests too.
-template <Choice T>
-std::ostream& operator<<(std::ostream& out, T value) {
-    return out << word(value);
-}
+template <Choice T> std::ostream& operator<<(std::ostream& out, T value) { return out << word(value); }
 
 }  // namespace gs

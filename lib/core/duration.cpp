@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-constexpr double kYear = 365.0 * 86400; // limit, because longer times do not fit into a clock's count
+constexpr double kYear = 365.0 * 86400;  // limit, because longer times do not fit into a clock's count
 
 /// Returns the seconds of a unit, 0 for an unknown one.
 double unit_seconds(const std::string& unit) {
@@ -26,12 +26,15 @@ double unit_seconds(const std::string& unit) {
 }  // namespace
 
 double parse_duration(const std::string& text, const std::string& where) {
-    const auto wrong = [&] { return UsageError(fmt::format("{}: '{}' is not a duration; write 90s, 20m, 2h or 1h30m", where, text)); };
+    const auto wrong = [&] {
+        return UsageError(fmt::format("{}: '{}' is not a duration; write 90s, 20m, 2h or 1h30m", where, text));
+    };
     constexpr const char* kNumber = "0123456789.";
     double seconds = 0;
     for (std::size_t at = 0; at < text.size();) {
         double number = 0;
-        const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), number, std::chars_format::fixed);
+        const auto [end, error] =
+            std::from_chars(text.data() + at, text.data() + text.size(), number, std::chars_format::fixed);
         const std::size_t unit = std::size_t(end - text.data());
         if (error != std::errc{} || !(number >= 0)) throw wrong();
         const bool alone = at == 0 && unit == text.size();

@@ -22,7 +22,8 @@ void setup_log(LogLevel level) {
 }
 
 void log_message(LogLevel level, fmt::string_view format, fmt::format_args arguments) {
-    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::trace, spdlog::level::debug, spdlog::level::info, spdlog::level::warn, spdlog::level::err};
+    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::trace, spdlog::level::debug, spdlog::level::info,
+                                                     spdlog::level::warn, spdlog::level::err};
     const auto spdlog_level = kLevels[int(level)];
     if (spdlog::should_log(spdlog_level)) spdlog::log(spdlog_level, "{}", fmt::vformat(format, arguments));
 }

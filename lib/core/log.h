@@ -10,8 +10,7 @@
 
 namespace gs {
 
-/// Sends messages of `level` and above to stderr through spdlog's default
-/// logger. Replaces an earlier set-up.
+/// Sends messages of `level` and above to stderr through spdlog's default logger. Replaces an earlier set-up.
 void setup_log(LogLevel level);
 
 /// Writes one message. The arguments come without their types, so that a call costs its unit no templates.

@@ -15,17 +15,14 @@
 namespace gs {
 namespace {
 
-template <class T>
-constexpr bool is_list = false;
-template <class T>
-constexpr bool is_list<std::vector<T>> = true;
+template <class T> constexpr bool is_list = false;
+template <class T> constexpr bool is_list<std::vector<T>> = true;
 
 [[noreturn]] void wrong_type(const std::string& where, const std::string& value, const std::string& expected) {
     throw UsageError(fmt::format("{}: '{}' is not {}", where, value, expected));
 }
 
-template <class T>
-T parse_number(const std::string& text, const std::string& where) {
+template <class T> T parse_number(const std::string& text, const std::string& where) {
     T value{};
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error == std::errc::result_out_of_range) wrong_type(where, text, "a number this option can hold");
@@ -33,21 +30,22 @@ T parse_number(const std::string& text, const std::string& where) {
     if constexpr (std::is_floating_point_v<T>) {
         if (!complete || !std::isfinite(value)) wrong_type(where, text, "a finite number");
     } else {
-        if (!complete) wrong_type(where, text, std::is_signed_v<T> ? "a whole number" : "a whole number from 0 upwards");
+        if (!complete)
+            wrong_type(where, text, std::is_signed_v<T> ? "a whole number" : "a whole number from 0 upwards");
     }
     return value;
 }
 
 bool parse_bool(const std::string& text, const std::string& where) {
     std::string lower = text;
-    std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::transform(lower.begin(), lower.end(), lower.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     if (lower == "true" || lower == "yes" || lower == "on") return true;
     if (lower == "false" || lower == "no" || lower == "off") return false;
     wrong_type(where, text, "true or false");
 }
 
-template <Choice T>
-T parse_choice(const std::string& text, const std::string& where) {
+template <Choice T> T parse_choice(const std::string& text, const std::string& where) {
     if (const std::optional<T> value = choice_of<T>(text)) return *value;
     wrong_type(where, text, fmt::format("one of {}", fmt::join(kWordsOf<T>, ", ")));
 }
@@ -57,8 +55,7 @@ Background parse_background(const std::string& text, const std::string& where) {
     wrong_type(where, text, kBackgroundValues);
 }
 
-template <class T>
-void parse_into(T& field, const std::string& text, const std::string& where) {
+template <class T> void parse_into(T& field, const std::string& text, const std::string& where) {
     if constexpr (std::is_same_v<T, std::string>)
         field = text;
     else if constexpr (std::is_same_v<T, bool>)
@@ -72,22 +69,21 @@ void parse_into(T& field, const std::string& text, const std::string& where) {
 }
 
 /// Doubles in their shortest exact form.
-template <class T>
-std::string number_text(T value) {
-    return fmt::format("{}", value);
-}
+template <class T> std::string number_text(T value) { return fmt::format("{}", value); }
 
-template <class T>
-void check_number(const Option& option, T value) {
+template <class T> void check_number(const Option& option, T value) {
     const bool too_small = option.min && static_cast<double>(value) < *option.min;
     const bool too_large = option.max && static_cast<double>(value) > *option.max;
     if (too_small || too_large) {
-        throw UsageError(fmt::format("option {}: {} is out of range ({})", option.key, number_text(value), option_range(option)));
+        throw UsageError(
+            fmt::format("option {}: {} is out of range ({})", option.key, number_text(value), option_range(option)));
     }
 }
 
 void check_choice(const Option& option, const std::string& value) {
-    if (option.choices.empty() || std::find(option.choices.begin(), option.choices.end(), value) != option.choices.end()) return;
+    if (option.choices.empty() ||
+        std::find(option.choices.begin(), option.choices.end(), value) != option.choices.end())
+        return;
     throw UsageError(fmt::format("option {}: '{}' is not one of {}", option.key, value, option_range(option)));
 }
 
@@ -109,7 +105,8 @@ void check_value(const Option& option, const TrainOptions& options) {
 void check_resolution(int r) {
     // A width of 3 px is a mistyped divisor, not a wish.
     if (r == 0 || r == 3 || (r > 4 && r < 8) || (r > 8 && r < 16)) {
-        throw UsageError(fmt::format("option resolution: {} is neither -1, a divisor (1, 2, 4, 8) nor a width in pixels (16 and more)", r));
+        throw UsageError(fmt::format(
+            "option resolution: {} is neither -1, a divisor (1, 2, 4, 8) nor a width in pixels (16 and more)", r));
     }
 }
 
@@ -164,7 +161,8 @@ std::string option_text(const Option& option, const TrainOptions& options) {
         option.field);
 }
 
-void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values, const std::string& where) {
+void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values,
+                const std::string& where) {
     std::visit(
         [&](const auto& field) {
             auto& value = option_value(options, field);
@@ -174,7 +172,8 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
                 for (const std::string& text : values) parse_into(list.emplace_back(), text, where);
                 value = list;
             } else {
-                if (values.size() != 1) throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
+                if (values.size() != 1)
+                    throw UsageError(fmt::format("{}: needs exactly one value, got {}", where, values.size()));
                 if constexpr (std::is_same_v<T, double>) {
                     if (!option.nan_word.empty() && values.front() == option.nan_word) {
                         value = std::numeric_limits<double>::quiet_NaN();
@@ -199,7 +198,8 @@ LogLevel shown_messages(const TrainOptions& options) {
 }
 
 void validate(TrainOptions& options) {
-    if (options.source.empty()) throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
+    if (options.source.empty())
+        throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
     for (const Option& option : train_option_table()) check_value(option, options);
     check_resolution(options.resolution);
     check_image_cache(options.image_cache);
@@ -209,14 +209,16 @@ void validate(TrainOptions& options) {
     if (!options.ppisp_from.empty()) {
         if (options.ppisp == PpispMode::kAuto)
             throw UsageError(
-                "option ppisp-from: the correction of another run is taken as it is; ppisp auto would decide whether one "
+                "option ppisp-from: the correction of another run is taken as it is; ppisp auto would decide whether "
+                "one "
                 "is needed");
         options.ppisp = PpispMode::kOn;
     }
     if (options.ppisp_exif && options.ppisp == PpispMode::kOff)
         throw UsageError("option ppisp-exif: there is no correction to start; give --ppisp on or auto as well");
     if (options.speedy_splat && options.strategy != Strategy::kAdc)
-        throw UsageError(fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
+        throw UsageError(
+            fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
     const bool mcmc = options.strategy == Strategy::kMcmc;
     if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;

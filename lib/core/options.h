@@ -20,21 +20,14 @@ struct ModelOptionField {
 };
 
 /// Where an option is stored; the alternative is its type.
-template <class... T>
-using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
-using OptionField =
-    FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>, Background, Strategy,
-            Device, PpispMode, MaskMode, AlphaMode, AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
+template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
+using OptionField = FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>,
+                            Background, Strategy, Device, PpispMode, MaskMode, AlphaMode, AppearanceStorage,
+                            AppearanceMoments, LogLevel, ColorActivation>;
 
 /// Returns the value that `field` names in `options`.
-template <class T>
-const T& option_value(const TrainOptions& options, T TrainOptions::*field) {
-    return options.*field;
-}
-template <class T>
-T& option_value(TrainOptions& options, T TrainOptions::*field) {
-    return options.*field;
-}
+template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }
+template <class T> T& option_value(TrainOptions& options, T TrainOptions::*field) { return options.*field; }
 inline double option_value(const TrainOptions& options, const ModelOptionField& field) {
     return options.model_options.at(field.key);
 }
@@ -46,14 +39,14 @@ inline double& option_value(TrainOptions& options, const ModelOptionField& field
 struct Option {
     std::string key;  ///< kebab-case; the YAML key, and `--key` on the command line
     OptionField field;
-    std::string group = {};                      ///< heading in help, files and docs
-    std::string help;                            ///< what it does, one sentence
-    std::string unit = {};                       ///< empty for pure numbers and words
-    std::optional<double> min = {}, max = {};    ///< of numbers, inclusive; of each element of a list
-    std::string nan_word = {};                   ///< of doubles: a word that may stand in place of a number, stored as NaN
-    std::vector<std::string> choices = {};       ///< allowed words; empty = see `values`
-    std::string values = {};                     ///< allowed values in words, where neither range nor choices say it
-    std::vector<std::string> names = {};         ///< further spellings shown in the help ("-s", "--output")
+    std::string group = {};                    ///< heading in help, files and docs
+    std::string help;                          ///< what it does, one sentence
+    std::string unit = {};                     ///< empty for pure numbers and words
+    std::optional<double> min = {}, max = {};  ///< of numbers, inclusive; of each element of a list
+    std::string nan_word = {};              ///< of doubles: a word that may stand in place of a number, stored as NaN
+    std::vector<std::string> choices = {};  ///< allowed words; empty = see `values`
+    std::string values = {};                ///< allowed values in words, where neither range nor choices say it
+    std::vector<std::string> names = {};    ///< further spellings shown in the help ("-s", "--output")
     std::vector<std::string> hidden_names = {};  ///< spellings of other programs, accepted but not shown
     std::string implicit = {};                   ///< value when the flag stands alone; empty = the flag needs a value
 };
@@ -71,8 +64,10 @@ std::string option_range(const Option& option);
 std::string option_text(const Option& option, const TrainOptions& options);
 
 /// Parses `values` (one text, or the elements of a list) into the field. `where` names the place in error messages
-/// ("--cap-max", "bonsai.yaml:3: cap-max"). Throws UsageError for a text of the wrong type; ranges are left to validate.
-void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values, const std::string& where);
+/// ("--cap-max", "bonsai.yaml:3: cap-max"). Throws UsageError for a text of the wrong type; ranges are left to
+/// validate.
+void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values,
+                const std::string& where);
 
 /// What quiet, verbose and log-level say together.
 LogLevel shown_messages(const TrainOptions& options);
@@ -85,8 +80,8 @@ void validate(TrainOptions& options);
 /// still add the missing parts. Throws UsageError naming file, line, key, and for an unknown key the nearest known one.
 TrainOptions load_options_yaml(const std::filesystem::path& path);
 
-/// Every option with its value, grouped by headings, after a comment naming the program; load_options_yaml reads it back
-/// to equal options.
+/// Every option with its value, grouped by headings, after a comment naming the program; load_options_yaml reads it
+/// back to equal options.
 std::string options_to_yaml(const TrainOptions& options);
 
 /// Options of a finished or running run: config.yaml in its folder. Throws DataError when the folder holds no run.

@@ -12,7 +12,8 @@ namespace gs {
 namespace {
 
 const char* type_word(const Option& option) {
-    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return of_model->is_whole ? "INTEGER" : "NUMBER";
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field))
+        return of_model->is_whole ? "INTEGER" : "NUMBER";
     return std::visit(
         [](const auto& field) {
             using T = std::decay_t<decltype(option_value(TrainOptions{}, field))>;
@@ -24,7 +25,9 @@ const char* type_word(const Option& option) {
 }
 
 bool is_switch(const Option& option) { return std::holds_alternative<bool TrainOptions::*>(option.field); }
-bool is_list_option(const Option& option) { return std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field); }
+bool is_list_option(const Option& option) {
+    return std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field);
+}
 
 std::string help_text(const Option& option) {
     if (is_switch(option)) return option.help;
@@ -90,7 +93,8 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
     const Option* previous = nullptr;
     for (const Flag& flag : flags_) {
         if (flag.cli->count() == 0) continue;
-        if (flag.option == previous) throw UsageError(fmt::format("option {} is given twice, in two spellings", flag.option->key));
+        if (flag.option == previous)
+            throw UsageError(fmt::format("option {} is given twice, in two spellings", flag.option->key));
         previous = flag.option;
         if (is_switch(*flag.option)) {
             options.*std::get<bool TrainOptions::*>(flag.option->field) = flag.cli->as<bool>();

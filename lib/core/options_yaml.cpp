@@ -39,7 +39,8 @@ const Option& find_option(const std::string& key, const std::string& where) {
     if (found != table.end()) return *found;
     std::vector<std::string> keys = {kParentKey};
     for (const Option& option : table) keys.push_back(option.key);
-    throw UsageError(fmt::format("{}: unknown key '{}'; the nearest known key is '{}'", where, key, nearest_key(key, keys)));
+    throw UsageError(
+        fmt::format("{}: unknown key '{}'; the nearest known key is '{}'", where, key, nearest_key(key, keys)));
 }
 
 const char* kind_of(const YAML::Node& node) {
@@ -55,21 +56,23 @@ const char* kind_of(const YAML::Node& node) {
     }
 }
 
-void apply_entry(TrainOptions& options, const fs::path& file, const std::string& key, const YAML::Node& key_node, const YAML::Node& value) {
+void apply_entry(TrainOptions& options, const fs::path& file, const std::string& key, const YAML::Node& key_node,
+                 const YAML::Node& value) {
     const std::string where = fmt::format("{}: {}", place(file, key_node), key);
     const Option& option = find_option(key, place(file, key_node));
     const bool wants_list = std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field);
     std::vector<std::string> texts;
     if (wants_list && value.IsSequence()) {
         for (const YAML::Node& element : value) {
-            if (!element.IsScalar()) throw UsageError(fmt::format("{}: an element is {}, not a number", where, kind_of(element)));
+            if (!element.IsScalar())
+                throw UsageError(fmt::format("{}: an element is {}, not a number", where, kind_of(element)));
             texts.push_back(element.Scalar());
         }
     } else if (value.IsScalar()) {
         texts.push_back(value.Scalar());
     } else {
-        throw UsageError(
-            fmt::format("{}: the value is {}, but {} is needed", where, kind_of(value), wants_list ? "a list" : "a single value"));
+        throw UsageError(fmt::format("{}: the value is {}, but {} is needed", where, kind_of(value),
+                                     wants_list ? "a list" : "a single value"));
     }
     set_option(options, option, texts, where);
 }
@@ -83,16 +86,18 @@ void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::pat
     const YAML::Node root = parse_file(file);
     if (root.IsNull()) return;
     if (!root.IsMap())
-        throw UsageError(
-            fmt::format("{}: the file is {}, but a mapping of option names to values is needed", file.string(), kind_of(root)));
+        throw UsageError(fmt::format("{}: the file is {}, but a mapping of option names to values is needed",
+                                     file.string(), kind_of(root)));
     if (const YAML::Node parent = root[kParentKey]) {
         if (!parent.IsScalar())
-            throw UsageError(fmt::format("{}: parent: the value is {}, but a file name is needed", place(file, parent), kind_of(parent)));
+            throw UsageError(fmt::format("{}: parent: the value is {}, but a file name is needed", place(file, parent),
+                                         kind_of(parent)));
         apply_file(options, file.parent_path() / parent.Scalar(), chain);
     }
     for (const auto& entry : root) {
         if (!entry.first.IsScalar())
-            throw UsageError(fmt::format("{}: a key is {}, not a name", place(file, entry.first), kind_of(entry.first)));
+            throw UsageError(
+                fmt::format("{}: a key is {}, not a name", place(file, entry.first), kind_of(entry.first)));
         const std::string key = entry.first.Scalar();
         if (key != kParentKey) apply_entry(options, file, key, entry.first, entry.second);
     }
@@ -129,7 +134,8 @@ std::string options_to_yaml(const TrainOptions& options) {
 TrainOptions load_run_options(const fs::path& run_folder) {
     const fs::path file = run_folder / "config.yaml";
     if (!fs::exists(file)) {
-        throw DataError(fmt::format("{} is not the output folder of a run: it has no config.yaml", run_folder.string()));
+        throw DataError(
+            fmt::format("{} is not the output folder of a run: it has no config.yaml", run_folder.string()));
     }
     return load_options_yaml(file);
 }

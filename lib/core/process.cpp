@@ -3,10 +3,10 @@
 #include "lib/core/process.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
-#include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -21,7 +21,7 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kKeptLines = 12;
-constexpr int kAskEvery = 100; // ms
+constexpr int kAskEvery = 100;  // ms
 
 /// Returns environ with `added` replacing variables of the same name.
 std::vector<std::string> merged_environment(const std::vector<std::pair<std::string, std::string>>& added) {
@@ -29,7 +29,8 @@ std::vector<std::string> merged_environment(const std::vector<std::pair<std::str
     for (const auto& [name, value] : added) all.push_back(name + "=" + value);
     for (char** entry = environ; *entry; ++entry) {
         bool replaced = false;
-        for (const auto& variable : added) replaced |= std::strncmp(*entry, (variable.first + "=").c_str(), variable.first.size() + 1) == 0;
+        for (const auto& variable : added)
+            replaced |= std::strncmp(*entry, (variable.first + "=").c_str(), variable.first.size() + 1) == 0;
         if (!replaced) all.push_back(*entry);
     }
     return all;
@@ -42,9 +43,10 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
     return out;
 }
 
-pid_t start(const std::vector<std::string>& arguments, const std::vector<std::string>& environment, int output, bool own_group) {
+pid_t start(const std::vector<std::string>& arguments, const std::vector<std::string>& environment, int output,
+            bool own_group) {
     posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes); // the default process group, 0, means a new one
+    posix_spawnattr_init(&attributes);  // the default process group, 0, means a new one
     if (own_group) posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
@@ -52,11 +54,14 @@ pid_t start(const std::vector<std::string>& arguments, const std::vector<std::st
     posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&actions, output, STDERR_FILENO);
     pid_t pid = 0;
-    const int error = posix_spawnp(&pid, arguments[0].c_str(), &actions, &attributes, pointers(arguments).data(), pointers(environment).data());
+    const int error = posix_spawnp(&pid, arguments[0].c_str(), &actions, &attributes, pointers(arguments).data(),
+                                   pointers(environment).data());
     posix_spawn_file_actions_destroy(&actions);
     posix_spawnattr_destroy(&attributes);
-    if (error == ENOENT) throw UsageError(fmt::format("the program '{}' is not installed or not on PATH", arguments[0]));
-    if (error != 0) throw Error(ExitCode::kUnexpected, fmt::format("cannot start '{}': {}", arguments[0], std::strerror(error)));
+    if (error == ENOENT)
+        throw UsageError(fmt::format("the program '{}' is not installed or not on PATH", arguments[0]));
+    if (error != 0)
+        throw Error(ExitCode::kUnexpected, fmt::format("cannot start '{}': {}", arguments[0], std::strerror(error)));
     return pid;
 }
 
@@ -69,13 +74,14 @@ bool wait_for_input(int input, const std::function<bool()>& stop) {
 }
 
 /// Splits the stream at newlines and at carriage returns, by which programs overwrite progress in place.
-void read_lines(int input, pid_t pid, const std::function<void(const std::string&)>& on_line, std::function<bool()> stop) {
+void read_lines(int input, pid_t pid, const std::function<void(const std::string&)>& on_line,
+                std::function<bool()> stop) {
     std::string line;
     char buffer[4096];
     for (;;) {
         if (stop && wait_for_input(input, stop)) {
             ::kill(pid, SIGINT);
-            stop = {}; // a second signal would end it before it has saved
+            stop = {};  // a second signal would end it before it has saved
         }
         const ssize_t n = ::read(input, buffer, sizeof buffer);
         if (n < 0 && errno == EINTR) continue;
@@ -111,10 +117,12 @@ struct Descriptor {
 
 }  // namespace
 
-ProcessResult run_process(const std::vector<std::string>& arguments, const std::vector<std::pair<std::string, std::string>>& environment,
+ProcessResult run_process(const std::vector<std::string>& arguments,
+                          const std::vector<std::pair<std::string, std::string>>& environment,
                           const std::function<void(const std::string&)>& on_line, const std::function<bool()>& stop) {
     int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0) throw Error(ExitCode::kUnexpected, fmt::format("cannot make a pipe: {}", std::strerror(errno)));
+    if (::pipe2(ends, O_CLOEXEC) != 0)
+        throw Error(ExitCode::kUnexpected, fmt::format("cannot make a pipe: {}", std::strerror(errno)));
     Descriptor input{ends[0]}, output{ends[1]};
     const pid_t child = start(arguments, merged_environment(environment), output.fd, bool(stop));
     output.close();

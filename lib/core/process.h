@@ -18,7 +18,9 @@ struct ProcessResult {
 /// `environment` is added to this program's. With `stop` the program runs in its own process group, so that Ctrl-C does
 /// not reach it. Instead `stop` is called ten times a second, and the program gets one SIGINT the first time that it
 /// returns true. Throws UsageError when the program does not exist, Error when it cannot be started for another reason.
-ProcessResult run_process(const std::vector<std::string>& arguments, const std::vector<std::pair<std::string, std::string>>& environment,
-                          const std::function<void(const std::string&)>& on_line, const std::function<bool()>& stop = {});
+ProcessResult run_process(const std::vector<std::string>& arguments,
+                          const std::vector<std::pair<std::string, std::string>>& environment,
+                          const std::function<void(const std::string&)>& on_line,
+                          const std::function<bool()>& stop = {});
 
 }  // namespace gs

@@ -30,16 +30,15 @@ nlohmann::ordered_json finite_or_null(double value) {
 
 }  // namespace
 
-ProgressStyle default_progress_style() { return ::isatty(STDERR_FILENO) != 0 ? ProgressStyle::kBar : ProgressStyle::kJsonLines; }
+ProgressStyle default_progress_style() {
+    return ::isatty(STDERR_FILENO) != 0 ? ProgressStyle::kBar : ProgressStyle::kJsonLines;
+}
 
 Progress::Progress(ProgressStyle style)
     : Progress(style, std::cerr, std::cout, style == ProgressStyle::kBar ? kBarInterval : kLineInterval) {}
 
 Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines)
-    : style_(style),
-      bar_(bar),
-      lines_(lines),
-      interval_(seconds_between_lines) {}
+    : style_(style), bar_(bar), lines_(lines), interval_(seconds_between_lines) {}
 
 void Progress::start(std::int64_t total, std::int64_t done, const std::string& stage) {
     stage_ = stage;
@@ -71,7 +70,8 @@ void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaus
 }
 
 void Progress::show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
-    bar_ << fmt::format("\r\033[K{}{}/{} {:3.0f}%  loss {:.4f}  {} Gaussians  {:.1f} it/s  ETA {}", stage_.empty() ? "" : stage_ + " ", iteration, total_,
+    bar_ << fmt::format("\r\033[K{}{}/{} {:3.0f}%  loss {:.4f}  {} Gaussians  {:.1f} it/s  ETA {}",
+                        stage_.empty() ? "" : stage_ + " ", iteration, total_,
                         100.0 * double(iteration) / double(total_), loss, num_gaussians, rate_,
                         rate_ > 0 ? clock_text(eta_seconds(iteration)) : "-")
          << std::flush;

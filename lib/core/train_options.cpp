@@ -18,15 +18,9 @@ constexpr double kMaxIterations = 2147483647.0;
 /// An option under construction.
 struct Entry : Option {
     /// Further spellings shown in the help.
-    template <class... Names>
-    Entry also(Names... more) {
-        return names = {more...}, *this;
-    }
+    template <class... Names> Entry also(Names... more) { return names = {more...}, *this; }
     /// Spellings of other programs.
-    template <class... Names>
-    Entry also_hidden(Names... more) {
-        return hidden_names = {more...}, *this;
-    }
+    template <class... Names> Entry also_hidden(Names... more) { return hidden_names = {more...}, *this; }
     /// A word that may stand in place of the number, stored as NaN.
     Entry or_word(std::string text) { return nan_word = std::move(text), *this; }
     /// The value when the flag stands alone.
@@ -41,8 +35,7 @@ struct Range {
     std::string unit = {};
 };
 
-template <class T>
-Entry number(std::string key, T field, Range range, std::string help) {
+template <class T> Entry number(std::string key, T field, Range range, std::string help) {
     return {{.key = std::move(key),
              .field = field,
              .help = std::move(help),
@@ -60,8 +53,7 @@ Entry one_of(std::string key, std::string O::*field, std::vector<std::string> li
     return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = std::move(list)}};
 }
 
-template <Choice T>
-Entry choice(std::string key, T O::*field, std::string help) {
+template <Choice T> Entry choice(std::string key, T O::*field, std::string help) {
     return {{.key = std::move(key), .field = field, .help = std::move(help), .choices = words<T>()}};
 }
 
@@ -77,14 +69,16 @@ std::vector<Option> input_options() {
     return {
         text("source", &O::source, "folder, file or builtin:NAME",
              "scene to train on: a COLMAP folder, a NeRF-synthetic folder, a transforms.json, or builtin:NAME")
-            .also("-s").also_hidden("--source_path", "--source-path", "--data-path"),
-        text("model", &O::model, "folder",
-             "output folder; empty: output/SCENE-APPEARANCE-N with the first free N")
-            .also("-m", "-o", "--output").also_hidden("--model_path", "--model-path", "--output-path"),
+            .also("-s")
+            .also_hidden("--source_path", "--source-path", "--data-path"),
+        text("model", &O::model, "folder", "output folder; empty: output/SCENE-APPEARANCE-N with the first free N")
+            .also("-m", "-o", "--output")
+            .also_hidden("--model_path", "--model-path", "--output-path"),
         text("images", &O::images, "folder name", "image folder inside a COLMAP scene").also("-i"),
         number("resolution", &O::resolution, {-1, 65536, "divisor or px"},
                "1, 2, 4, 8: divisor of the image size; larger: width in pixels; -1: full size, at most 1600 wide")
-            .in_words("-1, 1, 2, 4, 8, or 16..65536").also("-r"),
+            .in_words("-1, 1, 2, 4, 8, or 16..65536")
+            .also("-r"),
         flag("eval", &O::eval, "hold out test views and measure on them"),
         number("test-every", &O::test_every, {0, 1000000, "images"},
                "with eval: every n-th image of the name-sorted list is a test view; 0: none"),
@@ -98,11 +92,13 @@ std::vector<Option> input_options() {
                "the loss"),
         text("image-cache", &O::image_cache, "number with KiB, MiB, GiB, KB, MB or GB",
              "memory for decoded images, on the host and again on the GPU; images beyond it are read or sent again "
-             "when needed").in_units("bytes"),
+             "when needed")
+            .in_units("bytes"),
         flag("overwrite", &O::overwrite, "replace a run that is already in the output folder"),
         text("resume", &O::resume, "file or latest",
              "continue from a checkpoint file, or from the latest one in the output folder")
-            .also_hidden("--start_checkpoint", "--start-checkpoint").alone("latest"),
+            .also_hidden("--start_checkpoint", "--start-checkpoint")
+            .alone("latest"),
     };
 }
 
@@ -111,8 +107,7 @@ std::vector<Option> run_options() {
         number("iterations", &O::iterations, {1, kMaxIterations, "iterations"}, "length of the training"),
         number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
         choice("device", &O::device, "where the model is trained; auto: the GPU where there is one"),
-        number("threads", &O::threads, {0, 1024, "threads"},
-               "CPU threads; 0: all cores. Results do not depend on it"),
+        number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it"),
         flag("deterministic", &O::deterministic,
              "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; "
              "the CPU always does"),
@@ -154,8 +149,8 @@ std::vector<Option> options_of_models(bool rates) {
     for (const ModelOption& option : all_model_options()) {
         if (option.is_rate != rates) continue;
         const Range range{option.min, option.max, option.unit};
-        table.push_back(
-            number(option.key, ModelOptionField{option.key, option.is_whole}, range, option.help).or_word(option.nan_word));
+        table.push_back(number(option.key, ModelOptionField{option.key, option.is_whole}, range, option.help)
+                            .or_word(option.nan_word));
     }
     return table;
 }
@@ -220,7 +215,8 @@ std::vector<Option> rate_options() {
         number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations"),
         number("opacity-lr", &O::opacity_lr, {0, 10},
                "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
-               "0.05, the higher the farther apart the cameras are").or_word("auto"),
+               "0.05, the higher the farther apart the cameras are")
+            .or_word("auto"),
         number("ppisp-lr", &O::ppisp_lr, {0, 1},
                "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; "
                "images that differ by stops are told apart better with 0.006"),
@@ -234,7 +230,8 @@ std::vector<Option> densification_options() {
                "rule"),
         flag("speedy-splat", &O::speedy_splat,
              "with adc: every 3000 iterations from 6000 on, remove the Gaussians that the training images depend on "
-             "least; 80 % of them while densification lasts, then 30 %").also("--speedy"),
+             "least; 80 % of them while densification lasts, then 30 %")
+            .also("--speedy"),
         number("cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
                "largest number of Gaussians; growth stops there, an initial model above it is kept"),
         number("densify-from-iter", &O::densify_from_iter, {0, kMaxIterations, "iterations"},

@@ -18,62 +18,62 @@ inline constexpr const char* kAutoAppearance = "auto";
 
 struct TrainOptions {
     // Input and output
-    std::string source;                   ///< scene folder, file, or builtin:NAME
-    std::string model;                    ///< output folder; empty = output/<scene>-<appearance>-<n>
+    std::string source;  ///< scene folder, file, or builtin:NAME
+    std::string model;   ///< output folder; empty = output/<scene>-<appearance>-<n>
     std::string images = "images";
-    int resolution = -1;                  ///< 1,2,4,8 divisor; larger: width in px; -1: cap at 1600 px
+    int resolution = -1;  ///< 1,2,4,8 divisor; larger: width in px; -1: cap at 1600 px
     bool eval = false;
     int test_every = 8;
     std::string test_list;
     MaskMode mask_mode = MaskMode::kIgnore;
     bool invert_masks = false;
     AlphaMode alpha_mode = AlphaMode::kTransparent;
-    std::string image_cache = "4GiB";     ///< byte budget for decoded images
+    std::string image_cache = "4GiB";  ///< byte budget for decoded images
     bool overwrite = false;
-    std::string resume;                   ///< checkpoint file or "latest"
+    std::string resume;  ///< checkpoint file or "latest"
     // Run
     std::int64_t iterations = 30000;
     std::uint64_t seed = 0;
     Device device = Device::kAuto;
-    int threads = 0;                      ///< 0 = all cores
-    bool separate_appearance = false;     ///< GPU only: appearance in kernels of its own
-    bool deterministic = false;           ///< GPU only: fixed order of all sums
+    int threads = 0;                   ///< 0 = all cores
+    bool separate_appearance = false;  ///< GPU only: appearance in kernels of its own
+    bool deterministic = false;        ///< GPU only: fixed order of all sums
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
-    std::int64_t preview_every = 0;       ///< 0 = off
-    Background background;                ///< black by default
+    std::int64_t preview_every = 0;  ///< 0 = off
+    Background background;           ///< black by default
     // Precision
-    double alpha_cutoff = 1;              ///< steps of 1/255
+    double alpha_cutoff = 1;  ///< steps of 1/255
     double transmittance_cutoff = 1e-4;
-    AppearanceStorage appearance_storage = AppearanceStorage::kFp32; ///< GPU only
-    AppearanceMoments appearance_moments = AppearanceMoments::kFp32; ///< GPU only
+    AppearanceStorage appearance_storage = AppearanceStorage::kFp32;  ///< GPU only
+    AppearanceMoments appearance_moments = AppearanceMoments::kFp32;  ///< GPU only
     // Appearance
-    std::string appearance = "sh";        ///< a model's name, or "auto" until it is chosen
-    double auto_tolerance = 0.1;          ///< dB
-    ModelOptionValues model_options = default_model_options(); ///< what models declare: sh-degree, lobe-lr, ...
+    std::string appearance = "sh";                              ///< a model's name, or "auto" until it is chosen
+    double auto_tolerance = 0.1;                                ///< dB
+    ModelOptionValues model_options = default_model_options();  ///< what models declare: sh-degree, lobe-lr, ...
     ColorActivation color_activation = ColorActivation::kRelu;
     // Photometric correction (PPISP)
     PpispMode ppisp = PpispMode::kOff;
     bool ppisp_exif = false;
-    std::string ppisp_from;               ///< ppisp.json of another run; implies on
-    std::int64_t controller_iterations = 5000; ///< 0 = no controller
+    std::string ppisp_from;                     ///< ppisp.json of another run; implies on
+    std::int64_t controller_iterations = 5000;  ///< 0 = no controller
     // Initialisation
-    std::int64_t init_points = 100000;    ///< random initialisation only
-    double hostile_start = 0;             ///< share of the first Gaussians that are made extreme; a stress test
+    std::int64_t init_points = 100000;  ///< random initialisation only
+    double hostile_start = 0;           ///< share of the first Gaussians that are made extreme; a stress test
     // Loss
     double lambda_dssim = 0.2;
-    double opacity_reg = 0.01;            ///< MCMC only
-    double scale_reg = 0.01;              ///< MCMC only
+    double opacity_reg = 0.01;  ///< MCMC only
+    double scale_reg = 0.01;    ///< MCMC only
     // Learning rates (docs/math/optimization.md#learning-rates)
     double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
     std::int64_t position_lr_max_steps = 30000;
     double scaling_lr = 0.005, rotation_lr = 0.001;
-    double opacity_lr = 0;                ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
-    double ppisp_lr = 0.002;              ///< of PPISP's parameters, after their warm-up
+    double opacity_lr = 0;    ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
+    double ppisp_lr = 0.002;  ///< of PPISP's parameters, after their warm-up
     // Densification
     Strategy strategy = Strategy::kMcmc;
-    bool speedy_splat = false;            ///< with adc: Speedy-Splat's pruning by score
+    bool speedy_splat = false;  ///< with adc: Speedy-Splat's pruning by score
     std::int64_t cap_max = 1000000;
-    std::int64_t densify_from_iter = 600, densify_until_iter = -1; ///< -1 = 24900 with mcmc, 14900 with adc
+    std::int64_t densify_from_iter = 600, densify_until_iter = -1;  ///< -1 = 24900 with mcmc, 14900 with adc
     std::int64_t densification_interval = 100;
     double densify_grad_threshold = 0.0002;
     std::int64_t opacity_reset_interval = 3000;

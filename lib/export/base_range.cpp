@@ -16,11 +16,14 @@ namespace {
 /// The directions in which residuals are evaluated: corners of a tetrahedron.
 constexpr std::size_t kNumDirections = 4;
 const double kSide = std::sqrt(1.0 / 3);
-const Vec3<double> kDirections[kNumDirections] = {{kSide, kSide, kSide}, {kSide, -kSide, -kSide}, {-kSide, kSide, -kSide}, {-kSide, -kSide, kSide}};
+const Vec3<double> kDirections[kNumDirections] = {
+    {kSide, kSide, kSide}, {kSide, -kSide, -kSide}, {-kSide, kSide, -kSide}, {-kSide, -kSide, kSide}};
 
 /// Returns a pixel's value for an unoccluded Gaussian on black. A colour above 1 counts as long as its product with the
 /// opacity is below 1.
-double shown(ColorActivation activation, double color, double opacity) { return std::min(opacity * color_activation(activation, color), 1.0); }
+double shown(ColorActivation activation, double color, double opacity) {
+    return std::min(opacity * color_activation(activation, color), 1.0);
+}
 
 /// One channel of a Gaussian.
 struct Sample {
@@ -37,7 +40,8 @@ std::vector<Sample> sample_channels(const Gaussians& g, const Packing& packing, 
         for (int c = 0; c < 3; ++c) channels[c] = {base[c], opacity, sampled.stands_for, {}, {}};
         for (std::size_t k = 0; k < kNumDirections; ++k) {
             const Vec3<double> residual = packing.residual(packed, sampled.row, kDirections[k]);
-            channels[0].residual[k] = residual.x, channels[1].residual[k] = residual.y, channels[2].residual[k] = residual.z;
+            channels[0].residual[k] = residual.x, channels[1].residual[k] = residual.y,
+            channels[2].residual[k] = residual.z;
             for (Sample& s : channels) s.shown[k] = shown(g.appearance.activation, s.base + s.residual[k], opacity);
         }
         samples.insert(samples.end(), channels, channels + 3);
@@ -57,7 +61,8 @@ BaseRange find_base_range(const Gaussians& g, double shift, const Packing& packi
     std::reverse(values.begin(), values.end());
     std::vector<BaseRange> ranges;
     for (const float low : lows) {
-        for (const float high : possible_ends(values)) ranges.push_back({float(std::max(double(high) - low, 1e-6) / 255), float(low + shift)});
+        for (const float high : possible_ends(values))
+            ranges.push_back({float(std::max(double(high) - low, 1e-6) / 255), float(low + shift)});
     }
     std::vector<double> errors(ranges.size());
     parallel_for(std::int64_t(ranges.size()), [&](std::int64_t r) {

@@ -9,6 +9,7 @@ namespace gs {
 
 /// Returns the range whose codes give the smallest error of the activated colour with its packed residual, over a few
 /// directions. `shift` is added to the base colours. Returns the default range without Gaussians.
-BaseRange find_base_range(const Gaussians& gaussians, double shift, const Packing& packing, const PackedAppearance& packed);
+BaseRange find_base_range(const Gaussians& gaussians, double shift, const Packing& packing,
+                          const PackedAppearance& packed);
 
 }  // namespace gs

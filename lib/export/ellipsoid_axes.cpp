@@ -60,7 +60,8 @@ void choose_axes(PackedGeometry& geometry) {
     for (const Relabelling& relabelling : relabellings) {
         const Eigen::Quaterniond q = rotation * relabelling.rotation;
         const std::array<double, 4> xyzw = {q.x(), q.y(), q.z(), q.w()};
-        const std::array<double, 3> relabelled = {scale[relabelling.axis[0]], scale[relabelling.axis[1]], scale[relabelling.axis[2]]};
+        const std::array<double, 3> relabelled = {scale[relabelling.axis[0]], scale[relabelling.axis[1]],
+                                                  scale[relabelling.axis[2]]};
         const Eigen::Quaterniond decoded(decode_rotation(rotation_codes(xyzw)).data());
         const double change = visible_change(2 * (q.conjugate() * decoded).vec(), relabelled);
         if (change < least) least = change, geometry.rotation = xyzw, geometry.scale = relabelled;

@@ -16,7 +16,9 @@ constexpr double kLnSmallest = -12, kLnRange = 21;  // range of standard deviati
 /// Returns the nearest whole number within 0..255.
 int byte_code(double x) { return int(std::clamp(std::nearbyint(x), 0.0, 255.0)); }
 
-std::uint32_t word(int a, int b, int c, int d) { return std::uint32_t(a) | std::uint32_t(b) << 8 | std::uint32_t(c) << 16 | std::uint32_t(d) << 24; }
+std::uint32_t word(int a, int b, int c, int d) {
+    return std::uint32_t(a) | std::uint32_t(b) << 8 | std::uint32_t(c) << 16 | std::uint32_t(d) << 24;
+}
 int byte(std::uint32_t word, int i) { return int(word >> (8 * i) & 0xff); }
 
 double sign(double x) { return x < 0 ? -1 : 1; }
@@ -44,7 +46,8 @@ std::array<int, 3> rotation_codes(const std::array<double, 4>& xyzw) {
         v = (1 - std::abs(u)) * sign(v);
         u = folded;
     }
-    return {byte_code((u * 0.5 + 0.5) * 255), byte_code((v * 0.5 + 0.5) * 255), byte_code(2 * std::acos(w) / std::numbers::pi * 255)};
+    return {byte_code((u * 0.5 + 0.5) * 255), byte_code((v * 0.5 + 0.5) * 255),
+            byte_code(2 * std::acos(w) / std::numbers::pi * 255)};
 }
 
 std::array<double, 4> decode_rotation(const std::array<int, 3>& codes) {
@@ -55,7 +58,8 @@ std::array<double, 4> decode_rotation(const std::array<int, 3>& codes) {
         v = (1 - std::abs(u)) * sign(v);
         u = folded;
     }
-    const double angle = codes[2] / 255.0 * std::numbers::pi, s = std::sin(angle / 2) / std::sqrt(u * u + v * v + z * z);
+    const double angle = codes[2] / 255.0 * std::numbers::pi,
+                 s = std::sin(angle / 2) / std::sqrt(u * u + v * v + z * z);
     return {u * s, v * s, z * s, std::cos(angle / 2)};
 }
 
@@ -64,8 +68,10 @@ int base_code(double value, const BaseRange& range) { return byte_code((value - 
 GeometryWords encode_geometry(const PackedGeometry& g, const BaseRange& range) {
     const auto q = rotation_codes(g.rotation);
     const auto half = [&](int i) { return int(half_bits(g.mean[std::size_t(i)])); };
-    return {word(base_code(g.base[0], range), base_code(g.base[1], range), base_code(g.base[2], range), byte_code(255 * g.opacity)),
-            std::uint32_t(half(0)) | std::uint32_t(half(1)) << 16, std::uint32_t(half(2)) | std::uint32_t(q[0]) << 16 | std::uint32_t(q[1]) << 24,
+    return {word(base_code(g.base[0], range), base_code(g.base[1], range), base_code(g.base[2], range),
+                 byte_code(255 * g.opacity)),
+            std::uint32_t(half(0)) | std::uint32_t(half(1)) << 16,
+            std::uint32_t(half(2)) | std::uint32_t(q[0]) << 16 | std::uint32_t(q[1]) << 24,
             word(scale_code(g.scale[0]), scale_code(g.scale[1]), scale_code(g.scale[2]), q[2])};
 }
 

@@ -28,7 +28,8 @@ constexpr std::uint32_t kTextureWidth = 2048;
 constexpr std::uint32_t kMaxCameras = 1 << 20, kMaxTrailer = 1 << 26;
 
 namespace flag {
-constexpr std::uint32_t kAntialiased = 1 << 0, kWithoutConstant = 1 << 1, kFolded = 1 << 2, kExponentialBase = 1 << 5, kPpisp = 1 << 7;
+constexpr std::uint32_t kAntialiased = 1 << 0, kWithoutConstant = 1 << 1, kFolded = 1 << 2, kExponentialBase = 1 << 5,
+                        kPpisp = 1 << 7;
 constexpr std::uint32_t kKnown = 0xff;
 // The model's number: two bits, and a third that was added later.
 constexpr std::uint32_t model_bits(std::uint32_t model) { return (model & 3) << 3 | (model & 4) << 4; }
@@ -36,7 +37,8 @@ constexpr std::uint32_t model_of(std::uint32_t flags) { return (flags >> 3 & 3) 
 }  // namespace flag
 
 struct Header {
-    std::uint32_t count, texture_width, texture_height, features, frequencies, bands, color_activation, residual_activation, neurons, hidden_layers, flags;
+    std::uint32_t count, texture_width, texture_height, features, frequencies, bands, color_activation,
+        residual_activation, neurons, hidden_layers, flags;
 };
 static_assert(sizeof(Header) == 44);
 
@@ -48,7 +50,7 @@ class Writer {
     template <class T> void value(const T& x) { bytes(&x, sizeof x); }
     template <class T> void values(const std::vector<T>& x) { bytes(x.data(), x.size() * sizeof(T)); }
     void bytes(const void* data, std::size_t size) {
-        if (size == 0) return; // an empty vector's pointer may be null, and null resets zlib's checksum
+        if (size == 0) return;  // an empty vector's pointer may be null, and null resets zlib's checksum
         crc_ = crc32_z(crc_, static_cast<const Bytef*>(data), size);
         out_.write(static_cast<const char*>(data), std::streamsize(size));
     }
@@ -74,7 +76,9 @@ class Reader {
         in_.open(path, std::ios::binary);
         if (!in_) fail(std::strerror(errno));
     }
-    [[noreturn]] void fail(const std::string& reason) const { throw DataError(fmt::format("cannot read '{}': {}", path_.string(), reason)); }
+    [[noreturn]] void fail(const std::string& reason) const {
+        throw DataError(fmt::format("cannot read '{}': {}", path_.string(), reason));
+    }
 
     std::int64_t left() const { return left_; }
     void need(std::int64_t size, const char* what) const {
@@ -82,7 +86,7 @@ class Reader {
     }
     void bytes(void* data, std::int64_t size, const char* what) {
         need(size, what);
-        if (size == 0) return; // as in Writer::bytes
+        if (size == 0) return;  // as in Writer::bytes
         if (!in_.read(static_cast<char*>(data), std::streamsize(size))) fail(fmt::format("read error in {}", what));
         crc_ = crc32_z(crc_, static_cast<const Bytef*>(data), std::size_t(size));
         left_ -= size;
@@ -124,24 +128,31 @@ class Reader {
 
 std::uint32_t flags_of(const PackedScene& scene) {
     const PackedHeader& a = scene.appearance.header;
-    return (scene.antialiased ? flag::kAntialiased : 0) | (a.constant_input ? 0 : flag::kWithoutConstant) | (a.folded ? flag::kFolded : 0) |
-           flag::model_bits(a.model) | (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0);
+    return (scene.antialiased ? flag::kAntialiased : 0) | (a.constant_input ? 0 : flag::kWithoutConstant) |
+           (a.folded ? flag::kFolded : 0) | flag::model_bits(a.model) |
+           (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0);
 }
 
 Header read_header(Reader& in) {
     char magic[sizeof kMagic] = {};
-    if (in.left() < std::int64_t(sizeof kMagic)) in.fail(fmt::format("{} bytes are too few for an .ngsplat file", in.left()));
+    if (in.left() < std::int64_t(sizeof kMagic))
+        in.fail(fmt::format("{} bytes are too few for an .ngsplat file", in.left()));
     in.bytes(magic, sizeof magic, "the magic");
-    if (std::memcmp(magic, kMagic, sizeof kMagic) != 0) in.fail("it does not begin with 'NGSPLAT'; it is not an .ngsplat file");
+    if (std::memcmp(magic, kMagic, sizeof kMagic) != 0)
+        in.fail("it does not begin with 'NGSPLAT'; it is not an .ngsplat file");
     const Header h = in.value<Header>("the header");
     const std::uint32_t rows = std::uint32_t(padded_count(h.count) / kTextureWidth);
-    if (h.texture_width != kTextureWidth) in.fail(fmt::format("texWidth is {}, expected {}", h.texture_width, kTextureWidth));
-    if (h.texture_height != rows) in.fail(fmt::format("texHeight is {}, expected {} for {} Gaussians", h.texture_height, rows, h.count));
+    if (h.texture_width != kTextureWidth)
+        in.fail(fmt::format("texWidth is {}, expected {}", h.texture_width, kTextureWidth));
+    if (h.texture_height != rows)
+        in.fail(fmt::format("texHeight is {}, expected {} for {} Gaussians", h.texture_height, rows, h.count));
     if (h.color_activation > std::uint32_t(PackedColorActivation::kNone))
         in.fail(fmt::format("colorActivation is {}, expected 0 to 5", h.color_activation));
     if (h.residual_activation > std::uint32_t(PackedResidualActivation::kSoftplus))
         in.fail(fmt::format("residualActivation is {}, expected 0 to 2", h.residual_activation));
-    if (h.flags & ~flag::kKnown) in.fail(fmt::format("flags are {:#x}, but this program knows only {:#x}; the file is of a newer version", h.flags, flag::kKnown));
+    if (h.flags & ~flag::kKnown)
+        in.fail(fmt::format("flags are {:#x}, but this program knows only {:#x}; the file is of a newer version",
+                            h.flags, flag::kKnown));
     return h;
 }
 
@@ -160,7 +171,8 @@ PackedPpisp read_ppisp(Reader& in, std::size_t num_cameras) {
     PackedPpisp p;
     p.response = in.finite<std::array<float, 18>>("the response curve");
     p.standard = in.finite<PackedFrame>("the default correction");
-    for (std::size_t i = 0; i < num_cameras; ++i) p.views.push_back(in.finite<PackedFrame>("the correction of a test camera"));
+    for (std::size_t i = 0; i < num_cameras; ++i)
+        p.views.push_back(in.finite<PackedFrame>("the correction of a test camera"));
     return p;
 }
 
@@ -169,9 +181,11 @@ std::string read_trailer(Reader& in) {
     char magic[sizeof kTrailerMagic] = {};
     const std::int64_t behind = in.left();
     if (behind >= std::int64_t(sizeof magic)) in.bytes(magic, sizeof magic, "the trailer");
-    if (std::memcmp(magic, kTrailerMagic, sizeof magic) != 0) in.fail(fmt::format("{} unknown bytes follow the last texture", behind));
+    if (std::memcmp(magic, kTrailerMagic, sizeof magic) != 0)
+        in.fail(fmt::format("{} unknown bytes follow the last texture", behind));
     const auto version = in.value<std::uint32_t>("the trailer");
-    if (version != kTrailerVersion) in.fail(fmt::format("its trailer has version {}, but this program reads {}", version, kTrailerVersion));
+    if (version != kTrailerVersion)
+        in.fail(fmt::format("its trailer has version {}, but this program reads {}", version, kTrailerVersion));
     const auto length = in.value<std::uint32_t>("the trailer");
     if (length > kMaxTrailer) in.fail(fmt::format("its trailer claims {} bytes", length));
     std::string text(length, '\0');
@@ -184,7 +198,9 @@ std::string read_trailer(Reader& in) {
 
 }  // namespace
 
-int PackedScene::bytes_per_gaussian() const { return int(sizeof(GeometryWords)) + packed_layout(appearance.header).bytes_per_gaussian(); }
+int PackedScene::bytes_per_gaussian() const {
+    return int(sizeof(GeometryWords)) + packed_layout(appearance.header).bytes_per_gaussian();
+}
 
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) {
     const PackedHeader& a = scene.appearance.header;
@@ -192,8 +208,10 @@ void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) 
     AtomicFile file(path);
     Writer out(file.stream());
     out.bytes(kMagic, sizeof kMagic);
-    out.value(Header{std::uint32_t(scene.count()), kTextureWidth, std::uint32_t(padded_count(scene.count()) / kTextureWidth), a.features, a.frequencies, a.bands,
-                     std::uint32_t(scene.activation), std::uint32_t(a.activation), a.neurons, a.hidden_layers, flags_of(scene)});
+    out.value(Header{std::uint32_t(scene.count()), kTextureWidth,
+                     std::uint32_t(padded_count(scene.count()) / kTextureWidth), a.features, a.frequencies, a.bands,
+                     std::uint32_t(scene.activation), std::uint32_t(a.activation), a.neurons, a.hidden_layers,
+                     flags_of(scene)});
     out.value(scene.base_range);
     out.values(a.floats);
     out.value(scene.center);
@@ -209,7 +227,8 @@ void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) 
     out.value(std::uint32_t(layout.weight_halves / 4));
     out.values(scene.appearance.weights);
     out.texture(scene.geometry, 1);
-    for (std::size_t k = 0; k < layout.texture_words.size(); ++k) out.texture(scene.appearance.textures[k], layout.texture_words[k]);
+    for (std::size_t k = 0; k < layout.texture_words.size(); ++k)
+        out.texture(scene.appearance.textures[k], layout.texture_words[k]);
     if (!scene.trailer.empty()) {
         out.bytes(kTrailerMagic, sizeof kTrailerMagic);
         out.value(kTrailerVersion);
@@ -237,7 +256,8 @@ PackedScene read_ngsplat(const std::filesystem::path& path) {
         in.fail(e.what());
     }
     const PackingDescription& description = packing_description(packed.header.model);
-    for (int k = 0; k < description.num_floats; ++k) packed.header.floats.push_back(in.finite<float>(description.floats_name.c_str()));
+    for (int k = 0; k < description.num_floats; ++k)
+        packed.header.floats.push_back(in.finite<float>(description.floats_name.c_str()));
     scene.center = in.finite<std::array<float, 3>>("camCenter");
     scene.up = in.finite<std::array<float, 3>>("camUp");
     scene.distance = in.finite<float>("camDistance");
@@ -247,11 +267,14 @@ PackedScene read_ngsplat(const std::filesystem::path& path) {
     for (std::uint32_t i = 0; i < num_cameras; ++i) scene.cameras.push_back(in.finite<PackedCamera>("testCameras"));
     if (h.flags & flag::kPpisp) scene.ppisp = read_ppisp(in, num_cameras);
     const auto num_texels = in.value<std::uint32_t>("nWeightTexels");
-    if (num_texels != layout.weight_halves / 4) in.fail(fmt::format("nWeightTexels is {}, expected {}", num_texels, layout.weight_halves / 4));
+    if (num_texels != layout.weight_halves / 4)
+        in.fail(fmt::format("nWeightTexels is {}, expected {}", num_texels, layout.weight_halves / 4));
     packed.weights = in.values<std::uint16_t>(layout.weight_halves, "the weights");
-    in.need(padded_count(h.count) * (std::int64_t(sizeof(GeometryWords)) + layout.bytes_per_gaussian()), "the textures");
+    in.need(padded_count(h.count) * (std::int64_t(sizeof(GeometryWords)) + layout.bytes_per_gaussian()),
+            "the textures");
     scene.geometry = in.texture<GeometryWords>(h.count, 1, "splatData");
-    for (const int words : layout.texture_words) packed.textures.push_back(in.texture<std::uint32_t>(h.count, words, "paramTex"));
+    for (const int words : layout.texture_words)
+        packed.textures.push_back(in.texture<std::uint32_t>(h.count, words, "paramTex"));
     scene.trailer = read_trailer(in);
     return scene;
 }

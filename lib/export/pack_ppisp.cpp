@@ -28,15 +28,18 @@ PackedPpisp pack_ppisp(const PpispState& state) {
     const auto middle = frames.begin() + std::ptrdiff_t(frames.size() / 2);
     const auto exposure = [&](int frame) { return state.param[std::size_t(frame) * kIspFrameValues]; };
     std::nth_element(frames.begin(), middle, frames.end(), [&](int a, int b) { return exposure(a) < exposure(b); });
-    std::copy_n(state.param.begin() + std::ptrdiff_t(*middle) * kIspFrameValues, kIspFrameValues, packed.standard.begin());
+    std::copy_n(state.param.begin() + std::ptrdiff_t(*middle) * kIspFrameValues, kIspFrameValues,
+                packed.standard.begin());
     return packed;
 }
 
 PackedFrame packed_frame(const PpispState& state, const IspView& view, const RenderedImage& uncorrected) {
     PackedFrame frame{};
     if (view.mode != IspMode::kController || state.controller.empty()) return frame;
-    const float* weights = state.controller.data() + std::size_t(std::clamp(view.camera, 0, state.num_cameras - 1)) * kControllerWeights;
-    Controller<float>().forward(weights, uncorrected.rgb.data(), uncorrected.width, uncorrected.height, view.prior_exposure, frame.data());
+    const float* weights =
+        state.controller.data() + std::size_t(std::clamp(view.camera, 0, state.num_cameras - 1)) * kControllerWeights;
+    Controller<float>().forward(weights, uncorrected.rgb.data(), uncorrected.width, uncorrected.height,
+                                view.prior_exposure, frame.data());
     return frame;
 }
 

@@ -21,10 +21,14 @@ namespace {
 
 PackedColorActivation packed_activation_of(ColorActivation activation) {
     switch (activation) {
-        case ColorActivation::kRelu: return PackedColorActivation::kRelu;
-        case ColorActivation::kSoftplus: return PackedColorActivation::kSoftplus;
-        case ColorActivation::kSigmoid: return PackedColorActivation::kSigmoid;
-        case ColorActivation::kHardSigmoid: return PackedColorActivation::kHardSigmoid;
+        case ColorActivation::kRelu:
+            return PackedColorActivation::kRelu;
+        case ColorActivation::kSoftplus:
+            return PackedColorActivation::kSoftplus;
+        case ColorActivation::kSigmoid:
+            return PackedColorActivation::kSigmoid;
+        case ColorActivation::kHardSigmoid:
+            return PackedColorActivation::kHardSigmoid;
     }
     return PackedColorActivation::kNone;
 }
@@ -50,7 +54,8 @@ double compensated_opacity(double opacity, const std::array<double, 3>& scales) 
 
 PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
-    const float *base = row(Group::kBase), *mean = row(Group::kMean), *scale = row(Group::kScale), *q = row(Group::kRotation);
+    const float *base = row(Group::kBase), *mean = row(Group::kMean), *scale = row(Group::kScale),
+                *q = row(Group::kRotation);
     const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
     const std::array<double, 3> scales = {size(scale[0]), size(scale[1]), size(scale[2])};
     PackedGeometry geometry = {{base[0] + shift, base[1] + shift, base[2] + shift},
@@ -82,21 +87,27 @@ void require_finite(const Gaussians& g) {
         const auto& group = g.groups[k];
         const auto bad = std::find_if(group.param.begin(), group.param.end(), [](float x) { return !gs_isfinite(x); });
         if (bad != group.param.end())
-            throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}", (bad - group.param.begin()) / group.width,
-                                           kGroupNames[std::size_t(k)], *bad));
+            throw NumericError(fmt::format("cannot export: Gaussian {} has {} = {}",
+                                           (bad - group.param.begin()) / group.width, kGroupNames[std::size_t(k)],
+                                           *bad));
     }
-    const auto bad = std::find_if(g.shared.param.begin(), g.shared.param.end(), [](float x) { return !gs_isfinite(x); });
-    if (bad != g.shared.param.end()) throw NumericError(fmt::format("cannot export: shared weight {} is {}", bad - g.shared.param.begin(), *bad));
+    const auto bad =
+        std::find_if(g.shared.param.begin(), g.shared.param.end(), [](float x) { return !gs_isfinite(x); });
+    if (bad != g.shared.param.end())
+        throw NumericError(fmt::format("cannot export: shared weight {} is {}", bad - g.shared.param.begin(), *bad));
 }
 
 Gaussians visible_gaussians(const Gaussians& g) {
     Gaussians out;
-    out.appearance = g.appearance, out.active_degree = g.active_degree, out.step = g.step, out.shared = g.shared, out.ppisp = g.ppisp;
+    out.appearance = g.appearance, out.active_degree = g.active_degree, out.step = g.step, out.shared = g.shared,
+    out.ppisp = g.ppisp;
     for (int k = 0; k < kNumGroups; ++k) out.groups[k].width = g.groups[k].width;
     for (std::int64_t i = 0; i < g.count; ++i) {
         const float* q = g[Group::kRotation].param.data() + 4 * i;
         const double norm2 = double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3];
-        if (!(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha) || !(norm2 >= kMinQuaternionNorm2)) continue;
+        if (!(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha) ||
+            !(norm2 >= kMinQuaternionNorm2))
+            continue;
         ++out.count;
         for (int k = 0; k < kNumGroups; ++k) {
             const auto& group = g.groups[k];
@@ -109,7 +120,9 @@ Gaussians visible_gaussians(const Gaussians& g) {
 
 PackedScene pack_gaussians(const Gaussians& g) {
     const Packing* packing = appearance_model(g.appearance.model).packing;
-    if (!packing) throw UsageError(fmt::format("the appearance '{}' cannot be packed for the viewer; use --format ply", g.appearance.model));
+    if (!packing)
+        throw UsageError(
+            fmt::format("the appearance '{}' cannot be packed for the viewer; use --format ply", g.appearance.model));
     const double shift = base_shift(g.appearance.activation);
     PackedScene scene;
     scene.activation = packed_activation_of(g.appearance.activation);
@@ -117,7 +130,9 @@ PackedScene pack_gaussians(const Gaussians& g) {
     parallel_for_rows(g.count, [&](std::int64_t i) { packing->pack_row(g, i, scene.appearance); });
     scene.base_range = find_base_range(g, shift, *packing, scene.appearance);
     scene.geometry.resize(std::size_t(g.count));
-    parallel_for_rows(g.count, [&](std::int64_t i) { scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range); });
+    parallel_for_rows(g.count, [&](std::int64_t i) {
+        scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range);
+    });
     return scene;
 }
 
@@ -129,7 +144,7 @@ void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>
     std::vector<double> distances;
     for (const View& view : test) {
         scene.cameras.push_back(packed_camera(view.camera));
-        up -= view.camera.rotation.row(1).transpose(); // the camera's y axis points down
+        up -= view.camera.rotation.row(1).transpose();  // the camera's y axis points down
         distances.push_back((view.camera.center() - center).norm());
     }
     if (test.empty()) {

@@ -19,17 +19,25 @@ constexpr double kOpaque = 17;
 /// Returns phi of a value that already has its shift.
 double show(PackedColorActivation kind, double x) {
     switch (kind) {
-        case PackedColorActivation::kRelu: return std::max(x, 0.0);
-        case PackedColorActivation::kSoftplus: return softplus(10 * x) / 10;
-        case PackedColorActivation::kSigmoid: return sigmoid(4 * x);
-        case PackedColorActivation::kSaturatedExp: return -std::expm1(-x);
-        case PackedColorActivation::kHardSigmoid: return std::clamp(x, 0.0, 1.0);
-        case PackedColorActivation::kNone: return x;
+        case PackedColorActivation::kRelu:
+            return std::max(x, 0.0);
+        case PackedColorActivation::kSoftplus:
+            return softplus(10 * x) / 10;
+        case PackedColorActivation::kSigmoid:
+            return sigmoid(4 * x);
+        case PackedColorActivation::kSaturatedExp:
+            return -std::expm1(-x);
+        case PackedColorActivation::kHardSigmoid:
+            return std::clamp(x, 0.0, 1.0);
+        case PackedColorActivation::kNone:
+            return x;
     }
     return x;
 }
 
-bool is_shifted(PackedColorActivation kind) { return kind != PackedColorActivation::kSigmoid && kind != PackedColorActivation::kSaturatedExp; }
+bool is_shifted(PackedColorActivation kind) {
+    return kind != PackedColorActivation::kSigmoid && kind != PackedColorActivation::kSaturatedExp;
+}
 
 }  // namespace
 
@@ -41,7 +49,8 @@ Vec3<double> packed_base(const PackedScene& scene, std::int64_t row) {
 }
 
 Vec3<double> packed_color(const PackedScene& scene, std::int64_t row, const Vec3<double>& direction) {
-    const Vec3<double> y = packed_base(scene, row) + packing_of(scene.appearance.header.model).residual(scene.appearance, row, direction);
+    const Vec3<double> y =
+        packed_base(scene, row) + packing_of(scene.appearance.header.model).residual(scene.appearance, row, direction);
     return {show(scene.activation, y.x), show(scene.activation, y.y), show(scene.activation, y.z)};
 }
 

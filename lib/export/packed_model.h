@@ -14,8 +14,8 @@ Vec3<double> packed_base(const PackedScene& scene, std::int64_t row);
 /// decoded payload.
 Vec3<double> packed_color(const PackedScene& scene, std::int64_t row, const Vec3<double>& direction);
 
-/// Returns the decoded geometry as a model without view dependence (plain_sh_appearance(0)). Its base colours are left to
-/// set_packed_colors.
+/// Returns the decoded geometry as a model without view dependence (plain_sh_appearance(0)). Its base colours are left
+/// to set_packed_colors.
 Gaussians packed_geometry(const PackedScene& scene);
 
 /// Sets the base colours of `model`, made by packed_geometry, to those that a camera at `position` sees.

@@ -24,7 +24,8 @@ constexpr int kDirections = 256;
 std::vector<Vec3<double>> directions(double phase) {
     std::vector<Vec3<double>> out;
     for (int i = 0; i < kDirections; ++i) {
-        const double y = 1 - (2 * i + 1.0) / kDirections, r = std::sqrt(1 - y * y), angle = M_PI * (3 - std::sqrt(5.0)) * i + phase;
+        const double y = 1 - (2 * i + 1.0) / kDirections, r = std::sqrt(1 - y * y),
+                     angle = M_PI * (3 - std::sqrt(5.0)) * i + phase;
         out.push_back({r * std::cos(angle), y, r * std::sin(angle)});
     }
     return out;
@@ -44,18 +45,24 @@ Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
 /// Computes the colours of one Gaussian, one row per direction.
 class Colors {
   public:
-    explicit Colors(const Gaussians& g) : g_(g), info_(appearance_model(g.appearance.model)), shared_(g.shared.param.begin(), g.shared.param.end()) {
-        if (!info_.residual) throw UsageError(fmt::format("the appearance '{}' cannot be projected: the host cannot evaluate its residual", info_.name));
+    explicit Colors(const Gaussians& g)
+        : g_(g), info_(appearance_model(g.appearance.model)), shared_(g.shared.param.begin(), g.shared.param.end()) {
+        if (!info_.residual)
+            throw UsageError(fmt::format(
+                "the appearance '{}' cannot be projected: the host cannot evaluate its residual", info_.name));
     }
     Eigen::MatrixX3d of(std::int64_t row, const std::vector<Vec3<double>>& at) const {
         const auto& residual = g_[Group::kResidual];
         const float* base = g_[Group::kBase].param.data() + 3 * row;
-        const std::vector<double> params(residual.param.begin() + row * residual.width, residual.param.begin() + (row + 1) * residual.width);
+        const std::vector<double> params(residual.param.begin() + row * residual.width,
+                                         residual.param.begin() + (row + 1) * residual.width);
         Eigen::MatrixX3d out(std::ptrdiff_t(at.size()), 3);
         for (std::size_t i = 0; i < at.size(); ++i) {
-            const Vec3<double> y = Vec3<double>{base[0], base[1], base[2]} + info_.residual(shared_.data(), params.data(), at[i], g_.active_degree);
+            const Vec3<double> y = Vec3<double>{base[0], base[1], base[2]} +
+                                   info_.residual(shared_.data(), params.data(), at[i], g_.active_degree);
             const ColorActivation phi = g_.appearance.activation;
-            out.row(std::ptrdiff_t(i)) << color_activation(phi, y.x), color_activation(phi, y.y), color_activation(phi, y.z);
+            out.row(std::ptrdiff_t(i)) << color_activation(phi, y.x), color_activation(phi, y.y),
+                color_activation(phi, y.z);
         }
         return out;
     }
@@ -88,7 +95,8 @@ ShProjection project_to_sh(const Gaussians& g, int degree) {
         const Eigen::MatrixX3d coefficients = solve * (colors.of(i, fit_at).array() - 0.5).matrix();
         for (int c = 0; c < 3; ++c) {
             sh[Group::kBase].param[std::size_t(3 * i + c)] = float(kY0 * coefficients(0, c));
-            for (int k = 1; k < coefficients.rows(); ++k) rest.param[std::size_t(i * rest.width + 3 * (k - 1) + c)] = float(coefficients(k, c));
+            for (int k = 1; k < coefficients.rows(); ++k)
+                rest.param[std::size_t(i * rest.width + 3 * (k - 1) + c)] = float(coefficients(k, c));
         }
         const Eigen::MatrixX3d shown = ((check_basis * coefficients).array() + 0.5).cwiseMax(0.0);
         weights[std::size_t(i)] = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));

@@ -69,7 +69,8 @@ void require_free(const fs::path& folder, const std::vector<std::string>& names,
         throw UsageError(fmt::format("'{}' is a file; give a folder with -o", folder.string()));
     if (overwrite) return;
     for (const std::string& name : names) {
-        if (fs::exists(folder / name, ignored)) throw UsageError(fmt::format("'{}' exists; --overwrite replaces it", (folder / name).string()));
+        if (fs::exists(folder / name, ignored))
+            throw UsageError(fmt::format("'{}' exists; --overwrite replaces it", (folder / name).string()));
     }
 }
 
@@ -95,7 +96,8 @@ void remove_other_versions(const fs::path& viewer, const fs::path& folder) {
             if (name.empty()) continue;
             for (const auto& entry : fs::directory_iterator(folder / file.parent_path())) {
                 const fs::path other = entry.path().filename();
-                if (unversioned(other) == name && entry.is_regular_file() && !entry.is_symlink() && !fs::exists(viewer / file.parent_path() / other))
+                if (unversioned(other) == name && entry.is_regular_file() && !entry.is_symlink() &&
+                    !fs::exists(viewer / file.parent_path() / other))
                     fs::remove(entry.path());
             }
         }

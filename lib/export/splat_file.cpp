@@ -43,11 +43,13 @@ void write_splat(const std::filesystem::path& path, const Gaussians& g) {
     std::vector<double> sizes(static_cast<std::size_t>(g.count));
     for (std::int64_t i = 0; i < g.count; ++i) {
         const float* s = g[Group::kScale].param.data() + 3 * i;
-        sizes[std::size_t(i)] = double(s[0]) + s[1] + s[2] + std::log(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])));
+        sizes[std::size_t(i)] =
+            double(s[0]) + s[1] + s[2] + std::log(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])));
     }
     std::vector<std::int64_t> order(static_cast<std::size_t>(g.count));
     std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](std::int64_t a, std::int64_t b) { return sizes[std::size_t(a)] > sizes[std::size_t(b)]; });
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::int64_t a, std::int64_t b) { return sizes[std::size_t(a)] > sizes[std::size_t(b)]; });
     AtomicFile file(path);
     for (const std::int64_t i : order) {
         const Record r = record(g, i);

@@ -20,9 +20,10 @@ namespace gs {
 namespace {
 
 [[noreturn]] void fail(const char* action, const std::filesystem::path& path, int error) {
-    const char* hint = error == ENOSPC || error == EDQUOT                    ? "; free some space and run again"
-                       : error == EACCES || error == EROFS || error == EPERM ? "; choose an output folder you may write to"
-                                                                             : "";
+    const char* hint = error == ENOSPC || error == EDQUOT ? "; free some space and run again"
+                       : error == EACCES || error == EROFS || error == EPERM
+                           ? "; choose an output folder you may write to"
+                           : "";
     throw DataError(fmt::format("cannot {} '{}': {}{}", action, path.string(), std::strerror(error), hint));
 }
 
@@ -79,7 +80,7 @@ class AtomicFile::Buffer : public std::streambuf {
     }
 
     std::streamsize xsputn(const char* data, std::streamsize size) override {
-        if (size == 0) return 0; // an empty vector's pointer is null, and memcpy does not accept null
+        if (size == 0) return 0;  // an empty vector's pointer is null, and memcpy does not accept null
         if (size <= epptr() - pptr()) {
             std::memcpy(pptr(), data, std::size_t(size));
             pbump(int(size));

@@ -10,7 +10,8 @@
 namespace gs {
 
 std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality) {
-    if (image.is_float() || image.channels != 3) throw UsageError("only 8-bit rgb images can be encoded as JPEG in memory");
+    if (image.is_float() || image.channels != 3)
+        throw UsageError("only 8-bit rgb images can be encoded as JPEG in memory");
     std::vector<std::uint8_t> bytes;
     OIIO::Filesystem::IOVecOutput memory(bytes);
     const auto output = OIIO::ImageOutput::create("picture.jpg");
@@ -18,7 +19,9 @@ std::vector<std::uint8_t> encode_jpeg(const Image& image, int quality) {
     spec.attribute("Compression", fmt::format("jpeg:{}", quality));
     const bool ok = output && output->set_ioproxy(&memory) && output->open("picture.jpg", spec) &&
                     output->write_image(OIIO::TypeDesc::UINT8, image.u8.data()) && output->close();
-    if (!ok) throw DataError(fmt::format("a JPEG of {}x{} pixels cannot be encoded: {}", image.width, image.height, output ? output->geterror() : OIIO::geterror()));
+    if (!ok)
+        throw DataError(fmt::format("a JPEG of {}x{} pixels cannot be encoded: {}", image.width, image.height,
+                                    output ? output->geterror() : OIIO::geterror()));
     return bytes;
 }
 

@@ -64,14 +64,14 @@ std::unique_ptr<OIIO::ImageInput> open_image(const fs::path& path) {
     if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0)
         fail(path, fmt::format("size {}x{} with {} channels is not an image", spec.width, spec.height, spec.nchannels));
     if (spec.width > kMaxSide || spec.height > kMaxSide || std::int64_t(spec.width) * spec.height > kMaxPixels)
-        fail(path, fmt::format("size {}x{} is above the limit of {} pixels; the header is damaged, or the image needs tiling", spec.width,
-                               spec.height, kMaxPixels));
+        fail(path,
+             fmt::format("size {}x{} is above the limit of {} pixels; the header is damaged, or the image needs tiling",
+                         spec.width, spec.height, kMaxPixels));
     if (spec.deep || spec.depth > 1) fail(path, "deep and volume images are not photographs");
     return input;
 }
 
-template <class T>
-std::vector<T> decode(OIIO::ImageInput& input, const fs::path& path, OIIO::TypeDesc type) {
+template <class T> std::vector<T> decode(OIIO::ImageInput& input, const fs::path& path, OIIO::TypeDesc type) {
     const OIIO::ImageSpec& spec = input.spec();
     std::vector<T> data(std::size_t(spec.width) * spec.height * spec.nchannels);
     if (!input.read_image(0, 0, 0, spec.nchannels, type, data.data()))
@@ -113,14 +113,16 @@ std::uint8_t quantise(float v) {
 
 bool stores_float(const fs::path& path) {
     std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return std::tolower(c); });
     return extension == ".exr" || extension == ".hdr" || extension == ".tif" || extension == ".tiff";
 }
 
 /// Returns the values that a float format stores: EXR holds premultiplied colour by definition.
 std::vector<float> float_samples(const Image& image, bool premultiply) {
     std::vector<float> out(std::size_t(image.width) * image.height * image.channels);
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] = image.is_float() ? image.f32[i] : image.u8[i] * (1.0f / 255.0f);
+    for (std::size_t i = 0; i < out.size(); ++i)
+        out[i] = image.is_float() ? image.f32[i] : image.u8[i] * (1.0f / 255.0f);
     if (premultiply && image.channels == 4)
         for (std::size_t i = 0; i < out.size(); i += 4)
             for (int c = 0; c < 3; ++c) out[i + c] *= out[i + 3];
@@ -131,7 +133,8 @@ void encode(const fs::path& temporary, const fs::path& path, const Image& image)
     auto output = OIIO::ImageOutput::create(temporary.string());
     if (!output) fail(path, fmt::format("cannot be written: {}", trimmed(OIIO::geterror())));
     // OpenImageIO's WebP writer always un-premultiplies in linear light, which changes straight colours.
-    if (std::string(output->format_name()) == "webp" && image.channels == 4) fail(path, "WebP cannot be written with alpha; use PNG");
+    if (std::string(output->format_name()) == "webp" && image.channels == 4)
+        fail(path, "WebP cannot be written with alpha; use PNG");
     const bool as_float = stores_float(path) && image.is_float();
     const bool is_exr = std::string(output->format_name()) == "openexr";
     const auto type = as_float || is_exr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
@@ -177,8 +180,8 @@ Image read_image(const fs::path& path) {
         for (std::size_t i = 0; i < image.f32.size(); ++i) {
             if (std::isfinite(image.f32[i])) continue;
             const std::size_t pixel = i / image.channels;
-            fail(path,
-                 fmt::format("pixel ({}, {}) is {}; every value must be finite", pixel % image.width, pixel / image.width, image.f32[i]));
+            fail(path, fmt::format("pixel ({}, {}) is {}; every value must be finite", pixel % image.width,
+                                   pixel / image.width, image.f32[i]));
         }
     } else {
         image.u8 = arrange(decode<std::uint8_t>(*input, path, OIIO::TypeDesc::UINT8), spec, plan, 255.0f);
@@ -205,8 +208,8 @@ Image read_mask(const fs::path& path) {
 void write_image(const fs::path& path, const Image& image) {
     const std::size_t samples = std::size_t(image.width) * image.height * image.channels;
     if (samples == 0 || (image.is_float() ? image.f32.size() : image.u8.size()) != samples)
-        fail(path,
-             fmt::format("cannot write {}x{} with {} channels from {} bytes", image.width, image.height, image.channels, image.bytes()));
+        fail(path, fmt::format("cannot write {}x{} with {} channels from {} bytes", image.width, image.height,
+                               image.channels, image.bytes()));
     std::error_code folder_error;
     if (path.has_parent_path()) fs::create_directories(path.parent_path(), folder_error);
     if (folder_error) fail(path, fmt::format("its folder cannot be created: {}", folder_error.message()));

@@ -26,7 +26,7 @@ struct Image {
 
 struct ImageInfo {
     int width = 0, height = 0, channels = 0;
-    bool float_data = false; ///< read_image would return float
+    bool float_data = false;  ///< read_image would return float
 };
 
 /// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors.

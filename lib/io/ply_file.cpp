@@ -39,8 +39,7 @@ constexpr std::size_t kMaxLine = 4096, kMaxProperties = 4096, kMaxLines = 16384;
 
 constexpr std::int64_t kChunkBytes = 1 << 22;
 
-template <class T>
-double load(const char* p) {
+template <class T> double load(const char* p) {
     T v;
     std::memcpy(&v, p, sizeof v);
     return double(v);
@@ -52,7 +51,8 @@ void write_ply_header(std::ostream& out, const PlyHeader& header) {
     out << "ply\nformat binary_little_endian 1.0\n";
     for (const std::string& c : header.comments) out << "comment " << c << '\n';
     out << "element vertex " << header.count << '\n';
-    for (const PlyProperty& p : header.properties) out << "property " << kTypes[std::size_t(p.type)].name << ' ' << p.name << '\n';
+    for (const PlyProperty& p : header.properties)
+        out << "property " << kTypes[std::size_t(p.type)].name << ' ' << p.name << '\n';
     if (header.num_shared > 0) out << "element shared " << header.num_shared << "\nproperty float value\n";
     out << "end_header\n";
 }
@@ -70,12 +70,14 @@ PlyReader::PlyReader(const std::filesystem::path& path) : path_(path) {
     }
     const std::int64_t available = file_bytes - std::int64_t(in_.tellg());
     if (row_bytes_ > 0 && header_.count > available / row_bytes_) {
-        fail(fmt::format("'element vertex {}' needs {} bytes each, but only {} bytes follow the header: truncated file", header_.count,
-                         row_bytes_, available));
+        fail(fmt::format("'element vertex {}' needs {} bytes each, but only {} bytes follow the header: truncated file",
+                         header_.count, row_bytes_, available));
     }
     const std::int64_t behind = available - header_.count * row_bytes_;
     if (header_.num_shared > behind / std::int64_t(sizeof(float)))
-        fail(fmt::format("'element shared {}' needs 4 bytes each, but only {} bytes follow the vertices: truncated file", header_.num_shared, behind));
+        fail(
+            fmt::format("'element shared {}' needs 4 bytes each, but only {} bytes follow the vertices: truncated file",
+                        header_.num_shared, behind));
 }
 
 void PlyReader::parse_header() {
@@ -113,7 +115,8 @@ void PlyReader::parse_header() {
             in_shared = have_vertex && !more && name == "shared";
             more = more || have_vertex;
             if (in_shared) {
-                if (!(words >> header_.num_shared) || header_.num_shared < 0) fail(fmt::format("bad count in '{}'", line));
+                if (!(words >> header_.num_shared) || header_.num_shared < 0)
+                    fail(fmt::format("bad count in '{}'", line));
             } else if (in_vertex) {
                 if (!(words >> header_.count) || header_.count < 0) fail(fmt::format("bad vertex count in '{}'", line));
                 have_vertex = true;
@@ -123,14 +126,15 @@ void PlyReader::parse_header() {
         } else if (word == "property" && in_vertex) {
             std::string type, name;
             words >> type >> name;
-            const auto it =
-                std::find_if(kTypes.begin(), kTypes.end(), [&](const TypeName& t) { return type == t.name || type == t.alias; });
+            const auto it = std::find_if(kTypes.begin(), kTypes.end(),
+                                         [&](const TypeName& t) { return type == t.name || type == t.alias; });
             if (it == kTypes.end() || name.empty()) fail(fmt::format("cannot use vertex property '{}'", line));
             if (find(name) >= 0) fail(fmt::format("vertex property '{}' appears twice", name));
             if (header_.properties.size() >= kMaxProperties) fail("too many vertex properties");
             header_.properties.push_back({name, PlyType(it - kTypes.begin())});
         } else if (word == "property" && in_shared) {
-            if (line != "property float value") fail(fmt::format("element shared: expected 'property float value', found '{}'", line));
+            if (line != "property float value")
+                fail(fmt::format("element shared: expected 'property float value', found '{}'", line));
         } else if (word != "property" && word != "obj_info") {
             fail(fmt::format("unknown header line '{}'", line));
         }
@@ -191,6 +195,8 @@ double PlyReader::value(std::int64_t row, int property) const {
     return 0;
 }
 
-void PlyReader::fail(const std::string& reason) const { throw DataError(fmt::format("cannot read '{}': {}", path_.string(), reason)); }
+void PlyReader::fail(const std::string& reason) const {
+    throw DataError(fmt::format("cannot read '{}': {}", path_.string(), reason));
+}
 
 }  // namespace gs

@@ -89,7 +89,8 @@ void store_row(const std::vector<float>& sums, int y, Image& out) {
 }  // namespace
 
 Image resize_image(const Image& in, int width, int height) {
-    if (width <= 0 || height <= 0) throw UsageError(fmt::format("resize_image: target size {}x{} must be positive", width, height));
+    if (width <= 0 || height <= 0)
+        throw UsageError(fmt::format("resize_image: target size {}x{} must be positive", width, height));
     if (width == in.width && height == in.height) return in;
     Image out;
     out.width = width;

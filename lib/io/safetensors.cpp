@@ -46,8 +46,11 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
     for (const TensorView& t : tensors) {
         std::uint64_t bytes = 0;
         if (!tensor_bytes(t.dtype, t.shape, bytes))
-            throw DataError(fmt::format("cannot write '{}': tensor '{}' has an impossible shape", path.string(), t.name));
-        header[t.name] = {{"dtype", kDtypeNames[std::size_t(t.dtype)]}, {"shape", t.shape}, {"data_offsets", {offset, offset + bytes}}};
+            throw DataError(
+                fmt::format("cannot write '{}': tensor '{}' has an impossible shape", path.string(), t.name));
+        header[t.name] = {{"dtype", kDtypeNames[std::size_t(t.dtype)]},
+                          {"shape", t.shape},
+                          {"data_offsets", {offset, offset + bytes}}};
         offset += bytes;
         sizes.push_back(bytes);
     }
@@ -75,7 +78,8 @@ SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : path_(path
     if (file_bytes < sizeof length) fail(fmt::format("{} bytes are too few for a safetensors file", file_bytes));
     in_.read(reinterpret_cast<char*>(&length), sizeof length);
     if (length > file_bytes - sizeof length || length > kMaxHeaderBytes) {
-        fail(fmt::format("the header claims {} bytes, the file has {}: truncated, or not a safetensors file", length, file_bytes));
+        fail(fmt::format("the header claims {} bytes, the file has {}: truncated, or not a safetensors file", length,
+                         file_bytes));
     }
     std::string text(length, '\0');
     in_.read(text.data(), std::streamsize(length));
@@ -102,31 +106,35 @@ void SafetensorsFile::parse_header(const std::string& text) {
         try {
             const std::string dtype = entry.at("dtype").get<std::string>();
             const auto it = std::find(kDtypeNames.begin(), kDtypeNames.end(), dtype);
-            if (it == kDtypeNames.end()) fail(fmt::format("tensor '{}' has dtype '{}'; known: F32, F64, I64, U8", name, dtype));
+            if (it == kDtypeNames.end())
+                fail(fmt::format("tensor '{}' has dtype '{}'; known: F32, F64, I64, U8", name, dtype));
             tensor.dtype = Dtype(it - kDtypeNames.begin());
             const auto unsigned_array = [&](const char* field) {
                 std::vector<std::uint64_t> values;
                 if (!entry.at(field).is_array()) fail(fmt::format("tensor '{}': '{}' is not a list", name, field));
                 for (const auto& v : entry.at(field)) {
-                    if (!v.is_number_unsigned()) fail(fmt::format("tensor '{}': '{}' holds {}, not a count", name, field, v.dump()));
+                    if (!v.is_number_unsigned())
+                        fail(fmt::format("tensor '{}': '{}' holds {}, not a count", name, field, v.dump()));
                     values.push_back(v.get<std::uint64_t>());
                 }
                 return values;
             };
             for (const std::uint64_t n : unsigned_array("shape")) tensor.shape.push_back(std::int64_t(n));
             const auto offsets = unsigned_array("data_offsets");
-            if (offsets.size() != 2) fail(fmt::format("tensor '{}': data_offsets has {} values, not 2", name, offsets.size()));
+            if (offsets.size() != 2)
+                fail(fmt::format("tensor '{}': data_offsets has {} values, not 2", name, offsets.size()));
             tensor.begin = offsets[0];
             end = offsets[1];
         } catch (const nlohmann::json::exception& e) {
             fail(fmt::format("tensor '{}': {}", name, e.what()));
         }
-        if (end < tensor.begin) fail(fmt::format("tensor '{}' ends at byte {} before it begins at {}", name, end, tensor.begin));
+        if (end < tensor.begin)
+            fail(fmt::format("tensor '{}' ends at byte {} before it begins at {}", name, end, tensor.begin));
         tensor.bytes = end - tensor.begin;
         std::uint64_t expected = 0;
         if (!tensor_bytes(tensor.dtype, tensor.shape, expected) || expected != tensor.bytes) {
-            fail(fmt::format("tensor '{}' of shape ({}) and dtype {} occupies {} bytes", name, fmt::join(tensor.shape, ","),
-                             kDtypeNames[std::size_t(tensor.dtype)], tensor.bytes));
+            fail(fmt::format("tensor '{}' of shape ({}) and dtype {} occupies {} bytes", name,
+                             fmt::join(tensor.shape, ","), kDtypeNames[std::size_t(tensor.dtype)], tensor.bytes));
         }
         tensors_[name] = std::move(tensor);
     }
@@ -136,15 +144,18 @@ void SafetensorsFile::check_coverage(std::uint64_t data_bytes) const {
     std::vector<const std::pair<const std::string, Tensor>*> order;
     for (const auto& entry : tensors_) order.push_back(&entry);
     // Empty tensors begin where a neighbour begins, and they come first.
-    std::sort(order.begin(), order.end(),
-              [](auto* a, auto* b) { return std::pair(a->second.begin, a->second.bytes) < std::pair(b->second.begin, b->second.bytes); });
+    std::sort(order.begin(), order.end(), [](auto* a, auto* b) {
+        return std::pair(a->second.begin, a->second.bytes) < std::pair(b->second.begin, b->second.bytes);
+    });
     std::uint64_t end = 0;
     for (const auto* entry : order) {
         const Tensor& t = entry->second;
         if (t.begin != end)
-            fail(fmt::format("tensor '{}' begins at byte {} where {} is expected: overlap or gap", entry->first, t.begin, end));
+            fail(fmt::format("tensor '{}' begins at byte {} where {} is expected: overlap or gap", entry->first,
+                             t.begin, end));
         end += t.bytes;
-        if (end > data_bytes) fail(fmt::format("tensor '{}' ends at byte {}, the file has {}: truncated", entry->first, end, data_bytes));
+        if (end > data_bytes)
+            fail(fmt::format("tensor '{}' ends at byte {}, the file has {}: truncated", entry->first, end, data_bytes));
     }
     if (end != data_bytes) fail(fmt::format("{} bytes follow the last tensor", data_bytes - end));
 }
@@ -164,8 +175,8 @@ const SafetensorsFile::Tensor& SafetensorsFile::tensor(const std::string& name) 
 const SafetensorsFile::Tensor& SafetensorsFile::checked(const std::string& name, Dtype dtype) const {
     const Tensor& t = tensor(name);
     if (t.dtype != dtype) {
-        fail(
-            fmt::format("tensor '{}' has dtype {}, expected {}", name, kDtypeNames[std::size_t(t.dtype)], kDtypeNames[std::size_t(dtype)]));
+        fail(fmt::format("tensor '{}' has dtype {}, expected {}", name, kDtypeNames[std::size_t(t.dtype)],
+                         kDtypeNames[std::size_t(dtype)]));
     }
     return t;
 }

@@ -16,14 +16,10 @@ namespace gs {
 
 enum class Dtype : int { kF32, kF64, kI64, kU8 };
 
-template <class T>
-inline constexpr Dtype kDtypeOf = Dtype::kU8;
-template <>
-inline constexpr Dtype kDtypeOf<float> = Dtype::kF32;
-template <>
-inline constexpr Dtype kDtypeOf<double> = Dtype::kF64;
-template <>
-inline constexpr Dtype kDtypeOf<std::int64_t> = Dtype::kI64;
+template <class T> inline constexpr Dtype kDtypeOf = Dtype::kU8;
+template <> inline constexpr Dtype kDtypeOf<float> = Dtype::kF32;
+template <> inline constexpr Dtype kDtypeOf<double> = Dtype::kF64;
+template <> inline constexpr Dtype kDtypeOf<std::int64_t> = Dtype::kI64;
 
 /// A tensor in memory to be written. The data is borrowed until the write returns.
 struct TensorView {
@@ -58,8 +54,7 @@ class SafetensorsFile {
     const Tensor& tensor(const std::string& name) const;
 
     /// Reads one tensor. T is float, double, int64 or uint8 and must be the stored type. Throws DataError.
-    template <class T>
-    std::vector<T> read(const std::string& name) const {
+    template <class T> std::vector<T> read(const std::string& name) const {
         const Tensor& t = checked(name, kDtypeOf<T>);
         std::vector<T> values(t.bytes / sizeof(T));
         read_bytes(name, t, values.data());

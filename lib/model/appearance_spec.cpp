@@ -16,17 +16,19 @@ std::string describe(const AppearanceSpec& spec) {
 }
 
 void require_same_appearance(const AppearanceSpec& found, const AppearanceSpec& wanted, const std::string& file) {
-    if (found.model == wanted.model && found.max_degree == wanted.max_degree && found.activation == wanted.activation) return;
-    throw UsageError(
-        fmt::format("'{}' holds the appearance ({}), but ({}) was asked for; use the same appearance options, or start a new run", file,
-                    describe(found), describe(wanted)));
+    if (found.model == wanted.model && found.max_degree == wanted.max_degree && found.activation == wanted.activation)
+        return;
+    throw UsageError(fmt::format(
+        "'{}' holds the appearance ({}), but ({}) was asked for; use the same appearance options, or start a new run",
+        file, describe(found), describe(wanted)));
 }
 
 AppearanceSpec appearance_spec(const TrainOptions& options) {
     const ModelInfo& info = appearance_model(options.appearance);
     AppearanceSpec spec;
     spec.model = info.name;
-    spec.max_degree = info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
+    spec.max_degree =
+        info.degree_option.empty() ? info.default_max_degree : int(options.model_options.at(info.degree_option));
     spec.activation = options.color_activation;
     return spec;
 }
@@ -36,11 +38,13 @@ AppearanceSpec appearance_from_file(const std::string& file, const std::string& 
     try {
         const ModelInfo& info = appearance_model(model);
         if (max_degree < 0 || max_degree > info.max_degree_limit) {
-            throw UsageError(fmt::format("max_degree {} of appearance '{}' is outside 0..{}", max_degree, model, info.max_degree_limit));
+            throw UsageError(fmt::format("max_degree {} of appearance '{}' is outside 0..{}", max_degree, model,
+                                         info.max_degree_limit));
         }
         const std::optional<ColorActivation> known = choice_of<ColorActivation>(activation);
         if (!known)
-            throw UsageError(fmt::format("unknown colour activation '{}'; known: {}", activation, fmt::join(kWordsOf<ColorActivation>, ", ")));
+            throw UsageError(fmt::format("unknown colour activation '{}'; known: {}", activation,
+                                         fmt::join(kWordsOf<ColorActivation>, ", ")));
         return {model, int(max_degree), *known};
     } catch (const UsageError& e) {
         // The user did not type these words, so the file is at fault.

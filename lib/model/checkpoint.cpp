@@ -27,8 +27,7 @@ constexpr const char* kFormat = "gsapp-checkpoint-1";
 constexpr const char* kSharedName = "shared_weights";
 constexpr const char *kPpispName = "ppisp", *kControllerName = "controller";
 
-template <class Int>
-Int metadata_number(const SafetensorsFile& file, const std::string& name, const std::string& key) {
+template <class Int> Int metadata_number(const SafetensorsFile& file, const std::string& name, const std::string& key) {
     const std::string& text = file.metadata(key);
     Int value{};
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -39,32 +38,34 @@ Int metadata_number(const SafetensorsFile& file, const std::string& name, const 
 }
 
 /// Reads one (count, width) tensor. Checks its shape before and its values after reading.
-std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor, std::int64_t count,
-                             std::int64_t width) {
+std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor,
+                             std::int64_t count, std::int64_t width) {
     const auto& shape = file.tensor(tensor).shape;
     if (shape.size() != 2 || shape[0] != count || shape[1] != width) {
-        throw DataError(fmt::format("cannot read '{}': tensor '{}' does not have the shape ({}, {})", name, tensor, count, width));
+        throw DataError(
+            fmt::format("cannot read '{}': tensor '{}' does not have the shape ({}, {})", name, tensor, count, width));
     }
     std::vector<float> values = file.read<float>(tensor);
     for (std::size_t i = 0; i < values.size(); ++i) {
         if (!gs_isfinite(values[i])) {
-            throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {} in row {}; use an earlier checkpoint", name, tensor,
-                                        values[i], i / std::size_t(width)));
+            throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {} in row {}; use an earlier checkpoint",
+                                        name, tensor, values[i], i / std::size_t(width)));
         }
     }
     return values;
 }
 
 /// Adds one row of values, with its moments if there are any.
-void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param, const std::vector<float>& m, const std::vector<float>& v) {
+void add_row(std::vector<TensorView>& tensors, const std::string& name, const std::vector<float>& param,
+             const std::vector<float>& m, const std::vector<float>& v) {
     const auto add = [&](const std::string& tensor, const std::vector<float>& values) {
         if (!values.empty()) tensors.push_back({tensor, Dtype::kF32, {1, std::int64_t(values.size())}, values.data()});
     };
     add(name, param), add("adam_m." + name, m), add("adam_v." + name, v);
 }
 
-void read_row(const SafetensorsFile& file, const std::string& path, const std::string& name, std::size_t size, std::vector<float>& param, std::vector<float>& m,
-              std::vector<float>& v) {
+void read_row(const SafetensorsFile& file, const std::string& path, const std::string& name, std::size_t size,
+              std::vector<float>& param, std::vector<float>& m, std::vector<float>& v) {
     param = read_rows(file, path, name, 1, std::int64_t(size));
     if (!file.tensors().contains("adam_m." + name)) return;
     m = read_rows(file, path, "adam_m." + name, 1, std::int64_t(size));
@@ -91,7 +92,8 @@ PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
     if (!p.active()) throw DataError(fmt::format("cannot read '{}': its '{}' has no cameras", name, kPpispName));
     read_row(file, name, kPpispName, p.size(), p.param, p.m, p.v);
     if (file.tensors().contains(kControllerName))
-        read_row(file, name, kControllerName, std::size_t(p.num_cameras) * kControllerWeights, p.controller, p.controller_m, p.controller_v);
+        read_row(file, name, kControllerName, std::size_t(p.num_cameras) * kControllerWeights, p.controller,
+                 p.controller_m, p.controller_v);
     return p;
 }
 
@@ -110,9 +112,13 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
         add(std::string("adam_v.") + kGroupNames[i], g.groups[i], g.groups[i].v);
     }
     if (g.shared.width > 0) {
-        const auto add_shared = [&](const std::string& name, const std::vector<float>& values) { tensors.push_back({name, Dtype::kF32, {1, g.shared.width}, values.data()}); };
+        const auto add_shared = [&](const std::string& name, const std::vector<float>& values) {
+            tensors.push_back({name, Dtype::kF32, {1, g.shared.width}, values.data()});
+        };
         add_shared(kSharedName, g.shared.param);
-        if (with_moments) add_shared(std::string("adam_m.") + kSharedName, g.shared.m), add_shared(std::string("adam_v.") + kSharedName, g.shared.v);
+        if (with_moments)
+            add_shared(std::string("adam_m.") + kSharedName, g.shared.m),
+                add_shared(std::string("adam_v.") + kSharedName, g.shared.v);
     }
     if (!g.gradient_sum.empty()) {
         tensors.push_back({"gradient_sum", Dtype::kF32, {g.count, 1}, g.gradient_sum.data()});
@@ -136,7 +142,8 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     const SafetensorsFile file(path);
     const std::string name = path.string();
     if (file.metadata("format") != kFormat) {
-        throw DataError(fmt::format("cannot read '{}': format '{}', expected '{}'", name, file.metadata("format"), kFormat));
+        throw DataError(
+            fmt::format("cannot read '{}': format '{}', expected '{}'", name, file.metadata("format"), kFormat));
     }
     Checkpoint c;
     c.iteration = metadata_number<std::int64_t>(file, name, "iteration");
@@ -145,11 +152,12 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     Gaussians& g = c.state;
     g.step = metadata_number<std::int64_t>(file, name, "adam_step");
     g.active_degree = metadata_number<int>(file, name, "active_degree");
-    g.appearance = appearance_from_file(name, file.metadata("appearance"), metadata_number<int>(file, name, "max_degree"),
-                                        file.metadata("color_activation"));
+    g.appearance =
+        appearance_from_file(name, file.metadata("appearance"), metadata_number<int>(file, name, "max_degree"),
+                             file.metadata("color_activation"));
     if (g.active_degree > g.appearance.max_degree) {
-        throw DataError(
-            fmt::format("cannot read '{}': active_degree {} is above max_degree {}", name, g.active_degree, g.appearance.max_degree));
+        throw DataError(fmt::format("cannot read '{}': active_degree {} is above max_degree {}", name, g.active_degree,
+                                    g.appearance.max_degree));
     }
     const auto& means = file.tensor(kGroupNames[0]).shape;
     g.count = means.empty() ? 0 : means[0];
@@ -167,7 +175,9 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     if (g.shared.width > 0) {
         g.shared.param = read_rows(file, name, kSharedName, 1, g.shared.width);
         for (const float w : g.shared.param) {
-            if (std::abs(w) > float(kLargestSharedWeight)) throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights must be within +-{}", name, kSharedName, w, kLargestSharedWeight));
+            if (std::abs(w) > float(kLargestSharedWeight))
+                throw DataError(fmt::format("cannot read '{}': tensor '{}' holds {}; weights must be within +-{}", name,
+                                            kSharedName, w, kLargestSharedWeight));
         }
         if (with_moments) {
             g.shared.m = read_rows(file, name, std::string("adam_m.") + kSharedName, 1, g.shared.width);

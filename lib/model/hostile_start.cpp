@@ -29,7 +29,8 @@ class Draws {
 std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
     // Some values no view can show: huge scales, rotations whose squares leave float's range. Others stay visible,
     // because a Gaussian that is culled puts no stress on the training.
-    constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kBases[] = {3, 1e4f}, kResiduals[] = {1e-6f, 1e4f, 1e30f};
+    constexpr float kScales[] = {-30, 2, 30}, kRotations[] = {1e-20f, 1e-3f, 1e3f, 1e20f}, kBases[] = {3, 1e4f},
+                    kResiduals[] = {1e-6f, 1e4f, 1e30f};
     std::int64_t changed = 0;
     for (std::int64_t i = 0; i < state.count; ++i) {
         Draws draws(seed, i);
@@ -37,7 +38,8 @@ std::int64_t make_hostile(Gaussians& state, double share, std::uint64_t seed) {
         ++changed;
         // One magnitude for the row. Of eight or 45 independent ones, some would always be among those that pruning
         // finds.
-        const float rotation = kRotations[draws.next() % 4], base = kBases[draws.next() % 2], residual = kResiduals[draws.next() % 3];
+        const float rotation = kRotations[draws.next() % 4], base = kBases[draws.next() % 2],
+                    residual = kResiduals[draws.next() % 3];
         const auto each = [&](Group g, auto value) {
             const int width = state[g].width;
             for (int k = 0; k < width; ++k) state[g].param[std::size_t(i) * width + k] = value();

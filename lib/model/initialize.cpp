@@ -28,10 +28,7 @@ struct PointAdaptor {
     const std::vector<Eigen::Vector3f>& points;
     std::size_t kdtree_get_point_count() const { return points.size(); }
     double kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][Eigen::Index(axis)]; }
-    template <class Box>
-    bool kdtree_get_bbox(Box&) const {
-        return false;
-    }
+    template <class Box> bool kdtree_get_bbox(Box&) const { return false; }
 };
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAdaptor>, PointAdaptor, 3>;
 
@@ -59,7 +56,8 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
         Eigen::Vector3d p;
         for (int k = 0; k < 3; ++k) p[k] = center[k] + half * (2 * uniform_from_bits<double>(r.v[k]) - 1);
         drawn[std::size_t(i)] = p.cast<float>();
-        seen[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return in_frustum(v.camera, p); });
+        seen[std::size_t(i)] =
+            std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return in_frustum(v.camera, p); });
     });
     PointCloud cloud;
     for (std::size_t i = 0; i < drawn.size(); ++i) {
@@ -68,7 +66,8 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
     cloud.colors.assign(cloud.positions.size(), Eigen::Vector3f::Constant(0.5f));
     if (cloud.positions.empty()) {
         throw DataError(
-            fmt::format("scene '{}': none of {} random points within {} of ({}, {}, {}) is seen by a training view; check the camera poses",
+            fmt::format("scene '{}': none of {} random points within {} of ({}, {}, {}) is seen by a training view; "
+                        "check the camera poses",
                         scene.source, options.random_points, half, center.x(), center.y(), center.z()));
     }
     return cloud;
@@ -94,7 +93,9 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
     return means;
 }
 
-InitOptions init_options(const TrainOptions& options) { return {options.strategy == Strategy::kMcmc, options.init_points, options.seed}; }
+InitOptions init_options(const TrainOptions& options) {
+    return {options.strategy == Strategy::kMcmc, options.init_points, options.seed};
+}
 
 PointCloud initial_points(const Scene& scene, const InitOptions& options) {
     if (scene.points.positions.empty()) return random_points(scene, options);
@@ -105,7 +106,8 @@ PointCloud initial_points(const Scene& scene, const InitOptions& options) {
         cloud.colors.push_back(scene.points.colors[i]);
     }
     if (cloud.positions.empty())
-        throw DataError(fmt::format("scene '{}': none of its {} points is finite", scene.source, scene.points.positions.size()));
+        throw DataError(
+            fmt::format("scene '{}': none of its {} points is finite", scene.source, scene.points.positions.size()));
     return cloud;
 }
 
@@ -128,7 +130,8 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
         const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
         std::copy_n(cloud.positions[std::size_t(i)].data(), 3, row(Group::kMean));
         // A single point has no neighbour to tell its size and gets a hundredth of the scene.
-        const double scale = g.count > 1 ? factor * std::sqrt(std::max(squared[std::size_t(i)], kMinSquaredDistance)) : 0.01 * scene.extent;
+        const double scale = g.count > 1 ? factor * std::sqrt(std::max(squared[std::size_t(i)], kMinSquaredDistance))
+                                         : 0.01 * scene.extent;
         std::fill_n(row(Group::kScale), 3, float(std::log(scale)));
         row(Group::kRotation)[0] = 1;
         row(Group::kOpacity)[0] = std::log(opacity / (1 - opacity));

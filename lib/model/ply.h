@@ -19,10 +19,10 @@ struct PlyOptions {
 /// Writes x y z nx ny nz f_dc_0..2 f_rest_0..{0,9,24,45}-1 opacity scale_0..2 rot_0..3 as packed little-endian floats,
 /// atomically and without a second copy of the model. Normals are 0 (SIBR expects them), f_rest is channel-major,
 /// scales are logarithms, opacities logits, rotations unit quaternions w,x,y,z; moments are not stored. With relu and
-/// a model of plain spherical harmonics (ModelInfo::plain_sh) this is the whole model, exactly. Otherwise columns follow after rot_3: app_base_0..2 (the
-/// base colour before an activation other than relu; f_dc then holds the visible base colour) and app_<model>_<k>
-/// (residual parameters of other models; f_rest is then absent).
-/// Errors: NumericError naming row and property for a value that is not finite; DataError when the write fails.
+/// a model of plain spherical harmonics (ModelInfo::plain_sh) this is the whole model, exactly. Otherwise columns
+/// follow after rot_3: app_base_0..2 (the base colour before an activation other than relu; f_dc then holds the visible
+/// base colour) and app_<model>_<k> (residual parameters of other models; f_rest is then absent). Errors: NumericError
+/// naming row and property for a value that is not finite; DataError when the write fails.
 void write_ply(const std::filesystem::path& path, const Gaussians& gaussians, const PlyOptions& options);
 
 /// Reads files of write_ply and other programs: properties by name in any order, float or double. Files without the

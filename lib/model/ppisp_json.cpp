@@ -62,11 +62,13 @@ class Node {
         return json_.get<bool>();
     }
     std::int64_t integer(std::int64_t low, std::int64_t high) const {
-        if (!json_.is_number_integer() || json_.get<std::int64_t>() < low || json_.get<std::int64_t>() > high) fail(fmt::format("{} is not a whole number in {}..{}", json_.dump(), low, high));
+        if (!json_.is_number_integer() || json_.get<std::int64_t>() < low || json_.get<std::int64_t>() > high)
+            fail(fmt::format("{} is not a whole number in {}..{}", json_.dump(), low, high));
         return json_.get<std::int64_t>();
     }
     float number() const {
-        if (!json_.is_number() || !gs_isfinite(json_.get<float>())) fail(fmt::format("{} is not a finite number", json_.dump()));
+        if (!json_.is_number() || !gs_isfinite(json_.get<float>()))
+            fail(fmt::format("{} is not a finite number", json_.dump()));
         return json_.get<float>();
     }
     void numbers(float* out, std::size_t count) const {
@@ -99,7 +101,10 @@ void write_ppisp_json(const std::filesystem::path& path, const PpispFile& file) 
     const PpispState& state = file.state;
     AtomicFile target(path);
     std::ostream& out = target.stream();
-    out << fmt::format("{{\n\"version\": {},\n\"generator\": {},\n\"iteration\": {},\n\"exif\": {},\n\"mean_exif\": {:.9g},\n\"cameras\": [", kVersion, Json(version_text()).dump(), file.iteration, file.exif, file.mean_exif);
+    out << fmt::format(
+        "{{\n\"version\": {},\n\"generator\": {},\n\"iteration\": {},\n\"exif\": {},\n\"mean_exif\": "
+        "{:.9g},\n\"cameras\": [",
+        kVersion, Json(version_text()).dump(), file.iteration, file.exif, file.mean_exif);
     for (int c = 0; c < state.num_cameras; ++c) {
         const float* values = state.param.data() + state.camera_offset(c);
         out << (c ? ",\n" : "\n") << "{\"vignetting\": ";
@@ -117,7 +122,9 @@ void write_ppisp_json(const std::filesystem::path& path, const PpispFile& file) 
         const PpispFile::Frame& frame = file.frames[std::size_t(f)];
         const float* values = state.param.data() + std::size_t(f) * kIspFrameValues;
         out << (f ? ",\n" : "\n")
-            << fmt::format("{{\"image\": {}, \"camera\": {}, \"exposure\": {:.9g}, \"color\": ", Json(frame.image).dump(-1, ' ', false, Json::error_handler_t::replace), frame.camera, values[0]);
+            << fmt::format("{{\"image\": {}, \"camera\": {}, \"exposure\": {:.9g}, \"color\": ",
+                           Json(frame.image).dump(-1, ' ', false, Json::error_handler_t::replace), frame.camera,
+                           values[0]);
         write_list(out, values + 1, kLatents);
         if (frame.exif_exposure) out << fmt::format(", \"exif_exposure\": {:.9g}", *frame.exif_exposure);
         out << '}';
@@ -146,14 +153,16 @@ PpispFile read_ppisp_json(const std::filesystem::path& path) {
         camera.at("vignetting").channels(values, kIspVignetting);
         camera.at("response").channels(values + kChannels * kIspVignetting, kIspResponse);
         if (camera.has("controller") != controllers) camera.fail("either all cameras have a controller or none");
-        if (controllers) camera.at("controller").numbers(file.state.controller.data() + c * kControllerWeights, kControllerWeights);
+        if (controllers)
+            camera.at("controller").numbers(file.state.controller.data() + c * kControllerWeights, kControllerWeights);
     }
     for (std::size_t f = 0; f < frames.size(); ++f) {
         const Node frame = frames.at(f);
         float* values = file.state.param.data() + f * kIspFrameValues;
         values[0] = frame.at("exposure").number();
         frame.at("color").numbers(values + 1, kLatents);
-        file.frames.push_back({frame.at("image").text(), int(frame.at("camera").integer(0, std::int64_t(cameras.size()) - 1))});
+        file.frames.push_back(
+            {frame.at("image").text(), int(frame.at("camera").integer(0, std::int64_t(cameras.size()) - 1))});
         if (frame.has("exif_exposure")) file.frames.back().exif_exposure = frame.at("exif_exposure").number();
     }
     return file;

@@ -25,7 +25,8 @@ namespace fs = std::filesystem;
 std::optional<std::int64_t> numbered(const fs::path& path, std::string_view prefix, std::string_view suffix) {
     const std::string name = path.filename().string();
     std::int64_t value = 0;
-    if (name.size() <= prefix.size() + suffix.size() || !name.starts_with(prefix) || !name.ends_with(suffix)) return std::nullopt;
+    if (name.size() <= prefix.size() + suffix.size() || !name.starts_with(prefix) || !name.ends_with(suffix))
+        return std::nullopt;
     const char* const first = name.data() + prefix.size();
     const char* const last = name.data() + name.size() - suffix.size();
     const auto [end, error] = std::from_chars(first, last, value);
@@ -49,8 +50,12 @@ std::vector<NumberedFile> list_numbered(const fs::path& folder, std::string_view
     return found;
 }
 
-std::vector<NumberedFile> point_clouds(const fs::path& root) { return list_numbered(root / "point_cloud", "iteration_", ""); }
-std::vector<NumberedFile> checkpoints(const fs::path& root) { return list_numbered(root / "checkpoints", "iteration_", ".safetensors"); }
+std::vector<NumberedFile> point_clouds(const fs::path& root) {
+    return list_numbered(root / "point_cloud", "iteration_", "");
+}
+std::vector<NumberedFile> checkpoints(const fs::path& root) {
+    return list_numbered(root / "checkpoints", "iteration_", ".safetensors");
+}
 
 void remove_file(const fs::path& path) {
     std::error_code error;
@@ -105,7 +110,8 @@ std::string quoted(const std::string& text) {
     return out + "'";
 }
 
-fs::path view_image(const fs::path& root, const std::string& split, std::int64_t iteration, const std::string& kind, int index) {
+fs::path view_image(const fs::path& root, const std::string& split, std::int64_t iteration, const std::string& kind,
+                    int index) {
     return root / split / fmt::format("ours_{}", iteration) / kind / fmt::format("{:05}.png", index);
 }
 
@@ -119,7 +125,9 @@ fs::path RunFolder::checkpoint(std::int64_t iteration) const {
     return root / "checkpoints" / fmt::format("iteration_{}.safetensors", iteration);
 }
 
-fs::path RunFolder::preview(std::int64_t iteration) const { return root / "preview" / fmt::format("{:06}.png", iteration); }
+fs::path RunFolder::preview(std::int64_t iteration) const {
+    return root / "preview" / fmt::format("{:06}.png", iteration);
+}
 
 fs::path RunFolder::render(const std::string& split, std::int64_t iteration, int index) const {
     return view_image(root, split, iteration, "renders", index);
@@ -129,14 +137,16 @@ fs::path RunFolder::ground_truth(const std::string& split, std::int64_t iteratio
     return view_image(root, split, iteration, "gt", index);
 }
 
-fs::path RunFolder::picture_part(const std::string& split, std::int64_t iteration, const std::string& part, int index) const {
+fs::path RunFolder::picture_part(const std::string& split, std::int64_t iteration, const std::string& part,
+                                 int index) const {
     return view_image(root, split, iteration, part, index);
 }
 
 void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration) {
     std::error_code error;
     fs::create_directories(folder.root, error);
-    if (error) throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
+    if (error)
+        throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
     AtomicFile probe(folder.config());  // never committed; only proves that files can be created here
 
     const std::int64_t after = resume_iteration.value_or(-1);
@@ -147,20 +157,20 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     const bool conflict = latest > after || (!resume_iteration && fs::exists(folder.config(), error));
     if (conflict && !overwrite) {
         const std::string holds = latest >= 0 ? fmt::format("a run up to iteration {}", latest) : "a run (config.yaml)";
-        throw UsageError(
-            resume_iteration
-                ? fmt::format("the output folder '{}' holds {}, later than the resumed iteration {}; choose another --model folder, or "
-                              "give --overwrite to drop the later results",
-                              folder.root.string(), holds, after)
-                : fmt::format("the output folder '{}' already holds {}; choose another --model folder, --resume it, or give --overwrite",
-                              folder.root.string(), holds));
+        throw UsageError(resume_iteration ? fmt::format("the output folder '{}' holds {}, later than the resumed "
+                                                        "iteration {}; choose another --model folder, or "
+                                                        "give --overwrite to drop the later results",
+                                                        folder.root.string(), holds, after)
+                                          : fmt::format("the output folder '{}' already holds {}; choose another "
+                                                        "--model folder, --resume it, or give --overwrite",
+                                                        folder.root.string(), holds));
     }
     if (!overwrite) return;
     remove_iterations(folder, after);
-    remove_file(folder.ppisp()); // written at the end of a run
+    remove_file(folder.ppisp());  // written at the end of a run
     if (resume_iteration) return;
-    for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
-                             folder.per_view(), folder.appearance_choice(), folder.train_log()}) {
+    for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(),
+                             folder.results(), folder.per_view(), folder.appearance_choice(), folder.train_log()}) {
         remove_file(path);
     }
     remove_if_empty(folder.train_log().parent_path());
@@ -169,15 +179,16 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
 fs::path latest_checkpoint(const fs::path& run_folder) {
     const auto found = checkpoints(run_folder);
     if (found.empty())
-        throw DataError(fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from", run_folder.string()));
+        throw DataError(
+            fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from", run_folder.string()));
     return found.back().path;
 }
 
 std::int64_t latest_point_cloud(const fs::path& run_folder) {
     const auto found = point_clouds(run_folder);
     if (found.empty())
-        throw DataError(
-            fmt::format("'{}' holds no point_cloud/iteration_N; is it the output folder of a finished run?", run_folder.string()));
+        throw DataError(fmt::format("'{}' holds no point_cloud/iteration_N; is it the output folder of a finished run?",
+                                    run_folder.string()));
     return found.back().number;
 }
 
@@ -186,12 +197,14 @@ void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
         return path.starts_with("builtin:") ? path : fs::absolute(path).lexically_normal().string();
     };
     const auto flag = [](bool value) { return value ? "True" : "False"; };
-    write_text_atomic(folder.cfg_args(),
-                      fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
-                                  "source_path={}, white_background={})",
-                                  flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())), options.resolution,
-                                  appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0, quoted(absolute(options.source)),
-                                  flag(options.background.always(1, 1, 1))));
+    write_text_atomic(
+        folder.cfg_args(),
+        fmt::format("Namespace(data_device='cuda', eval={}, images={}, model_path={}, resolution={}, sh_degree={}, "
+                    "source_path={}, white_background={})",
+                    flag(options.eval), quoted(options.images), quoted(absolute(folder.root.string())),
+                    options.resolution,
+                    appearance_model(options.appearance).plain_sh ? appearance_spec(options).max_degree : 0,
+                    quoted(absolute(options.source)), flag(options.background.always(1, 1, 1))));
 }
 
 void write_input_points(const RunFolder& folder, const PointCloud& points) {

@@ -33,7 +33,8 @@ struct RunFolder {
     std::filesystem::path render(const std::string& split, std::int64_t iteration, int index) const;
     std::filesystem::path ground_truth(const std::string& split, std::int64_t iteration, int index) const;
     /// Path of a part of the render: <split>/ours_N/base/00007.png and .../residual/00007.png.
-    std::filesystem::path picture_part(const std::string& split, std::int64_t iteration, const std::string& part, int index) const;
+    std::filesystem::path picture_part(const std::string& split, std::int64_t iteration, const std::string& part,
+                                       int index) const;
 };
 
 /// Prepares the folder before any work is spent: creates it, proves that files can be written, and protects earlier
@@ -42,7 +43,8 @@ struct RunFolder {
 /// holds outputs of a later iteration. With `overwrite` the earlier run's files (when resuming only those of later
 /// iterations) are removed instead. Files that gsapp did not write are never touched. Throws UsageError for the
 /// refusal, DataError when the folder cannot be created or written.
-void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<std::int64_t> resume_iteration = std::nullopt);
+void prepare_run_folder(const RunFolder& folder, bool overwrite,
+                        std::optional<std::int64_t> resume_iteration = std::nullopt);
 
 /// Returns the checkpoint of the highest iteration in the folder. Throws DataError when there is none.
 std::filesystem::path latest_checkpoint(const std::filesystem::path& run_folder);

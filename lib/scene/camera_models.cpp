@@ -65,16 +65,14 @@ bool is_polynomial(CameraModel model) {
 }
 
 /// Returns the sum of k[i] s^(i+1).
-template <class T>
-T power_series(const double* k, int count, const T& s) {
+template <class T> T power_series(const double* k, int count, const T& s) {
     T sum(0.0);
     for (int i = count; i-- > 0;) sum = (sum + k[i]) * s;
     return sum;
 }
 
 /// Distorts a point of the image plane by COLMAP's polynomial models; for double and for automatic differentiation.
-template <class T>
-Eigen::Matrix<T, 2, 1> distort_plane(const LensCamera& lens, const T& x, const T& y) {
+template <class T> Eigen::Matrix<T, 2, 1> distort_plane(const LensCamera& lens, const T& x, const T& y) {
     const std::array<double, 12>& d = lens.distortion;
     const T s = x * x + y * y;
     T radial(1.0), dx(0.0), dy(0.0);
@@ -313,7 +311,8 @@ std::optional<Vector3d> unproject(const LensCamera& lens, const Vector2d& pixel)
         const double phi = (0.5 - pixel.y() / lens.fy) * std::numbers::pi;
         return Vector3d(std::cos(phi) * std::sin(theta), -std::sin(phi), std::cos(phi) * std::cos(theta));
     }
-    const std::optional<Vector2d> uv = undistort(lens, Vector2d((pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy));
+    const std::optional<Vector2d> uv =
+        undistort(lens, Vector2d((pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy));
     if (!uv || !uv->allFinite()) return {};
     return Vector3d(uv->x(), uv->y(), 1);
 }

@@ -11,7 +11,8 @@
 
 namespace gs::colmap {
 
-static_assert(std::endian::native == std::endian::little, "COLMAP files are little endian and are read without swapping");
+static_assert(std::endian::native == std::endian::little,
+              "COLMAP files are little endian and are read without swapping");
 
 namespace {
 
@@ -25,8 +26,7 @@ class Cursor {
     const fs::path& file() const { return file_; }
     std::size_t remaining() const { return data_.size() - position_; }
 
-    template <class T>
-    T read(const char* field) {
+    template <class T> T read(const char* field) {
         T value;
         need(sizeof(T), field);
         std::memcpy(&value, data_.data() + position_, sizeof(T));
@@ -41,7 +41,8 @@ class Cursor {
 
     std::string read_name(const char* field) {
         const std::size_t end = data_.find('\0', position_);
-        if (end == std::string::npos) fail(fmt::format("'{}' has no terminating zero byte; the file is truncated", field));
+        if (end == std::string::npos)
+            fail(fmt::format("'{}' has no terminating zero byte; the file is truncated", field));
         std::string name = data_.substr(position_, end - position_);
         position_ = end + 1;
         return name;
@@ -53,10 +54,10 @@ class Cursor {
         const std::size_t at = position_;
         const auto count = read<std::uint64_t>(field);
         if (count > remaining() / record_bytes)
-            throw DataError(
-                fmt::format("{}: '{}' at byte {} is {}, which needs at least {} bytes each, but {} bytes are left; the file is "
-                            "truncated or not a COLMAP file",
-                            file_.string(), field, at, count, record_bytes, remaining()));
+            throw DataError(fmt::format(
+                "{}: '{}' at byte {} is {}, which needs at least {} bytes each, but {} bytes are left; the file is "
+                "truncated or not a COLMAP file",
+                file_.string(), field, at, count, record_bytes, remaining()));
         return count;
     }
 
@@ -75,7 +76,8 @@ class Cursor {
 
 void note_trailing(const Cursor& cursor, ModelBuilder& builder) {
     if (cursor.remaining() > 0)
-        builder.note(fmt::format("{}: {} bytes after the last record: ignored", cursor.file().string(), cursor.remaining()));
+        builder.note(
+            fmt::format("{}: {} bytes after the last record: ignored", cursor.file().string(), cursor.remaining()));
 }
 
 void read_cameras(const fs::path& file, ModelBuilder& builder) {
@@ -85,8 +87,9 @@ void read_cameras(const fs::path& file, ModelBuilder& builder) {
         const auto model_id = cursor.read<std::int32_t>("model_id");
         const auto width = cursor.read<std::uint64_t>("width"), height = cursor.read<std::uint64_t>("height");
         if (model_id < 0 || std::size_t(model_id) >= camera_models().size())
-            throw DataError(fmt::format("{}: camera {}: model_id is {}; known are 0 to {} (is the file damaged or from a newer COLMAP?)",
-                                        file.string(), id, model_id, camera_models().size() - 1));
+            throw DataError(fmt::format(
+                "{}: camera {}: model_id is {}; known are 0 to {} (is the file damaged or from a newer COLMAP?)",
+                file.string(), id, model_id, camera_models().size() - 1));
         const auto model = static_cast<CameraModel>(model_id);
         std::array<double, 16> params;
         const std::size_t num_params = camera_model_info(model).num_params();

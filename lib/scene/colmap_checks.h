@@ -20,12 +20,13 @@ class ModelBuilder {
   public:
     explicit ModelBuilder(ColmapModel& model) : model_(model) {}
 
-    void add_camera(const std::filesystem::path& file, std::uint32_t id, CameraModel model, std::uint64_t width, std::uint64_t height,
-                    std::span<const double> params);
+    void add_camera(const std::filesystem::path& file, std::uint32_t id, CameraModel model, std::uint64_t width,
+                    std::uint64_t height, std::span<const double> params);
     /// `pose` is qw qx qy qz tx ty tz of cam_from_world.
-    void add_image(const std::filesystem::path& file, std::uint32_t id, const std::array<double, 7>& pose, std::uint32_t camera_id,
-                   std::string name);
-    void add_point(const std::filesystem::path& file, std::uint64_t id, const Eigen::Vector3d& position, const std::array<int, 3>& rgb);
+    void add_image(const std::filesystem::path& file, std::uint32_t id, const std::array<double, 7>& pose,
+                   std::uint32_t camera_id, std::string name);
+    void add_point(const std::filesystem::path& file, std::uint64_t id, const Eigen::Vector3d& position,
+                   const std::array<int, 3>& rgb);
     void note(const std::string& line) { model_.notes.push_back(line); }
     void finish();
 

@@ -30,25 +30,30 @@ std::string read_file(const fs::path& path) {
     if (error || !in) throw DataError(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
     std::string data(size, '\0');
     in.read(data.data(), static_cast<std::streamsize>(size));
-    if (static_cast<std::uintmax_t>(in.gcount()) != size) throw DataError(fmt::format("{}: cannot be read", path.string()));
+    if (static_cast<std::uintmax_t>(in.gcount()) != size)
+        throw DataError(fmt::format("{}: cannot be read", path.string()));
     return data;
 }
 
-void ModelBuilder::add_camera(const fs::path& file, std::uint32_t id, CameraModel model, std::uint64_t width, std::uint64_t height,
-                              std::span<const double> params) {
-    const auto fail = [&](const std::string& what) { throw DataError(fmt::format("{}: camera {}: {}", file.string(), id, what)); };
+void ModelBuilder::add_camera(const fs::path& file, std::uint32_t id, CameraModel model, std::uint64_t width,
+                              std::uint64_t height, std::span<const double> params) {
+    const auto fail = [&](const std::string& what) {
+        throw DataError(fmt::format("{}: camera {}: {}", file.string(), id, what));
+    };
     if (width == 0 || height == 0 || width > kMaxSide || height > kMaxSide)
         fail(fmt::format("width x height is {} x {}; both must be 1 to {}", width, height, kMaxSide));
     const CameraModelInfo& info = camera_model_info(model);
     for (std::size_t i = 0; i < params.size(); ++i)
-        if (!std::isfinite(params[i])) fail(fmt::format("parameter {} of {} is {}; must be finite", i, info.name, params[i]));
+        if (!std::isfinite(params[i]))
+            fail(fmt::format("parameter {} of {} is {}; must be finite", i, info.name, params[i]));
     const LensCamera lens = make_lens_camera(model, int(width), int(height), params);
-    if (!(lens.fx > 0 && lens.fy > 0)) fail(fmt::format("focal length is ({:g}, {:g}); must be positive", lens.fx, lens.fy));
+    if (!(lens.fx > 0 && lens.fy > 0))
+        fail(fmt::format("focal length is ({:g}, {:g}); must be positive", lens.fx, lens.fy));
     if (!model_.cameras.emplace(id, lens).second) fail("the id appears twice");
 }
 
-void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::array<double, 7>& pose, std::uint32_t camera_id,
-                             std::string name) {
+void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::array<double, 7>& pose,
+                             std::uint32_t camera_id, std::string name) {
     const auto fail = [&](const std::string& what) {
         throw DataError(fmt::format("{}: image {} ('{}'): {}", file.string(), id, name, what));
     };
@@ -64,12 +69,17 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
         return;
     }
     q.coeffs() /= norm;
-    model_.images.push_back(
-        {.id = id, .camera_id = camera_id, .name = std::move(name), .rotation = q.toRotationMatrix(), .translation = t});
+    model_.images.push_back({.id = id,
+                             .camera_id = camera_id,
+                             .name = std::move(name),
+                             .rotation = q.toRotationMatrix(),
+                             .translation = t});
 }
 
-void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen::Vector3d& position, const std::array<int, 3>& rgb) {
-    if (!point_ids_.insert(id).second) throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
+void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen::Vector3d& position,
+                             const std::array<int, 3>& rgb) {
+    if (!point_ids_.insert(id).second)
+        throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
     // The check is in float because a finite double may overflow there.
     const Eigen::Vector3f p = position.cast<float>();
     if (!p.allFinite()) {
@@ -82,7 +92,8 @@ void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen
 
 void ModelBuilder::finish() {
     if (skipped_images_ > 0)
-        note(fmt::format("{} images with a non-finite or zero pose (first: {}): skipped", skipped_images_, first_skipped_image_));
+        note(fmt::format("{} images with a non-finite or zero pose (first: {}): skipped", skipped_images_,
+                         first_skipped_image_));
     if (skipped_points_ > 0) note(fmt::format("{} points with non-finite coordinates: skipped", skipped_points_));
 }
 
@@ -126,8 +137,9 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
             return a.first != b.first ? a.first > b.first : a.second < b.second;
         });
         if (candidates.size() > 1)
-            notes.push_back(fmt::format("{} COLMAP models in {}: using {}, which has the most images ({})", candidates.size(),
-                                        (scene / "sparse").string(), best.second.filename().string(), best.first));
+            notes.push_back(fmt::format("{} COLMAP models in {}: using {}, which has the most images ({})",
+                                        candidates.size(), (scene / "sparse").string(), best.second.filename().string(),
+                                        best.first));
         return best.second;
     }
     for (const fs::path& folder : {scene / "sparse", scene})

@@ -63,8 +63,7 @@ class Fields {
         return token;
     }
 
-    template <class T>
-    T number(const char* field) {
+    template <class T> T number(const char* field) {
         std::string_view text = token(field);
         const std::string_view shown = text;
         if (text.starts_with('+')) text.remove_prefix(1);
@@ -103,7 +102,8 @@ void read_cameras(const fs::path& file, ModelBuilder& builder) {
         std::array<double, 16> params;
         const std::size_t num_params = info->num_params();
         for (std::size_t i = 0; i < num_params; ++i) params[i] = fields.number<double>("PARAMS");
-        if (!fields.rest().empty()) fields.fail(fmt::format("'{}' after the {} parameters of {}", fields.rest(), num_params, name));
+        if (!fields.rest().empty())
+            fields.fail(fmt::format("'{}' after the {} parameters of {}", fields.rest(), num_params, name));
         builder.add_camera(file, id, info->id, width, height, std::span(params).first(num_params));
     }
 }

@@ -24,21 +24,26 @@ std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_lis
 ExifSettings read_exif_settings(const std::filesystem::path& path) {
     const auto input = OIIO::ImageInput::open(path.string());
     if (!input) {
-        OIIO::geterror(); // else the library keeps the message and returns it to a later caller
+        OIIO::geterror();  // else the library keeps the message and returns it to a later caller
         return {};
     }
     const OIIO::ImageSpec& spec = input->spec();
-    return {positive(spec, {"ExposureTime"}), positive(spec, {"Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"}), positive(spec, {"FNumber"})};
+    return {positive(spec, {"ExposureTime"}), positive(spec, {"Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"}),
+            positive(spec, {"FNumber"})};
 }
 
 std::vector<std::optional<double>> exposure_stops(const std::vector<ExifSettings>& images) {
-    const auto any = [&](auto member) { return std::any_of(images.begin(), images.end(), [&](const ExifSettings& s) { return (s.*member).has_value(); }); };
+    const auto any = [&](auto member) {
+        return std::any_of(images.begin(), images.end(),
+                           [&](const ExifSettings& s) { return (s.*member).has_value(); });
+    };
     const bool iso = any(&ExifSettings::iso), f_number = any(&ExifSettings::f_number);
     std::vector<std::optional<double>> stops;
     for (const ExifSettings& s : images) {
         const bool complete = s.seconds && (s.iso || !iso) && (s.f_number || !f_number);
         stops.emplace_back();
-        if (complete) stops.back() = std::log2(*s.seconds * s.iso.value_or(100) / 100) - 2 * std::log2(s.f_number.value_or(1));
+        if (complete)
+            stops.back() = std::log2(*s.seconds * s.iso.value_or(100) / 100) - 2 * std::log2(s.f_number.value_or(1));
     }
     return stops;
 }

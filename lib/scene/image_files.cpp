@@ -11,7 +11,8 @@ namespace fs = std::filesystem;
 
 bool has_image_extension(const fs::path& path) {
     std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return std::tolower(c); });
     return std::find(std::begin(kImageExtensions), std::end(kImageExtensions), extension) != std::end(kImageExtensions);
 }
 
@@ -22,8 +23,8 @@ std::string without_extension(const std::string& name) {
 
 ImageFolder::ImageFolder(const fs::path& folder) : folder_(folder) {
     std::error_code error;
-    for (fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error), end; !error && it != end;
-         it.increment(error)) {
+    for (fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error), end;
+         !error && it != end; it.increment(error)) {
         std::error_code ignored;
         if (it->is_regular_file(ignored) && has_image_extension(it->path()))
             names_.push_back(it->path().lexically_relative(folder).generic_string());

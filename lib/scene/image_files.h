@@ -12,7 +12,8 @@
 namespace gs {
 
 /// The extensions of image files, with dot, in lower case, most likely first.
-inline constexpr std::string_view kImageExtensions[] = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".exr"};
+inline constexpr std::string_view kImageExtensions[] = {".png", ".jpg",  ".jpeg", ".bmp",
+                                                        ".tif", ".tiff", ".webp", ".exr"};
 
 /// Returns true if the extension is one of kImageExtensions, in upper or lower case.
 bool has_image_extension(const std::filesystem::path& path);

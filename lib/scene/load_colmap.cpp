@@ -24,13 +24,15 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
         const fs::path scaled = scene / fmt::format("{}_{}", options.images, options.resolution);
         if (fs::is_directory(scaled, ignored)) {
             out.prescaled = options.resolution;
-            out.notes.push_back(fmt::format("images: {} as they are, for resolution {}", scaled.filename().string(), options.resolution));
+            out.notes.push_back(fmt::format("images: {} as they are, for resolution {}", scaled.filename().string(),
+                                            options.resolution));
             return scaled;
         }
     }
     const fs::path folder = scene / options.images;
     if (!fs::is_directory(folder, ignored))
-        throw DataError(fmt::format("{}: image folder '{}' does not exist (choose another with --images)", scene.string(), options.images));
+        throw DataError(fmt::format("{}: image folder '{}' does not exist (choose another with --images)",
+                                    scene.string(), options.images));
     return folder;
 }
 
@@ -54,18 +56,22 @@ class SortedPairs {
 void read_points(const fs::path& scene, const fs::path& model_folder, ColmapModel& model, SourceScene& out) {
     std::error_code ignored;
     out.points = std::move(model.points);
-    const bool has_file = fs::exists(model_folder / "points3D.bin", ignored) || fs::exists(model_folder / "points3D.txt", ignored);
+    const bool has_file =
+        fs::exists(model_folder / "points3D.bin", ignored) || fs::exists(model_folder / "points3D.txt", ignored);
     for (const fs::path& folder : {model_folder, scene})
-        if (const fs::path ply = folder / "points3D.ply"; !has_file && out.points.positions.empty() && fs::exists(ply, ignored)) {
+        if (const fs::path ply = folder / "points3D.ply";
+            !has_file && out.points.positions.empty() && fs::exists(ply, ignored)) {
             out.points = read_point_ply(ply);
             out.notes.push_back(fmt::format("points: {} from {}", out.points.positions.size(), ply.string()));
         }
 }
 
 void note_masks(const SourceScene& scene, std::vector<std::string>& notes) {
-    const std::size_t masks = std::count_if(scene.views.begin(), scene.views.end(), [](const SourceView& v) { return v.mask.has_value(); });
+    const std::size_t masks =
+        std::count_if(scene.views.begin(), scene.views.end(), [](const SourceView& v) { return v.mask.has_value(); });
     if (masks > 0 && masks < scene.views.size())
-        notes.push_back(fmt::format("{} of {} images have no mask: used whole", scene.views.size() - masks, scene.views.size()));
+        notes.push_back(
+            fmt::format("{} of {} images have no mask: used whole", scene.views.size() - masks, scene.views.size()));
 }
 
 }  // namespace
@@ -120,12 +126,14 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
         view.mask = find_mask(scene, image.name, view.image_path, out.prescaled);
         out.views.push_back(std::move(view));
     }
-    for (std::string& line : preflight.report(fmt::format("{} with images of {}", model_folder.string(), folder.path().string())))
+    for (std::string& line :
+         preflight.report(fmt::format("{} with images of {}", model_folder.string(), folder.path().string())))
         out.notes.push_back(std::move(line));
     note_masks(out, out.notes);
     read_points(scene, model_folder, model, out);
     if (out.points.positions.empty()) out.notes.push_back("the model has no points: random initialisation");
-    std::sort(out.views.begin(), out.views.end(), [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
+    std::sort(out.views.begin(), out.views.end(),
+              [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
     return out;
 }
 

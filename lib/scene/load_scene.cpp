@@ -24,7 +24,8 @@ void check_options(const SceneOptions& options) {
     // Other small numbers are mistyped divisors, not widths.
     if (r != -1 && r != 1 && r != 2 && r != 4 && r != 8 && r < 16)
         throw UsageError(fmt::format("resolution is {}; must be -1, 1, 2, 4, 8 or a width of at least 16 pixels", r));
-    if (options.test_every < 0) throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
+    if (options.test_every < 0)
+        throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
 }
 
 SourceScene read_source(const fs::path& source, const SceneOptions& options) {
@@ -39,10 +40,10 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
     }
     if (fs::exists(source / "transforms_train.json", ignored)) return load_nerf_synthetic(source);
     if (fs::exists(source / "transforms.json", ignored)) return load_transforms(source / "transforms.json");
-    throw DataError(
-        fmt::format("{}: not a scene: neither sparse/0/cameras.bin (or .txt) nor transforms_train.json nor transforms.json found; "
-                    "photographs alone need 'gsapp prepare' first",
-                    source.string()));
+    throw DataError(fmt::format(
+        "{}: not a scene: neither sparse/0/cameras.bin (or .txt) nor transforms_train.json nor transforms.json found; "
+        "photographs alone need 'gsapp prepare' first",
+        source.string()));
 }
 
 /// Marks the views whose names a list file holds, one per line, with or without extension. Throws DataError for an
@@ -60,7 +61,8 @@ std::vector<bool> read_test_list(const std::string& path, const std::vector<Sour
         line.erase(line.find_last_not_of(" \t\r") + 1);
         if (line.empty() || line[0] == '#') continue;
         const auto it = by_name.find(line);
-        if (it == by_name.end()) throw DataError(fmt::format("test list {}: line {}: no image is named '{}'", path, number, line));
+        if (it == by_name.end())
+            throw DataError(fmt::format("test list {}: line {}: no image is named '{}'", path, number, line));
         test[it->second] = true;
     }
     return test;
@@ -71,7 +73,8 @@ std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions
     std::vector<bool> test(scene.views.size());
     if (!options.eval) {
         rule = "all views train (no --eval)";
-        if (!scene.given_split.empty()) rule += "; the test views of " + scene.given_split + " train as well, as in 3DGS";
+        if (!scene.given_split.empty())
+            rule += "; the test views of " + scene.given_split + " train as well, as in 3DGS";
     } else if (!options.test_list.empty()) {
         test = read_test_list(options.test_list, scene.views);
         rule = "test views listed in " + fs::path(options.test_list).filename().string();
@@ -123,8 +126,9 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<boo
     if (without == sources.size())
         scene.notes.push_back("EXIF: no image has an exposure time");
     else if (without > 0)
-        scene.notes.push_back(fmt::format("EXIF: {} of {} images lack an exposure time, ISO or f-number that others have: mean exposure assumed",
-                                          without, sources.size()));
+        scene.notes.push_back(fmt::format(
+            "EXIF: {} of {} images lack an exposure time, ISO or f-number that others have: mean exposure assumed",
+            without, sources.size()));
 }
 
 }  // namespace
@@ -149,7 +153,8 @@ double camera_extent(const std::vector<View>& views, const PointCloud& points) {
 Scene load_scene(const SceneOptions& options) {
     check_options(options);
     constexpr std::string_view kBuiltin = "builtin:";
-    if (options.source.starts_with(kBuiltin)) return load_builtin_scene(options.source.substr(kBuiltin.size()), options);
+    if (options.source.starts_with(kBuiltin))
+        return load_builtin_scene(options.source.substr(kBuiltin.size()), options);
 
     SourceScene source = read_source(options.source, options);
     Scene scene;
@@ -163,7 +168,8 @@ Scene load_scene(const SceneOptions& options) {
 
     const std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
     ViewBuilder builder(options, source.prescaled);
-    for (std::size_t i = 0; i < source.views.size(); ++i) (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
+    for (std::size_t i = 0; i < source.views.size(); ++i)
+        (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
     for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
     number_cameras(scene);
     if (options.exif) add_exposures(source.views, test, scene);

@@ -21,7 +21,8 @@ std::optional<fs::path> find_image(const fs::path& folder, const std::string& fi
     const fs::path exact = folder / file_path;
     if (fs::is_regular_file(exact, ignored)) return exact;
     for (const std::string_view extension : kImageExtensions)
-        if (fs::path candidate = exact.string() + std::string(extension); fs::is_regular_file(candidate, ignored)) return candidate;
+        if (fs::path candidate = exact.string() + std::string(extension); fs::is_regular_file(candidate, ignored))
+            return candidate;
     return {};
 }
 
@@ -30,7 +31,8 @@ void append(const TransformsFile& file, Preflight& preflight, bool given_test, S
     for (const TransformsFrame& frame : file.frames) {
         SourceView view;
         const std::optional<fs::path> image = find_image(folder, frame.file_path);
-        view.name = has_image_extension(frame.file_path) || !image ? frame.file_path : frame.file_path + image->extension().string();
+        view.name = has_image_extension(frame.file_path) || !image ? frame.file_path
+                                                                   : frame.file_path + image->extension().string();
         view.rotation = frame.rotation;
         view.translation = frame.translation;
         view.given_test = given_test;
@@ -52,13 +54,15 @@ void finish(const Preflight& preflight, const fs::path& source, SourceScene& out
 }
 
 void sort_by_name(SourceScene& scene) {
-    std::sort(scene.views.begin(), scene.views.end(), [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
+    std::sort(scene.views.begin(), scene.views.end(),
+              [](const SourceView& a, const SourceView& b) { return a.name < b.name; });
 }
 
 void apply_explicit_split(const TransformsFile& file, SourceScene& out) {
     if (!file.test_filenames) return;
     const std::set<std::string> test(file.test_filenames->begin(), file.test_filenames->end());
-    for (SourceView& view : out.views) view.given_test = test.contains(view.name) || test.contains(without_extension(view.name));
+    for (SourceView& view : out.views)
+        view.given_test = test.contains(view.name) || test.contains(without_extension(view.name));
     out.given_split = "test_filenames of " + file.path.filename().string();
 }
 
@@ -100,7 +104,8 @@ SourceScene load_transforms(const fs::path& path) {
         if (fs::exists(points, ignored))
             out.points = read_point_ply(points);
         else
-            out.notes.push_back(fmt::format("{}: ply_file_path '{}' does not exist: ignored", path.string(), file.point_file));
+            out.notes.push_back(
+                fmt::format("{}: ply_file_path '{}' does not exist: ignored", path.string(), file.point_file));
     }
     if (out.points.positions.empty()) out.notes.push_back("the scene has no points: random initialisation");
     sort_by_name(out);

@@ -27,7 +27,8 @@ Image with_channels(const Image& image, int channels) {
     const auto repack = [&](const auto& from, auto& to, auto full) {
         to.assign(pixels * channels, full);
         for (std::size_t p = 0; p < pixels; ++p)
-            for (int c = 0; c < std::min(channels, image.channels); ++c) to[p * channels + c] = from[p * image.channels + c];
+            for (int c = 0; c < std::min(channels, image.channels); ++c)
+                to[p * channels + c] = from[p * image.channels + c];
     };
     if (image.is_float())
         repack(image.f32, out.f32, 1.0f);
@@ -40,7 +41,8 @@ std::uint8_t to_byte(float v) { return static_cast<std::uint8_t>(std::clamp(v, 0
 
 }  // namespace
 
-std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& image_name, const fs::path& image_path, int factor) {
+std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& image_name, const fs::path& image_path,
+                                  int factor) {
     std::vector<fs::path> folders;
     if (factor > 1) folders.push_back(scene / fmt::format("masks_{}", factor));
     for (const char* name : {"masks", "mask", "sfm_masks"}) folders.push_back(scene / name);
@@ -54,7 +56,8 @@ std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& imag
             if (is_file(folder / name)) return MaskFile{folder / name, false};
     }
     for (const std::string_view extension : kImageExtensions) {
-        const fs::path beside = image_path.parent_path() / fmt::format("dynamic_mask_{}{}", image_path.stem().string(), extension);
+        const fs::path beside =
+            image_path.parent_path() / fmt::format("dynamic_mask_{}{}", image_path.stem().string(), extension);
         if (is_file(beside)) return MaskFile{beside, true};
     }
     return {};

@@ -54,25 +54,29 @@ bool Preflight::accept_file(SourceView& view, const std::optional<std::filesyste
 
 void Preflight::fit_lens(SourceView& view) {
     if (view.lens.width == view.info.width && view.lens.height == view.info.height) return;
-    rescaled_.push_back(
-        fmt::format("{} is {}x{}, its camera {}x{}", view.name, view.info.width, view.info.height, view.lens.width, view.lens.height));
+    rescaled_.push_back(fmt::format("{} is {}x{}, its camera {}x{}", view.name, view.info.width, view.info.height,
+                                    view.lens.width, view.lens.height));
     view.lens = scaled_to(view.lens, view.info.width, view.info.height);
 }
 
 std::vector<std::string> Preflight::report(const std::string& where) const {
     std::vector<std::string> lines;
-    if (!missing_.empty()) lines.push_back(fmt::format("{} images missing: skipped ({})", missing_.size(), listed(missing_)));
-    if (!unreadable_.empty()) lines.push_back(fmt::format("{} images unreadable: skipped ({})", unreadable_.size(), listed(unreadable_)));
+    if (!missing_.empty())
+        lines.push_back(fmt::format("{} images missing: skipped ({})", missing_.size(), listed(missing_)));
+    if (!unreadable_.empty())
+        lines.push_back(fmt::format("{} images unreadable: skipped ({})", unreadable_.size(), listed(unreadable_)));
     if (!duplicate_.empty())
-        lines.push_back(fmt::format("{} image names appear more than once: the first is used ({})", duplicate_.size(), listed(duplicate_)));
+        lines.push_back(fmt::format("{} image names appear more than once: the first is used ({})", duplicate_.size(),
+                                    listed(duplicate_)));
     if (names_.empty()) {
         std::string reasons;
         for (const std::string& line : lines) reasons += "; " + line;
-        throw DataError(fmt::format("{}: no usable image{}", where, reasons.empty() ? "; the file lists none" : reasons));
+        throw DataError(
+            fmt::format("{}: no usable image{}", where, reasons.empty() ? "; the file lists none" : reasons));
     }
     if (!rescaled_.empty())
-        lines.push_back(
-            fmt::format("{} images differ in size from their camera: intrinsics scaled per axis ({})", rescaled_.size(), rescaled_[0]));
+        lines.push_back(fmt::format("{} images differ in size from their camera: intrinsics scaled per axis ({})",
+                                    rescaled_.size(), rescaled_[0]));
     return lines;
 }
 
@@ -84,13 +88,15 @@ std::optional<std::string> check_points(const std::vector<View>& views, const Po
         for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
             const Eigen::Vector3d point = points.positions[i].cast<double>();
             std::size_t tried = 0;
-            for (; tried < views.size() && !in_image(views[last].camera, point); ++tried) last = (last + 1) % views.size();
+            for (; tried < views.size() && !in_image(views[last].camera, point); ++tried)
+                last = (last + 1) % views.size();
             unseen += tried == views.size();
         }
     });
     if (unseen == 0) return {};
     if (unseen == count)
-        return fmt::format("none of the {} points projects into an image: kept, but poses and points do not fit together", count);
+        return fmt::format(
+            "none of the {} points projects into an image: kept, but poses and points do not fit together", count);
     return fmt::format("{} of {} points project into no image: kept, but no image moves them", unseen.load(), count);
 }
 

@@ -45,13 +45,13 @@ bool lies_within(const fs::path& inner, const fs::path& outer) {
 void check_target(const PrepareOptions& options) {
     std::error_code ignored;
     if (lies_within(options.scene, options.images))
-        throw UsageError(
-            fmt::format("{} lies inside the folder of photographs {}; give another -o", options.scene.string(), options.images.string()));
+        throw UsageError(fmt::format("{} lies inside the folder of photographs {}; give another -o",
+                                     options.scene.string(), options.images.string()));
     if (!fs::exists(options.scene, ignored)) return;
     const std::string target = options.scene.string();
     if (lies_within(options.images, options.scene))
-        throw UsageError(
-            fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target, options.images.string()));
+        throw UsageError(fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target,
+                                     options.images.string()));
     if (fs::is_directory(options.scene, ignored) && fs::is_empty(options.scene, ignored)) return;
     if (!fs::is_directory(options.scene / "sparse", ignored))
         throw UsageError(fmt::format("{} exists and is not a scene; give another -o", target));
@@ -88,7 +88,8 @@ std::string count_in(const std::string& line) {
     return digits_only && slash > open + 1 && end > slash + 1 ? count : "";
 }
 
-void run_stage(int stage, const std::string& name, const std::vector<std::string>& arguments, const PrepareProgress& progress) {
+void run_stage(int stage, const std::string& name, const std::vector<std::string>& arguments,
+               const PrepareProgress& progress) {
     progress(stage, kNumStages, name, "");
     std::vector<std::string> command = {"colmap"};
     command.insert(command.end(), arguments.begin(), arguments.end());
@@ -103,8 +104,8 @@ void run_stage(int stage, const std::string& name, const std::vector<std::string
     }
     if (interrupted()) throw Interrupted(fmt::format("stopped during colmap's stage '{}'", name));
     if (result.exit_code == 0) return;
-    throw DataError(fmt::format("colmap {} ended with exit code {}; its last lines:\n  {}", arguments[0], result.exit_code,
-                                fmt::join(result.last_lines, "\n  ")));
+    throw DataError(fmt::format("colmap {} ended with exit code {}; its last lines:\n  {}", arguments[0],
+                                result.exit_code, fmt::join(result.last_lines, "\n  ")));
 }
 
 /// Returns the number of images in a binary model, 0 when there is none.
@@ -121,9 +122,11 @@ fs::path largest_model(const fs::path& models) {
     fs::path best;
     std::uint64_t most = 0;
     for (int i = 0; fs::exists(models / std::to_string(i)); ++i) {
-        if (const auto n = num_images(models / std::to_string(i)); n > most) most = n, best = models / std::to_string(i);
+        if (const auto n = num_images(models / std::to_string(i)); n > most)
+            most = n, best = models / std::to_string(i);
     }
-    if (most == 0) throw DataError("colmap found no camera positions; the photographs need more overlap, texture or sharpness");
+    if (most == 0)
+        throw DataError("colmap found no camera positions; the photographs need more overlap, texture or sharpness");
     return best;
 }
 
@@ -138,7 +141,8 @@ void arrange(const fs::path& dense) {
     fs::create_directories(dense / "sparse" / "0");
     for (const fs::path& file : models) fs::rename(file, dense / "sparse" / "0" / file.filename());
     for (const auto& entry : fs::directory_iterator(dense)) {
-        if (entry.path().filename() != "images" && entry.path().filename() != "sparse") superfluous.push_back(entry.path());
+        if (entry.path().filename() != "images" && entry.path().filename() != "sparse")
+            superfluous.push_back(entry.path());
     }
     for (const fs::path& path : superfluous) fs::remove_all(path);
 }
@@ -157,16 +161,19 @@ void prepare_scene(const PrepareOptions& options, const PrepareProgress& progres
     const fs::path models = work.path / "models", dense = work.path / "dense";
     try {
         fs::create_directories(models);
-        run_stage(1, "features",
-                  {"feature_extractor", "--database_path", database, "--image_path", images, "--ImageReader.camera_model",
-                   options.camera_model, "--ImageReader.single_camera", single_camera, "--SiftExtraction.use_gpu", gpu},
-                  progress);
-        run_stage(2, "matches", {options.matcher + "_matcher", "--database_path", database, "--SiftMatching.use_gpu", gpu}, progress);
-        run_stage(3, "cameras", {"mapper", "--database_path", database, "--image_path", images, "--output_path", models.string()},
+        run_stage(
+            1, "features",
+            {"feature_extractor", "--database_path", database, "--image_path", images, "--ImageReader.camera_model",
+             options.camera_model, "--ImageReader.single_camera", single_camera, "--SiftExtraction.use_gpu", gpu},
+            progress);
+        run_stage(2, "matches",
+                  {options.matcher + "_matcher", "--database_path", database, "--SiftMatching.use_gpu", gpu}, progress);
+        run_stage(3, "cameras",
+                  {"mapper", "--database_path", database, "--image_path", images, "--output_path", models.string()},
                   progress);
         run_stage(4, "undistortion",
-                  {"image_undistorter", "--image_path", images, "--input_path", largest_model(models).string(), "--output_path",
-                   dense.string(), "--output_type", "COLMAP"},
+                  {"image_undistorter", "--image_path", images, "--input_path", largest_model(models).string(),
+                   "--output_path", dense.string(), "--output_type", "COLMAP"},
                   progress);
         arrange(dense);
         fs::remove_all(target);

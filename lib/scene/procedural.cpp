@@ -38,7 +38,8 @@ Image photographed(const Image& in, const Description& description, const proced
     for (int y = 0; y < in.height; ++y) {
         for (int x = 0; x < in.width; ++x) {
             const Eigen::Vector3d factor = procedural::exposure_factor(description, photography, x, y);
-            for (int c = 0; c < 3; ++c) out.u8.push_back(std::uint8_t(std::clamp(in.value(x, y, c) * factor[c], 0.0, 1.0) * 255 + 0.5));
+            for (int c = 0; c < 3; ++c)
+                out.u8.push_back(std::uint8_t(std::clamp(in.value(x, y, c) * factor[c], 0.0, 1.0) * 255 + 0.5));
         }
     }
     return out;
@@ -50,7 +51,8 @@ View make_view(const Description& description, bool test, int index) {
     view.camera = procedural::rig_camera(description.cameras, test, index);
     const procedural::World world = test ? description.world : procedural::train_world(description, index);
     const procedural::Photography photography = procedural::photography(description, test, index);
-    auto pixels = std::make_shared<const Image>(photographed(procedural::render(world, view.camera, description.pixel_grid), description, photography));
+    auto pixels = std::make_shared<const Image>(
+        photographed(procedural::render(world, view.camera, description.pixel_grid), description, photography));
     view.image_bytes = pixels->bytes();
     view.load = [pixels] { return ViewImage{*pixels, std::nullopt}; };
     if (description.exposure) view.exif_exposure = photography.stops;
@@ -65,12 +67,14 @@ PointCloud sample_points(const Description& description) {
     const std::uint32_t attempts = 20u * std::uint32_t(description.points);
     for (std::uint32_t i = 0; i < attempts && cloud.positions.size() < std::size_t(description.points); ++i) {
         const Philox4 random = philox(0, RngStream::kScene, 1, i);
-        const Camera camera = procedural::rig_camera(description.cameras, false, int(i % std::uint32_t(description.cameras.train)));
+        const Camera camera =
+            procedural::rig_camera(description.cameras, false, int(i % std::uint32_t(description.cameras.train)));
         const auto ray = procedural::camera_ray(camera, camera.width * uniform_from_bits<double>(random.v[0]),
                                                 camera.height * uniform_from_bits<double>(random.v[1]));
         if (const auto hit = procedural::intersect(description.world, ray)) {
             cloud.positions.push_back(hit->position.cast<float>());
-            cloud.colors.push_back(procedural::shade(description.world, *hit, ray.direction).diffuse.cwiseMin(1.0).cast<float>());
+            cloud.colors.push_back(
+                procedural::shade(description.world, *hit, ray.direction).diffuse.cwiseMin(1.0).cast<float>());
         }
     }
     return cloud;
@@ -82,11 +86,12 @@ void note_violations(const Description& description, Scene& scene) {
                                           description.moved->shape, description.moved->every));
     if (description.exposure)
         scene.notes.push_back(
-            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as the scene describes",
+            fmt::format("views differ from the mean exposure by up to {} stops, and in white balance by up to {}, as "
+                        "the scene describes",
                         description.exposure->stops, description.exposure->white_balance));
     if (description.shadow)
-        scene.notes.push_back(
-            fmt::format("a shadow falls into one of every {} training views, as the scene describes", description.shadow->every));
+        scene.notes.push_back(fmt::format("a shadow falls into one of every {} training views, as the scene describes",
+                                          description.shadow->every));
 }
 
 }  // namespace
@@ -100,9 +105,10 @@ Scene load_builtin_scene(const std::string& name, const SceneOptions& options) {
     scene.source = "builtin:" + name;
     scene.kind = "builtin";
     for (int i = 0; i < description.cameras.train; ++i) scene.train.push_back(make_view(description, false, i));
-    for (int i = 0; options.eval && i < description.cameras.test; ++i) scene.test.push_back(make_view(description, true, i));
-    scene.split_rule =
-        options.eval ? "training and test cameras of the procedural scene" : "training cameras of the procedural scene, no test views";
+    for (int i = 0; options.eval && i < description.cameras.test; ++i)
+        scene.test.push_back(make_view(description, true, i));
+    scene.split_rule = options.eval ? "training and test cameras of the procedural scene"
+                                    : "training cameras of the procedural scene, no test views";
     scene.points = sample_points(description);
     scene.extent = camera_extent(scene.train, scene.points);
     note_violations(description, scene);

@@ -71,13 +71,14 @@ Vector3d albedo_at(const Hit& hit) {
     // A point just inside the surface; otherwise a face that coincides with a border of the checker would flicker.
     const Vector3d inside = hit.position - kSurfaceOffset * hit.normal;
     const Vector3d cell = (hit.shape->rotation.transpose() * (inside - hit.shape->center)) / material.checker;
-    const auto parity = std::int64_t(std::floor(cell.x())) + std::int64_t(std::floor(cell.y())) + std::int64_t(std::floor(cell.z()));
+    const auto parity =
+        std::int64_t(std::floor(cell.x())) + std::int64_t(std::floor(cell.y())) + std::int64_t(std::floor(cell.z()));
     return (parity & 1) == 0 ? material.albedo : material.albedo2;
 }
 
 /// Adds the contribution of one light sample; `weight` is its share of the light.
-void add_light(const World& world, const Hit& hit, const Vector3d& mirror, const Light& light, const Vector3d& to_light, double distance,
-               double weight, Radiance& out) {
+void add_light(const World& world, const Hit& hit, const Vector3d& mirror, const Light& light, const Vector3d& to_light,
+               double distance, double weight, Radiance& out) {
     const double cosine = hit.normal.dot(to_light);
     if (cosine <= 0 || occluded(world, hit.position, hit.normal, to_light, distance)) return;
     const Material& material = hit.shape->material;
@@ -111,9 +112,11 @@ std::optional<Hit> intersect(const World& world, const Ray& ray) {
     return hit;
 }
 
-bool occluded(const World& world, const Vector3d& point, const Vector3d& normal, const Vector3d& direction, double limit) {
+bool occluded(const World& world, const Vector3d& point, const Vector3d& normal, const Vector3d& direction,
+              double limit) {
     const Ray ray{point + kSurfaceOffset * normal, direction};
-    return std::any_of(world.shapes.begin(), world.shapes.end(), [&](const Shape& shape) { return hit_distance(shape, ray) < limit; });
+    return std::any_of(world.shapes.begin(), world.shapes.end(),
+                       [&](const Shape& shape) { return hit_distance(shape, ray) < limit; });
 }
 
 Vector3d sky_color(const Sky& sky, const Vector3d& direction) {
@@ -131,7 +134,8 @@ Radiance shade(const World& world, const Hit& hit, const Vector3d& direction) {
         }
         const double weight = 1.0 / (light.samples * light.samples);
         for (int i = 0; i < light.samples * light.samples; ++i) {
-            const double s = (2 * (i % light.samples) + 1.0) / light.samples - 1, t = (2 * (i / light.samples) + 1.0) / light.samples - 1;
+            const double s = (2 * (i % light.samples) + 1.0) / light.samples - 1,
+                         t = (2 * (i / light.samples) + 1.0) / light.samples - 1;
             const Vector3d offset = light.center + s * light.edge_u + t * light.edge_v - hit.position;
             const double distance = offset.norm();
             add_light(world, hit, mirror, light, offset / distance, distance, weight, sum);
@@ -158,7 +162,8 @@ Image render(const World& world, const Camera& camera, int grid) {
                     sum += world.background ? *world.background : sky_color(world.sky, ray.direction);
                 }
             }
-            for (int c = 0; c < 3; ++c) image.f32[(std::size_t(y) * camera.width + x) * 3 + c] = float(sum[c] / (grid * grid));
+            for (int c = 0; c < 3; ++c)
+                image.f32[(std::size_t(y) * camera.width + x) * 3 + c] = float(sum[c] / (grid * grid));
         }
     });
     return image;

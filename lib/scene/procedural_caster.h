@@ -82,8 +82,8 @@ std::optional<Hit> intersect(const World& world, const Ray& ray);
 
 /// Returns true if a shape lies within the distance `limit` of `point` along `direction`. The ray starts slightly off
 /// the surface, along `normal`.
-bool occluded(const World& world, const Eigen::Vector3d& point, const Eigen::Vector3d& normal, const Eigen::Vector3d& direction,
-              double limit);
+bool occluded(const World& world, const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
+              const Eigen::Vector3d& direction, double limit);
 
 /// Shades a hit seen along `direction` (unit, from the eye):
 /// diffuse = albedo * (ambient * sky(n) + sum over lights of color * max(n.l, 0) * visible fraction);

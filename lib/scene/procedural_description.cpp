@@ -65,10 +65,10 @@ Shape read_shape(const YAML::Node& node, const std::string& where) {
     section.read("half_size", shape.half_size, 1e-6, kFar);
     Vector3d degrees = Vector3d::Zero();
     section.read("rotation", degrees, -360, 360);
-    shape.rotation =
-        (Eigen::AngleAxisd(degrees.z() * kDegree, Vector3d::UnitZ()) * Eigen::AngleAxisd(degrees.y() * kDegree, Vector3d::UnitY()) *
-         Eigen::AngleAxisd(degrees.x() * kDegree, Vector3d::UnitX()))
-            .toRotationMatrix();
+    shape.rotation = (Eigen::AngleAxisd(degrees.z() * kDegree, Vector3d::UnitZ()) *
+                      Eigen::AngleAxisd(degrees.y() * kDegree, Vector3d::UnitY()) *
+                      Eigen::AngleAxisd(degrees.x() * kDegree, Vector3d::UnitX()))
+                         .toRotationMatrix();
     if (section.has("material")) shape.material = read_material(section.node("material"), section.where("material"));
     return shape;
 }
@@ -105,7 +105,8 @@ World read_world(const YamlSection& top) {
         sky.read("ground", world.sky.ground, 0, kMaxColor);
     }
     top.read("ambient", world.ambient, 0, kMaxColor);
-    const bool sky_seen = !top.has("background") || (top.node("background").IsScalar() && top.node("background").Scalar() == "sky");
+    const bool sky_seen =
+        !top.has("background") || (top.node("background").IsScalar() && top.node("background").Scalar() == "sky");
     if (!sky_seen) {
         world.background = Vector3d::Zero();
         top.read("background", *world.background, 0, 1);
@@ -114,8 +115,9 @@ World read_world(const YamlSection& top) {
 }
 
 CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
-    const YamlSection section(node, where,
-                              {"width", "height", "fov", "radius", "elevation_min", "elevation_max", "look_at", "train", "test"});
+    const YamlSection section(
+        node, where,
+        {"width", "height", "fov", "radius", "elevation_min", "elevation_max", "look_at", "train", "test"});
     CameraRig rig;
     section.read("width", rig.width, 8, 16384);
     section.read("height", rig.height, 8, 16384);
@@ -143,7 +145,8 @@ void read_violations(const YAML::Node& node, const std::string& where, Descripti
             throw UsageError(fmt::format("{}: no shape is named '{}'", moved.where("shape"), out.moved->shape));
     }
     if (section.has("exposure")) {
-        const YamlSection exposure(section.node("exposure"), section.where("exposure"), {"stops", "white_balance", "vignetting", "seed"});
+        const YamlSection exposure(section.node("exposure"), section.where("exposure"),
+                                   {"stops", "white_balance", "vignetting", "seed"});
         out.exposure.emplace();
         int seed = 0;
         exposure.read("stops", out.exposure->stops, 0, 10);
@@ -216,9 +219,12 @@ Camera rig_camera(const CameraRig& rig, bool test, int index) {
     const double count = test ? rig.test : rig.train;
     const double even = (index + 0.5) / count, spread = std::fmod(index * kGoldenTurn, 1.0);
     const double azimuth = 2 * M_PI * (test ? even : spread);
-    const double elevation = kDegree * (rig.elevation_min + (rig.elevation_max - rig.elevation_min) * (test ? spread : even));
-    const Vector3d outward(std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
-    const Vector3d forward = -outward, right = forward.cross(Vector3d::UnitZ()).normalized(), down = forward.cross(right);
+    const double elevation =
+        kDegree * (rig.elevation_min + (rig.elevation_max - rig.elevation_min) * (test ? spread : even));
+    const Vector3d outward(std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
+                           std::sin(elevation));
+    const Vector3d forward = -outward, right = forward.cross(Vector3d::UnitZ()).normalized(),
+                   down = forward.cross(right);
     Camera camera;
     camera.width = rig.width;
     camera.height = rig.height;
@@ -269,7 +275,8 @@ Vector3d exposure_factor(const Description& description, const Photography& phot
     const double width = description.cameras.width, height = description.cameras.height;
     const double dx = x + 0.5 - 0.5 * width, dy = y + 0.5 - 0.5 * height;
     const double lost = description.exposure ? description.exposure->vignetting : 0;
-    return std::exp2(photography.stops) * (1 - lost * 4 * (dx * dx + dy * dy) / (width * width + height * height)) * photography.gain;
+    return std::exp2(photography.stops) * (1 - lost * 4 * (dx * dx + dy * dy) / (width * width + height * height)) *
+           photography.gain;
 }
 
 }  // namespace gs::procedural

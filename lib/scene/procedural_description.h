@@ -32,8 +32,8 @@ struct MovedShape {
 /// Camera settings that differ from view to view, for training and test views. Each is drawn uniformly and depends only
 /// on (seed, set, index). One device takes all views.
 struct ExposureJitter {
-    double stops = 0.5;       ///< exposure: factor 2^e, e in (-stops, stops)
-    double white_balance = 0; ///< channels: factors 2^g, g in (-white_balance, white_balance) less their mean
+    double stops = 0.5;        ///< exposure: factor 2^e, e in (-stops, stops)
+    double white_balance = 0;  ///< channels: factors 2^g, g in (-white_balance, white_balance) less their mean
     /// light lost in the corner of the image, 0..1; grows with the square of the distance to the centre
     double vignetting = 0;
     std::uint64_t seed = 0;
@@ -41,8 +41,8 @@ struct ExposureJitter {
 
 /// The camera settings of one view.
 struct Photography {
-    double stops = 0;                         ///< exposure
-    Eigen::Vector3d gain = Eigen::Vector3d::Ones(); ///< white balance; their product is 1
+    double stops = 0;                                ///< exposure
+    Eigen::Vector3d gain = Eigen::Vector3d::Ones();  ///< white balance; their product is 1
 };
 
 /// An invisible sphere that blocks the light in every `every`-th training view. It moves from `from` to `to` over the

@@ -12,9 +12,9 @@
 namespace gs::procedural {
 namespace {
 
-template <class T>
-void check_range(T value, T low, T high, const std::string& where) {
-    if (!(value >= low && value <= high)) throw UsageError(fmt::format("{}: {} is outside [{}, {}]", where, value, low, high));
+template <class T> void check_range(T value, T low, T high, const std::string& where) {
+    if (!(value >= low && value <= high))
+        throw UsageError(fmt::format("{}: {} is outside [{}, {}]", where, value, low, high));
 }
 
 }  // namespace
@@ -25,12 +25,12 @@ YamlSection::YamlSection(const YAML::Node& node, std::string where, const std::v
     for (const auto& entry : node) {
         const std::string key = entry.first.Scalar();
         if (std::find(known.begin(), known.end(), key) == known.end())
-            throw UsageError(fmt::format("{}: unknown key '{}'; did you mean '{}'?", where_, key, nearest_key(key, known)));
+            throw UsageError(
+                fmt::format("{}: unknown key '{}'; did you mean '{}'?", where_, key, nearest_key(key, known)));
     }
 }
 
-template <class T>
-T YamlSection::convert(const YAML::Node& node, const std::string& key, const char* expected) const {
+template <class T> T YamlSection::convert(const YAML::Node& node, const std::string& key, const char* expected) const {
     try {
         return node.as<T>();
     } catch (const YAML::Exception&) {
@@ -67,7 +67,8 @@ void YamlSection::read(const std::string& key, int& out, int low, int high) cons
 void YamlSection::read(const std::string& key, Eigen::Vector3d& out, double low, double high) const {
     if (!has(key)) return;
     const auto values = convert<std::vector<double>>(node_[key], key, "a list of three numbers");
-    if (values.size() != 3) throw UsageError(fmt::format("{}: expected three numbers, found {}", where(key), values.size()));
+    if (values.size() != 3)
+        throw UsageError(fmt::format("{}: expected three numbers, found {}", where(key), values.size()));
     for (int k = 0; k < 3; ++k) {
         check_range(values[k], low, high, where(key));
         out[k] = values[k];

@@ -31,8 +31,7 @@ class YamlSection {
     void read(const std::string& key, Eigen::Vector3d& out, double low, double high) const;
 
   private:
-    template <class T>
-    T convert(const YAML::Node& node, const std::string& key, const char* expected) const;
+    template <class T> T convert(const YAML::Node& node, const std::string& key, const char* expected) const;
 
     YAML::Node node_;
     std::string where_;

@@ -18,25 +18,25 @@ namespace gs {
 struct Camera {
     int width = 0, height = 0;
     double fx = 0, fy = 0, cx = 0, cy = 0;
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity(); ///< rotation of cam_from_world
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< translation of cam_from_world
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< translation of cam_from_world
 
     Eigen::Vector3d center() const { return -rotation.transpose() * translation; }
 };
 
 /// The pixels of a view at the training size, ready for the loss.
 struct ViewImage {
-    Image color;               ///< 3 or 4 channels
-    std::optional<Image> mask; ///< 1 channel, 8 bit: loss weight
+    Image color;                ///< 3 or 4 channels
+    std::optional<Image> mask;  ///< 1 channel, 8 bit: loss weight
 };
 
 /// One photograph. `load` decodes (and undistorts, resizes, applies masks) on each call and is safe to call from any
 /// thread. Callers that need an image twice use ImageCache.
 struct View {
-    std::string name;          ///< image name relative to the image folder, e.g. "left/0001.jpg"
+    std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
     Camera camera;
     std::function<ViewImage()> load;
-    std::size_t image_bytes = 0; ///< expected bytes of `load()`, for the memory plan
+    std::size_t image_bytes = 0;  ///< expected bytes of `load()`, for the memory plan
     /// index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty where the file does not say, or nobody asked
@@ -45,39 +45,39 @@ struct View {
 };
 
 struct PointCloud {
-    std::vector<Eigen::Vector3f> positions; ///< world units
-    std::vector<Eigen::Vector3f> colors;    ///< [0,1]
+    std::vector<Eigen::Vector3f> positions;  ///< world units
+    std::vector<Eigen::Vector3f> colors;     ///< [0,1]
 };
 
 struct Scene {
-    std::string source;           ///< the name that the user gave
-    std::string kind;             ///< "colmap", "nerf-synthetic", "transforms", "builtin"
-    std::string image_folder;     ///< e.g. "images_4"; empty if not applicable
+    std::string source;        ///< the name that the user gave
+    std::string kind;          ///< "colmap", "nerf-synthetic", "transforms", "builtin"
+    std::string image_folder;  ///< e.g. "images_4"; empty if not applicable
     std::vector<View> train, test;
     /// Number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is 1
     /// where the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.
     int num_cameras = 1;
-    std::string split_rule;       ///< how the views were split, in words; written to the results
-    PointCloud points;            ///< empty = random initialisation
-    bool has_alpha = false;       ///< images carry alpha
+    std::string split_rule;  ///< how the views were split, in words; written to the results
+    PointCloud points;       ///< empty = random initialisation
+    bool has_alpha = false;  ///< images carry alpha
     /// Half side of the cube for random initialisation, world units; 0 = derive from the cameras (real scenes).
     double random_init_half_extent = 0;
     /// E = 1.1 * max distance of a training camera from their mean (docs/math/optimization.md#scene-extent).
     double extent = 1;
-    std::vector<std::string> notes; ///< pre-flight findings: one line each with the finding and its consequence
+    std::vector<std::string> notes;  ///< pre-flight findings: one line each with the finding and its consequence
 };
 
 struct SceneOptions {
     std::string source;
     std::string images = "images";
-    int resolution = -1;          ///< 1,2,4,8 = divisor; larger = width in pixels; -1 = at most 1600 px, with a note
-    bool eval = false;            ///< hold out test views
-    int test_every = 8;           ///< every n-th view of the name-sorted list is a test view; 0 = none
-    std::string test_list;        ///< file with one image name per line; overrides test_every
+    int resolution = -1;    ///< 1,2,4,8 = divisor; larger = width in pixels; -1 = at most 1600 px, with a note
+    bool eval = false;      ///< hold out test views
+    int test_every = 8;     ///< every n-th view of the name-sorted list is a test view; 0 = none
+    std::string test_list;  ///< file with one image name per line; overrides test_every
     MaskMode mask_mode = MaskMode::kIgnore;
     bool invert_masks = false;
-    AlphaMode alpha_mode = AlphaMode::kTransparent; ///< for RGBA photographs
-    bool exif = false;            ///< read View::exif_exposure, which opens every image file once more
+    AlphaMode alpha_mode = AlphaMode::kTransparent;  ///< for RGBA photographs
+    bool exif = false;  ///< read View::exif_exposure, which opens every image file once more
     std::uint64_t seed = 0;
 };
 

@@ -60,7 +60,8 @@ class Preflight {
 std::optional<std::string> check_points(const std::vector<View>& views, const PointCloud& points);
 
 /// Loads the COLMAP scene in the folder `scene`, whose model lies in the folder `model`. Throws DataError.
-SourceScene load_colmap(const std::filesystem::path& scene, const std::filesystem::path& model, const SceneOptions& options);
+SourceScene load_colmap(const std::filesystem::path& scene, const std::filesystem::path& model,
+                        const SceneOptions& options);
 /// Loads the folder that holds transforms_train.json.
 SourceScene load_nerf_synthetic(const std::filesystem::path& folder);
 /// Loads one transforms.json.

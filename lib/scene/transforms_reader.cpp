@@ -56,7 +56,8 @@ class Object {
     std::optional<double> angle(const char* key, double to_radians) const {
         const std::optional<double> value = number(key);
         if (!value) return {};
-        if (!(*value > 0 && *value * to_radians < std::numbers::pi)) fail(key, "an angle between 0 and 180 degrees", *find(key));
+        if (!(*value > 0 && *value * to_radians < std::numbers::pi))
+            fail(key, "an angle between 0 and 180 degrees", *find(key));
         return *value * to_radians;
     }
 
@@ -102,8 +103,7 @@ std::optional<int> size(const Object& object, const char* key) {
 }
 
 /// Returns the frame's value, else the file's.
-template <class Get>
-auto inherited(const Object& frame, const Object& file, Get get) {
+template <class Get> auto inherited(const Object& frame, const Object& file, Get get) {
     auto value = get(frame);
     return value ? value : get(file);
 }
@@ -125,9 +125,11 @@ void reject_other_lenses(const Object& frame, const Object& file) {
     for (const Object* object : {&frame, &file}) {
         for (const char* key : {"latlong", "equirectangular", "orthographic"})
             if (object->flag(key))
-                throw DataError(fmt::format("{}: lens '{}' is unsupported; use perspective or OpenCV images", object->where(), key));
+                throw DataError(fmt::format("{}: lens '{}' is unsupported; use perspective or OpenCV images",
+                                            object->where(), key));
         if (object->find("ftheta_p0"))
-            throw DataError(fmt::format("{}: lens 'ftheta' is unsupported; use perspective or OpenCV images", object->where()));
+            throw DataError(
+                fmt::format("{}: lens 'ftheta' is unsupported; use perspective or OpenCV images", object->where()));
     }
 }
 
@@ -138,7 +140,8 @@ void read_lens(const Object& frame, const Object& file, TransformsIntrinsics& ou
     };
     const double k1 = coefficient("k1"), k2 = coefficient("k2"), k3 = coefficient("k3"), k4 = coefficient("k4");
     const double p1 = coefficient("p1"), p2 = coefficient("p2");
-    const std::string model = inherited(frame, file, [](const Object& o) { return o.text("camera_model"); }).value_or("");
+    const std::string model =
+        inherited(frame, file, [](const Object& o) { return o.text("camera_model"); }).value_or("");
     static constexpr const char* kPerspective[] = {"",        "PERSPECTIVE",    "OPENCV", "FULL_OPENCV",
                                                    "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"};
     const bool fisheye = model == "OPENCV_FISHEYE" || frame.flag("is_fisheye") || file.flag("is_fisheye");
@@ -148,11 +151,12 @@ void read_lens(const Object& frame, const Object& file, TransformsIntrinsics& ou
         return;
     }
     if (std::find(std::begin(kPerspective), std::end(kPerspective), model) == std::end(kPerspective))
-        throw DataError(
-            fmt::format("{}: camera_model '{}' is unsupported; known are PERSPECTIVE, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, "
-                        "RADIAL, OPENCV, FULL_OPENCV and OPENCV_FISHEYE",
-                        frame.where(), model));
-    if (k4 != 0) throw DataError(fmt::format("{}: k4 is {:g}, but only fisheye lenses have a k4 here", frame.where(), k4));
+        throw DataError(fmt::format(
+            "{}: camera_model '{}' is unsupported; known are PERSPECTIVE, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, "
+            "RADIAL, OPENCV, FULL_OPENCV and OPENCV_FISHEYE",
+            frame.where(), model));
+    if (k4 != 0)
+        throw DataError(fmt::format("{}: k4 is {:g}, but only fisheye lenses have a k4 here", frame.where(), k4));
     if (k3 != 0) {
         out.model = CameraModel::kFullOpenCV;
         out.distortion = {k1, k2, p1, p2, k3};
@@ -189,7 +193,8 @@ bool read_pose(const Object& frame, TransformsFrame& out) {
     }
     Eigen::Matrix3d axes = c2w.leftCols<3>();
     const double scale = axes.colwise().stableNorm().mean();
-    if (!c2w.allFinite() || !(scale > 1e-12) || !std::isfinite(scale)) frame.fail(kKey, "a finite rigid transform", rows);
+    if (!c2w.allFinite() || !(scale > 1e-12) || !std::isfinite(scale))
+        frame.fail(kKey, "a finite rigid transform", rows);
     axes /= scale;
     const Eigen::Matrix3d gram = axes.transpose() * axes;
     // Published matrices are rounded to 6 digits or more, so a deviation of two percent is damage or a shear.
@@ -246,25 +251,31 @@ TransformsFile read_transforms(const fs::path& path) {
         out.frames.push_back(std::move(item));
     }
     if (scaled > 0)
-        out.notes.push_back(
-            fmt::format("{}: {} transform_matrix hold a scale: only rotation and position are used", path.string(), scaled));
+        out.notes.push_back(fmt::format("{}: {} transform_matrix hold a scale: only rotation and position are used",
+                                        path.string(), scaled));
     out.test_filenames = read_names(file, "test_filenames");
-    if (const auto points = file.text("ply_file_path"); points && !points->empty()) out.point_file = normal_path(*points);
+    if (const auto points = file.text("ply_file_path"); points && !points->empty())
+        out.point_file = normal_path(*points);
     return out;
 }
 
-LensCamera resolve_intrinsics(const TransformsIntrinsics& in, int image_width, int image_height, const std::string& where) {
-    LensCamera lens{.model = in.model, .width = in.width.value_or(image_width), .height = in.height.value_or(image_height)};
+LensCamera resolve_intrinsics(const TransformsIntrinsics& in, int image_width, int image_height,
+                              const std::string& where) {
+    LensCamera lens{
+        .model = in.model, .width = in.width.value_or(image_width), .height = in.height.value_or(image_height)};
     lens.distortion = in.distortion;
-    const auto focal = [](std::optional<double> length, std::optional<double> angle, int size) -> std::optional<double> {
+    const auto focal = [](std::optional<double> length, std::optional<double> angle,
+                          int size) -> std::optional<double> {
         if (length) return length;
         if (angle) return 0.5 * size / std::tan(0.5 * *angle);
         return {};
     };
-    const std::optional<double> fx = focal(in.focal_x, in.angle_x, lens.width), fy = focal(in.focal_y, in.angle_y, lens.height);
+    const std::optional<double> fx = focal(in.focal_x, in.angle_x, lens.width),
+                                fy = focal(in.focal_y, in.angle_y, lens.height);
     if (!fx && !fy)
-        throw DataError(
-            fmt::format("{}: no focal length; one of the keys fl_x, fl_y, camera_angle_x, camera_angle_y, x_fov, y_fov is needed", where));
+        throw DataError(fmt::format(
+            "{}: no focal length; one of the keys fl_x, fl_y, camera_angle_x, camera_angle_y, x_fov, y_fov is needed",
+            where));
     // If only one focal length is given, pixels are square.
     lens.fx = fx ? *fx : *fy;
     lens.fy = fy ? *fy : *fx;

@@ -47,6 +47,7 @@ TransformsFile read_transforms(const std::filesystem::path& path);
 
 /// Returns the lens of a frame at its nominal size: w, h of the file, or else the size of the image. Throws DataError,
 /// starting with `where`, if the file gives no focal length.
-LensCamera resolve_intrinsics(const TransformsIntrinsics& intrinsics, int image_width, int image_height, const std::string& where);
+LensCamera resolve_intrinsics(const TransformsIntrinsics& intrinsics, int image_width, int image_height,
+                              const std::string& where);
 
 }  // namespace gs

@@ -30,7 +30,8 @@ std::optional<Vector2d> trace(const LensCamera& lens, double x, double y) {
 double axis_scale(double center, int size, double low_max, double high_min, const std::string& where) {
     const double low = center - low_max, high = high_min - center;
     if (!(low > 0 && high > 0))
-        throw DataError(fmt::format("{}: the distortion folds the image over its principal point; its parameters are damaged", where));
+        throw DataError(fmt::format(
+            "{}: the distortion folds the image over its principal point; its parameters are damaged", where));
     const double shrink = std::max(center / low, (size - 0.5 - center) / high);
     return std::clamp(1 / shrink, 0.2, 2.0);
 }
@@ -46,7 +47,8 @@ void sample(const Image& image, double px, double py, float* out) {
     std::fill_n(out, image.channels, 0.0f);
     for (int k = 0; k < 4; ++k) {
         const float alpha = image.channels == 4 ? image.value(xs[k], ys[k], 3) : 1.0f;
-        for (int c = 0; c < image.channels; ++c) out[c] += weights[k] * image.value(xs[k], ys[k], c) * (c < 3 ? alpha : 1.0f);
+        for (int c = 0; c < image.channels; ++c)
+            out[c] += weights[k] * image.value(xs[k], ys[k], c) * (c < 3 ? alpha : 1.0f);
     }
     if (image.channels == 4)
         for (int c = 0; c < 3; ++c) out[c] = out[3] > 0 ? out[c] / out[3] : 0;
@@ -87,12 +89,13 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     camera.cy = lens.cy;
     if (is_pinhole(lens)) return camera;
     if (lens.model == CameraModel::kEquirectangular)
-        throw DataError(
-            fmt::format("{}: camera model EQUIRECTANGULAR has no pinhole image; split the panoramas into cube faces first", where));
+        throw DataError(fmt::format(
+            "{}: camera model EQUIRECTANGULAR has no pinhole image; split the panoramas into cube faces first", where));
 
     if (!(lens.cx > 0 && lens.cx < lens.width && lens.cy > 0 && lens.cy < lens.height))
-        throw DataError(fmt::format("{}: the principal point ({:g}, {:g}) of a distorted camera lies outside its {}x{} image", where,
-                                    lens.cx, lens.cy, lens.width, lens.height));
+        throw DataError(
+            fmt::format("{}: the principal point ({:g}, {:g}) of a distorted camera lies outside its {}x{} image",
+                        where, lens.cx, lens.cy, lens.width, lens.height));
 
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     double left = -kInfinity, right = kInfinity, top = -kInfinity, bottom = kInfinity;
@@ -106,10 +109,10 @@ Camera undistorted_camera(const LensCamera& lens, const std::string& where) {
     }
     for (const double border : {left, right, top, bottom})
         if (!std::isfinite(border))
-            throw DataError(
-                fmt::format("{}: camera model {} sees nearly 180 degrees or more (no ray within 84 degrees of the axis reaches "
-                            "one of the borders); convert the images to a narrower view first",
-                            where, camera_model_info(lens.model).name));
+            throw DataError(fmt::format(
+                "{}: camera model {} sees nearly 180 degrees or more (no ray within 84 degrees of the axis reaches "
+                "one of the borders); convert the images to a narrower view first",
+                where, camera_model_info(lens.model).name));
 
     camera.width = int(std::max(1.0, axis_scale(lens.cx, lens.width, left, right, where) * lens.width));
     camera.height = int(std::max(1.0, axis_scale(lens.cy, lens.height, top, bottom, where) * lens.height));
@@ -126,8 +129,10 @@ ViewImage undistort(const ViewImage& in, const LensCamera& lens, const Camera& p
     float values[4];
     for (int y = 0; y < pinhole.height; ++y)
         for (int x = 0; x < pinhole.width; ++x) {
-            const auto source = project(lens, {(x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy, 1});
-            if (!source || !(source->x() >= 0 && source->y() >= 0 && source->x() <= lens.width && source->y() <= lens.height)) {
+            const auto source =
+                project(lens, {(x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy, 1});
+            if (!source ||
+                !(source->x() >= 0 && source->y() >= 0 && source->x() <= lens.width && source->y() <= lens.height)) {
                 all_valid = false;
                 continue;
             }

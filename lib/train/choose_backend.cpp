@@ -24,17 +24,22 @@ BackendOptions backend_options(const TrainOptions& options) {
 std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
     if (!cuda && (options.half_residuals || options.packed_moments))
-        throw UsageError(std::string("option ") + (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") + " needs a GPU; the CPU computes in fp32");
+        throw UsageError(std::string("option ") +
+                         (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") +
+                         " needs a GPU; the CPU computes in fp32");
     return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
 }
 
-std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
+std::unique_ptr<Backend> choose_backend(Device device, const AppearanceSpec& appearance,
+                                        const BackendOptions& options) {
     auto backend = make_backend(device, appearance, options);
     const bool fallback = device == Device::kAuto && !uses_cuda(device);
     log_info("device: {}{}", backend->describe(), fallback ? " (" + cuda_unavailable_reason() + ")" : "");
     return backend;
 }
 
-std::unique_ptr<TensorEngine> choose_tensor_engine(Device device) { return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine(); }
+std::unique_ptr<TensorEngine> choose_tensor_engine(Device device) {
+    return uses_cuda(device) ? make_cuda_tensor_engine() : make_cpu_tensor_engine();
+}
 
 }  // namespace gs

@@ -2,7 +2,6 @@
 // Chooses the device for a model and for its scores.
 #pragma once
 
-
 #include "kernels/backend.h"
 #include "kernels/tensors/tensor_engine.h"
 #include "lib/core/train_options.h"

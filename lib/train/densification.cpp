@@ -26,8 +26,8 @@ constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 
 }  // namespace
 
-DensificationSchedule::DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background,
-                                             std::vector<RenderRequest> views)
+DensificationSchedule::DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance,
+                                             double extent, bool black_background, std::vector<RenderRequest> views)
     : options_(options),
       initial_degree_(appearance_model(appearance.model).initial_degree),
       max_degree_(appearance.max_degree),
@@ -36,14 +36,17 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       black_background_(black_background),
       views_(std::move(views)) {}
 
-ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence) {
+ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration,
+                                                   bool hold_view_dependence) {
     ScheduledChange change;
     if (iteration % kDegreeInterval == 0) {
-        if (iteration > 0) degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
+        if (iteration > 0)
+            degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
         backend.set_active_degree(degree_);
     }
     const bool adc = options_.strategy == Strategy::kAdc;
-    const bool due = options_.strategy != Strategy::kNone && iteration >= options_.densify_from_iter && iteration <= options_.densify_until_iter &&
+    const bool due = options_.strategy != Strategy::kNone && iteration >= options_.densify_from_iter &&
+                     iteration <= options_.densify_until_iter &&
                      (iteration - options_.densify_from_iter) % options_.densification_interval == 0;
     if (due && adc) {
         AdcParams p;
@@ -59,9 +62,11 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_
     }
     // Prune before the opacity reset, after which all Gaussians look alike.
     if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
-    if (iteration % kMortonInterval == 0 && iteration <= options_.densify_until_iter + kMortonInterval) backend.morton_sort();
-    const bool reset = iteration > 0 && iteration < options_.densify_until_iter &&
-                       (iteration % options_.opacity_reset_interval == 0 || (iteration == kExtraReset && !black_background_));
+    if (iteration % kMortonInterval == 0 && iteration <= options_.densify_until_iter + kMortonInterval)
+        backend.morton_sort();
+    const bool reset =
+        iteration > 0 && iteration < options_.densify_until_iter &&
+        (iteration % options_.opacity_reset_interval == 0 || (iteration == kExtraReset && !black_background_));
     if (adc && reset) backend.reset_opacity();
     return change;
 }

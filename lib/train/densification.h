@@ -23,8 +23,8 @@ class DensificationSchedule {
   public:
     /// `options` must be validated and outlive the object. `black_background` spares ADC its early extra reset. `views`
     /// are all training views, for the scores of Speedy-Splat's pruning. `extent` is in world units.
-    DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent, bool black_background,
-                          std::vector<RenderRequest> views);
+    DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent,
+                          bool black_background, std::vector<RenderRequest> views);
 
     /// Continues a run whose checkpoint has this degree.
     void resume(int active_degree) { degree_ = active_degree; }

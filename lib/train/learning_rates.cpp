@@ -27,18 +27,22 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
 }
 
 void LearningRates::log(const TrainOptions& options) const {
-    if (std::isnan(options.opacity_lr)) log_info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
+    if (std::isnan(options.opacity_lr))
+        log_info("opacity-lr auto: {:.3g} at camera spacing {:.3g}", opacities_.initial, spacing_);
     double residual = 0;
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
-        log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}", options.appearance, appearance_.base.initial,
-                     residual, appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
+        log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}",
+                 options.appearance, appearance_.base.initial, residual,
+                 appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
     }
 }
 
 void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {
     const double t = double(iteration + 1);
-    const auto set = [&](Group group, const Schedule& schedule) { request.rates[static_cast<int>(group)] = schedule.at(t); };
+    const auto set = [&](Group group, const Schedule& schedule) {
+        request.rates[static_cast<int>(group)] = schedule.at(t);
+    };
     set(Group::kMean, means_);
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);

@@ -14,7 +14,8 @@
 
 namespace gs {
 
-void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance, std::int64_t num_gaussians) {
+void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance,
+                     std::int64_t num_gaussians) {
     constexpr double kMiB = 1024.0 * 1024.0;
     double images = 0, pixels = 0;
     for (const View& v : scene.train) {
@@ -29,23 +30,34 @@ void log_memory_plan(const TrainOptions& options, const Scene& scene, const Appe
     const bool cuda = uses_cuda(options.device);
     const double per_gaussian = 12.0 * floats + (cuda ? 104 : 56), per_pixel = cuda ? 60 : 4.0 * (3 + 1 + 3 + 3 + 9);
     const int per_instance = (cuda ? 21 : 58) + (cuda && options.deterministic ? 288 : 0);
-    const std::int64_t most = options.strategy == Strategy::kNone ? num_gaussians : std::max(num_gaussians, options.cap_max);
-    log_info("memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for a view of {:.1f} Mpx, plus "
-                 "{} B per Gaussian-tile instance",
-                 std::min(images, budget) / kMiB, images > budget ? " (all: " + std::to_string(std::int64_t(images / kMiB)) + " MiB, re-read beyond --image-cache)" : "",
-                 num_gaussians, per_gaussian, per_gaussian * double(num_gaussians) / kMiB, per_gaussian * double(most) / kMiB, most, per_pixel * pixels / kMiB,
-                 pixels / 1e6, per_instance);
+    const std::int64_t most =
+        options.strategy == Strategy::kNone ? num_gaussians : std::max(num_gaussians, options.cap_max);
+    log_info(
+        "memory plan: images {:.0f} MiB{}; {} Gaussians x {:.0f} B = {:.0f} MiB now, {:.0f} MiB at {}; {:.0f} MiB for "
+        "a view of {:.1f} Mpx, plus "
+        "{} B per Gaussian-tile instance",
+        std::min(images, budget) / kMiB,
+        images > budget
+            ? " (all: " + std::to_string(std::int64_t(images / kMiB)) + " MiB, re-read beyond --image-cache)"
+            : "",
+        num_gaussians, per_gaussian, per_gaussian * double(num_gaussians) / kMiB, per_gaussian * double(most) / kMiB,
+        most, per_pixel * pixels / kMiB, pixels / 1e6, per_instance);
     const double total = std::min(images, budget) + per_gaussian * double(most) + per_pixel * pixels;
     const double memory = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
     if (total > memory)
-        log_warning("the planned {:.0f} MiB exceed this machine's memory of {:.0f} MiB: lower --cap-max, --image-cache or --resolution", total / kMiB, memory / kMiB);
+        log_warning(
+            "the planned {:.0f} MiB exceed this machine's memory of {:.0f} MiB: lower --cap-max, --image-cache or "
+            "--resolution",
+            total / kMiB, memory / kMiB);
 }
 
 std::string memory_report(const MemoryUse& memory) {
     constexpr double kMiB = 1024.0 * 1024.0;
-    std::string text = fmt::format("device memory: peak {:.1f} MiB, now {:.1f} MiB", double(memory.peak) / kMiB, double(memory.bytes) / kMiB);
+    std::string text = fmt::format("device memory: peak {:.1f} MiB, now {:.1f} MiB", double(memory.peak) / kMiB,
+                                   double(memory.bytes) / kMiB);
     for (const MemoryUse::Row& row : memory.rows) {
-        text += fmt::format("{} {} {:.1f} MiB", &row == &memory.rows.front() ? ":" : ",", row.what, double(row.bytes) / kMiB);
+        text += fmt::format("{} {} {:.1f} MiB", &row == &memory.rows.front() ? ":" : ",", row.what,
+                            double(row.bytes) / kMiB);
         if (row.items > 0) text += fmt::format(" ({:.0f} B a {})", double(row.bytes) / row.items, row.item);
     }
     return text;

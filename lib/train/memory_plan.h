@@ -12,7 +12,8 @@ namespace gs {
 
 /// Logs the memory of the images against their budget, of the model at its start and at the cap, and of one view. Warns
 /// when the sum exceeds the machine's memory.
-void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance, std::int64_t num_gaussians);
+void log_memory_plan(const TrainOptions& options, const Scene& scene, const AppearanceSpec& appearance,
+                     std::int64_t num_gaussians);
 
 /// Returns one line: peak and present bytes of the device, and each row with its bytes per item.
 std::string memory_report(const MemoryUse& memory);

@@ -21,7 +21,8 @@ constexpr std::size_t kNamed = 3;
 
 std::string describe(const PhotometricDecision& decision) {
     if (!decision.variation.nothing_to_tell.empty()) return "off: " + decision.variation.nothing_to_tell;
-    return fmt::format("{}: images vary by {:.3f} stops, threshold {}", decision.on ? "on" : "off", decision.variation.stops, kPhotometricThreshold);
+    return fmt::format("{}: images vary by {:.3f} stops, threshold {}", decision.on ? "on" : "off",
+                       decision.variation.stops, kPhotometricThreshold);
 }
 
 double ppisp_rate(double rate, std::int64_t steps) {
@@ -43,8 +44,11 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
         initial_ = begin();
     active_ = initial_.active();
     if (options.ppisp == PpispMode::kAuto && options.iterations <= kPhotometricDecision)
-        log_warning("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off", kPhotometricDecision, options.iterations);
-    if (active_) log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras, frozen_ ? ", as in " + options.ppisp_from : "");
+        log_warning("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off",
+                    kPhotometricDecision, options.iterations);
+    if (active_)
+        log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras,
+                 frozen_ ? ", as in " + options.ppisp_from : "");
 }
 
 PpispState Photometric::begin() const {
@@ -61,10 +65,12 @@ float Photometric::prior(std::size_t view) const {
 void Photometric::take_from(const std::filesystem::path& path) {
     PpispFile from = read_ppisp_json(path);
     if (from.exif != options_.ppisp_exif)
-        throw UsageError(fmt::format("option ppisp-from: {} was made {} --ppisp-exif, which its controller depends on; {} it here as well", path.string(),
-                                     from.exif ? "with" : "without", from.exif ? "give" : "leave out"));
+        throw UsageError(fmt::format(
+            "option ppisp-from: {} was made {} --ppisp-exif, which its controller depends on; {} it here as well",
+            path.string(), from.exif ? "with" : "without", from.exif ? "give" : "leave out"));
     if (from.state.num_cameras != scene_.num_cameras)
-        throw DataError(fmt::format("{}: {} cameras, but the images of {} come from {}", path.string(), from.state.num_cameras, scene_.source, scene_.num_cameras));
+        throw DataError(fmt::format("{}: {} cameras, but the images of {} come from {}", path.string(),
+                                    from.state.num_cameras, scene_.source, scene_.num_cameras));
     std::map<std::string, std::size_t> index;
     for (std::size_t k = 0; k < from.frames.size(); ++k) index.emplace(from.frames[k].image, k);
     initial_ = identity_ppisp(int(scene_.train.size()), scene_.num_cameras);
@@ -75,26 +81,33 @@ void Photometric::take_from(const std::filesystem::path& path) {
             missing.push_back(scene_.train[k].name);
             continue;
         }
-        std::copy_n(from.state.param.begin() + std::ptrdiff_t(found->second) * kIspFrameValues, kIspFrameValues, initial_.param.begin() + std::ptrdiff_t(k) * kIspFrameValues);
+        std::copy_n(from.state.param.begin() + std::ptrdiff_t(found->second) * kIspFrameValues, kIspFrameValues,
+                    initial_.param.begin() + std::ptrdiff_t(k) * kIspFrameValues);
     }
     if (!missing.empty()) {
         std::string names;
         for (std::size_t k = 0; k < std::min(kNamed, missing.size()); ++k) names += (k ? ", " : "") + missing[k];
-        throw DataError(fmt::format("{}: no values for {} of {} training images: {}{}", path.string(), missing.size(), scene_.train.size(), names, missing.size() > kNamed ? ", ..." : ""));
+        throw DataError(fmt::format("{}: no values for {} of {} training images: {}{}", path.string(), missing.size(),
+                                    scene_.train.size(), names, missing.size() > kNamed ? ", ..." : ""));
     }
-    std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(), initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
+    std::copy(from.state.param.begin() + std::ptrdiff_t(from.state.camera_offset(0)), from.state.param.end(),
+              initial_.param.begin() + std::ptrdiff_t(initial_.camera_offset(0)));
     initial_.controller = std::move(from.state.controller);
-    file_.mean_exif = from.mean_exif; // the value with which the controller was trained
+    file_.mean_exif = from.mean_exif;  // the value with which the controller was trained
     frozen_ = true;
 }
 
 void Photometric::resume(Gaussians& state, std::int64_t iteration) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
-        if (options_.ppisp == PpispMode::kOff) throw UsageError("option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
+        if (options_.ppisp == PpispMode::kOff)
+            throw UsageError(
+                "option ppisp: the checkpoint was trained with PPISP, so the run cannot continue with it off");
         if (held.num_frames != int(scene_.train.size()) || held.num_cameras != scene_.num_cameras)
-            throw DataError(fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of {}; is it another scene or split?", held.num_frames,
-                                        held.num_cameras, scene_.train.size(), scene_.num_cameras));
+            throw DataError(
+                fmt::format("the checkpoint corrects {} images of {} cameras, but the scene has {} training images of "
+                            "{}; is it another scene or split?",
+                            held.num_frames, held.num_cameras, scene_.train.size(), scene_.num_cameras));
         active_ = true;
         first_ = iteration - held.step;
         return;
@@ -103,8 +116,9 @@ void Photometric::resume(Gaussians& state, std::int64_t iteration) {
     first_ = iteration;
 }
 
-std::optional<PhotometricDecision> Photometric::decide(Backend& backend, std::int64_t iteration, const Vec3<float>& background,
-                                                       const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
+std::optional<PhotometricDecision> Photometric::decide(
+    Backend& backend, std::int64_t iteration, const Vec3<float>& background,
+    const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
     if (options_.ppisp != PpispMode::kAuto || active_ || iteration != kPhotometricDecision) return {};
     PhotometricDecision decision;
     decision.variation = measure_variation(backend, scene_.train, background, image);
@@ -129,14 +143,18 @@ bool Photometric::holds_view_dependence(Backend& backend, std::int64_t iteration
     const double spread = std::sqrt(std::max(0.0, square - mean * mean));
     const bool hold = spread > kSpreadThatHolds;
     if (hold && !held_)
-        log_info("exposures differ by {:.2f} stops: colours will not depend on the view before iteration {}", spread, std::min(kLongestHold, options_.iterations / 3));
+        log_info("exposures differ by {:.2f} stops: colours will not depend on the view before iteration {}", spread,
+                 std::min(kLongestHold, options_.iterations / 3));
     held_ = hold;
     return hold;
 }
 
 void Photometric::apply(std::size_t view, std::int64_t iteration, StepRequest& request) const {
     if (!active_) return;
-    request.isp = {.mode = IspMode::kFrame, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};
+    request.isp = {.mode = IspMode::kFrame,
+                   .frame = int(view),
+                   .camera = scene_.train[view].camera_id,
+                   .prior_exposure = prior(view)};
     request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, iteration - first_);
 }
 
@@ -147,7 +165,10 @@ void Photometric::add_controllers(Backend& backend) const {
 }
 
 void Photometric::apply_controller(std::size_t view, StepRequest& request) const {
-    request.isp = {.mode = IspMode::kController, .frame = int(view), .camera = scene_.train[view].camera_id, .prior_exposure = prior(view)};
+    request.isp = {.mode = IspMode::kController,
+                   .frame = int(view),
+                   .camera = scene_.train[view].camera_id,
+                   .prior_exposure = prior(view)};
     request.isp_rate = kControllerRate;
 }
 
@@ -159,10 +180,13 @@ void Photometric::report(Backend& backend) const {
         if (!file_.frames[k].exif_exposure) continue;
         const double a = state.param[k * kIspFrameValues] - mean_a, b = *file_.frames[k].exif_exposure - mean_b;
         mean_a += a / ++n, mean_b += b / n;
-        const double after_a = state.param[k * kIspFrameValues] - mean_a, after_b = *file_.frames[k].exif_exposure - mean_b;
+        const double after_a = state.param[k * kIspFrameValues] - mean_a,
+                     after_b = *file_.frames[k].exif_exposure - mean_b;
         ab += a * after_b, aa += a * after_a, bb += b * after_b;
     }
-    if (aa > 0 && bb > 0) log_info("exposures of {:.0f} images against EXIF: correlation {:.4f}, slope {:.3f}", n, ab / std::sqrt(aa * bb), ab / bb);
+    if (aa > 0 && bb > 0)
+        log_info("exposures of {:.0f} images against EXIF: correlation {:.4f}, slope {:.3f}", n,
+                 ab / std::sqrt(aa * bb), ab / bb);
 }
 
 void Photometric::save(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const {

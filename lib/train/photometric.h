@@ -60,8 +60,9 @@ class Photometric {
 
     /// Decides before the step of `iteration` if auto is due, and gives the backend its first state. Returns nothing if
     /// no decision was due.
-    std::optional<PhotometricDecision> decide(Backend& backend, std::int64_t iteration, const Vec3<float>& background,
-                                              const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
+    std::optional<PhotometricDecision> decide(
+        Backend& backend, std::int64_t iteration, const Vec3<float>& background,
+        const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
     /// Returns true if colours should not yet depend on the view: the exposures found so far differ by more than
     /// kSpreadThatHolds, and the first third of the run is not over. View dependence would otherwise absorb some of the
@@ -90,7 +91,7 @@ class Photometric {
 
     const TrainOptions& options_;
     const Scene& scene_;
-    PpispFile file_;      ///< the fields of ppisp.json besides the numbers
+    PpispFile file_;  ///< the fields of ppisp.json besides the numbers
     PpispState initial_;
     bool active_ = false, frozen_ = false, held_ = false;
     std::int64_t first_ = 0;  ///< iteration of PPISP's first step

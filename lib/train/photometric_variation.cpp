@@ -32,7 +32,8 @@ Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec
     for (int y = 0; y < color.height; ++y) {
         for (int x = 0; x < color.width; ++x) {
             const std::size_t pixel = std::size_t(y) * color.width + x;
-            const double alpha = color.channels == 4 ? color.value(x, y, 3) : 1, w = alpha * (image.mask ? image.mask->u8[pixel] / 255.0 : 1);
+            const double alpha = color.channels == 4 ? color.value(x, y, 3) : 1,
+                         w = alpha * (image.mask ? image.mask->u8[pixel] / 255.0 : 1);
             const auto block = std::size_t(y * kGrid / color.height * kGrid + x * kGrid / color.width);
             truth[block] += w * (behind + alpha * (color.value(x, y, channel) - behind));
             rendered[block] += w * render.rgb[std::size_t(channel) * pixels + pixel];
@@ -41,7 +42,8 @@ Blocks log_ratios(const ViewImage& image, const RenderedImage& render, const Vec
     }
     Blocks out;
     for (std::size_t b = 0; b < kBlocks; ++b)
-        if (weight[b] > 0 && std::min(truth[b], rendered[b]) > kDark * weight[b]) out[b] = std::log2(truth[b] / rendered[b]);
+        if (weight[b] > 0 && std::min(truth[b], rendered[b]) > kDark * weight[b])
+            out[b] = std::log2(truth[b] / rendered[b]);
     return out;
 }
 
@@ -75,7 +77,9 @@ double variance_of_images(const std::vector<Blocks>& images) {
     return std::max(0.0, (sum_squares - count * mean * mean) / (count - 1) - scatter / count);
 }
 
-bool same_pixels(const Image& a, const Image& b) { return a.width == b.width && a.height == b.height && a.u8 == b.u8 && a.f32 == b.f32; }
+bool same_pixels(const Image& a, const Image& b) {
+    return a.width == b.width && a.height == b.height && a.u8 == b.u8 && a.f32 == b.f32;
+}
 
 }  // namespace
 

@@ -19,8 +19,8 @@ namespace gs {
 inline constexpr double kPhotometricThreshold = 0.075;
 
 struct PhotometricVariation {
-    double stops = 0;     ///< standard deviation over the images of the brightness common to a whole image
-    int num_images = 0;   ///< number of images compared
+    double stops = 0;             ///< standard deviation over the images of the brightness common to a whole image
+    int num_images = 0;           ///< number of images compared
     std::string nothing_to_tell;  ///< reason why there is no figure; empty if there is one
 };
 

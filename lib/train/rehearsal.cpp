@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs the stretches, and carries a model over to another appearance.
 #include "lib/train/rehearsal.h"
 
 #include <algorithm>
@@ -18,8 +19,8 @@
 namespace gs {
 namespace {
 
-/// The part of a run's learning rates that continue_with compresses: from where all models learn at full rate (spherical Voronoi waits until 1000,
-/// the network until 3000) to where they end.
+/// The part of a run's learning rates that continue_with compresses: from where all models learn at full rate
+/// (spherical Voronoi waits until 1000, the network until 3000) to where they end.
 constexpr double kFirstRate = 3000, kLastRate = 30000;
 /// Iterations between two looks at the backend, as in a run.
 constexpr std::int64_t kCheckInterval = 100;
@@ -28,7 +29,8 @@ void check(Backend& backend, const std::string& model) {
     if (interrupted()) throw Interrupted("interrupted while --appearance auto looked for a model; nothing was trained");
     backend.prune(NonFiniteRows{});
     if (backend.count() == 0 || backend.take_stats().consecutive_skips >= kCheckInterval / 2)
-        throw NumericError("appearance " + model + ": the parameters or the loss of a short training do not stay finite");
+        throw NumericError("appearance " + model +
+                           ": the parameters or the loss of a short training do not stay finite");
 }
 
 }  // namespace
@@ -40,36 +42,42 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     const AppearanceSpec appearance = appearance_spec(options_);
     const StepComposer composer(options_, appearance, scene_, &photometric_);
     std::vector<RenderRequest> training_views;
-    for (const View& view : scene_.train) training_views.push_back({.camera = camera_params(view.camera), .background = background()});
-    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background.always(0, 0, 0), training_views);
+    for (const View& view : scene_.train)
+        training_views.push_back({.camera = camera_params(view.camera), .background = background()});
+    DensificationSchedule schedule(options_, appearance, scene_.extent, options_.background.always(0, 0, 0),
+                                   training_views);
     Gaussians state = initialize_gaussians(scene_, appearance, init_options(options_));
     state.ppisp = photometric_.initial_state();
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     result.backend->upload(state);
-    run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(), [&](std::int64_t k, const StepView& view) {
-        schedule.before_step(*result.backend, k);
-        return composer.compose(view, k);
-    });
+    run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),
+        [&](std::int64_t k, const StepView& view) {
+            schedule.before_step(*result.backend, k);
+            return composer.compose(view, k);
+        });
     begun_ = iterations;
     return result;
 }
 
-std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds) {
+std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const AppearanceSpec& appearance,
+                                                  std::int64_t iterations, double most_seconds) {
     TrainOptions resting = options_;
-    resting.strategy = Strategy::kNone; // no noise on the means
+    resting.strategy = Strategy::kNone;  // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
     Gaussians start = with_appearance(state, appearance, options_.seed);
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     photometric_.resume(start, begun_);
     result.backend->upload(start);
-    const bool finished = run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
-        return composer.compose(view, begun_ + k, std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)));
-    });
+    const bool finished =
+        run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
+            return composer.compose(
+                view, begun_ + k, std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)));
+        });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }
 
-bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
-                    const std::function<StepRequest(std::int64_t, const StepView&)>& compose) {
+bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first,
+                    double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose) {
     const double start = seconds_now();
     Backend& backend = *result.backend;
     views_.prefetch(first, first + iterations);
@@ -87,8 +95,10 @@ bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t it
 Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, std::uint64_t seed) {
     const ModelInfo& model = appearance_model(appearance.model);
     Gaussians out;
-    out.count = state.count, out.appearance = appearance, out.active_degree = appearance.max_degree, out.ppisp = state.ppisp;
-    for (int g = 0; g < kNumGroups; ++g) out.groups[g].width = state.groups[g].width, out.groups[g].param = state.groups[g].param;
+    out.count = state.count, out.appearance = appearance, out.active_degree = appearance.max_degree,
+    out.ppisp = state.ppisp;
+    for (int g = 0; g < kNumGroups; ++g)
+        out.groups[g].width = state.groups[g].width, out.groups[g].param = state.groups[g].param;
     GroupArrays<float>& residual = out[Group::kResidual];
     residual.width = group_width(Group::kResidual, appearance);
     residual.param.assign(std::size_t(out.count) * residual.width, 0.0f);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Short stretches of training in memory: no files, no progress, no controllers. What `--appearance auto` compares models by.
+// Short stretches of training in memory: no files, no progress, no controllers. What `--appearance auto` compares
+// models by.
 #pragma once
 
 #include <cstdint>
@@ -19,22 +20,25 @@ namespace gs {
 /// A backend after a stretch, and what that took.
 struct Rehearsed {
     std::unique_ptr<Backend> backend;
-    double seconds = 0; ///< of the steps
+    double seconds = 0;  ///< of the steps
 };
 
 class Rehearsal {
   public:
-    /// `options` validated, `scene` with at least one training view; both outlive the object. PPISP is on or off: there is nothing to decide.
+    /// `options` validated, `scene` with at least one training view; both outlive the object. PPISP is on or off: there
+    /// is nothing to decide.
     Rehearsal(const TrainOptions& options, const Scene& scene);
 
     /// The first `iterations` of a run of the options' appearance.
     Rehearsed begin(std::int64_t iterations);
 
-    /// Goes on from `state` with another appearance, which starts without a residual and has all degrees active. No Gaussian is added
-    /// or moved elsewhere; learning rates go through what a run has left, compressed, so that the model comes to rest. Every call
-    /// sees the same views. Empty if that would take more than `most_seconds`: before the rates have fallen a model cannot be compared.
-    /// Throws NumericError when the loss stays non-finite, Interrupted after Ctrl-C.
-    std::optional<Rehearsed> continue_with(const Gaussians& state, const AppearanceSpec& appearance, std::int64_t iterations, double most_seconds);
+    /// Goes on from `state` with another appearance, which starts without a residual and has all degrees active. No
+    /// Gaussian is added or moved elsewhere; learning rates go through what a run has left, compressed, so that the
+    /// model comes to rest. Every call sees the same views. Empty if that would take more than `most_seconds`: before
+    /// the rates have fallen a model cannot be compared. Throws NumericError when the loss stays non-finite,
+    /// Interrupted after Ctrl-C.
+    std::optional<Rehearsed> continue_with(const Gaussians& state, const AppearanceSpec& appearance,
+                                           std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
     /// Of a training view, from the cache of the steps.
@@ -42,18 +46,18 @@ class Rehearsal {
 
   private:
     /// False if stopped for the time.
-    bool run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first, double most_seconds,
-             const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
+    bool run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first,
+             double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
 
     const TrainOptions options_;
     const Scene& scene_;
     TrainingViews views_;
     Photometric photometric_;
-    std::int64_t begun_ = 0; ///< iterations of `begin`
+    std::int64_t begun_ = 0;  ///< iterations of `begin`
 };
 
-/// The Gaussians of `state` under another model that shows the same colours: its residual is 0, all of its degrees active. Without
-/// moments. `state` is of a model without a residual.
+/// The Gaussians of `state` under another model that shows the same colours: its residual is 0, all of its degrees
+/// active. Without moments. `state` is of a model without a residual.
 Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, std::uint64_t seed);
 
 }  // namespace gs

@@ -14,7 +14,9 @@ std::filesystem::path resumed_file(const TrainOptions& options) {
 
 }  // namespace
 
-std::string checkpoint_appearance(const TrainOptions& options) { return SafetensorsFile(resumed_file(options)).metadata("appearance"); }
+std::string checkpoint_appearance(const TrainOptions& options) {
+    return SafetensorsFile(resumed_file(options)).metadata("appearance");
+}
 
 RunStart open_run(const TrainOptions& options) {
     RunStart start{RunFolder{options.model}, std::nullopt, {}};

@@ -30,15 +30,24 @@ void RunWriter::open_log(std::int64_t iteration) { log_.emplace(folder_.train_lo
 
 void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration) {
     if (change.relocated || change.added || change.cloned || change.split || change.pruned)
-        log({{"event", "densify"}, {"iteration", iteration}, {"relocated", change.relocated}, {"added", change.added},
-             {"cloned", change.cloned}, {"split", change.split}, {"pruned", change.pruned},
+        log({{"event", "densify"},
+             {"iteration", iteration},
+             {"relocated", change.relocated},
+             {"added", change.added},
+             {"cloned", change.cloned},
+             {"split", change.split},
+             {"pruned", change.pruned},
              {"num_gaussians", change.count + change.pruned_by_score}});
     if (change.pruned_by_score)
-        log({{"event", "prune_by_score"}, {"iteration", iteration}, {"pruned", change.pruned_by_score}, {"num_gaussians", change.count}});
+        log({{"event", "prune_by_score"},
+             {"iteration", iteration},
+             {"pruned", change.pruned_by_score},
+             {"num_gaussians", change.count}});
 }
 
 void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration) const {
-    gs::write_checkpoint(folder_.checkpoint(iteration), {backend.download(true), iteration, options_.seed, options_to_yaml(options_)});
+    gs::write_checkpoint(folder_.checkpoint(iteration),
+                         {backend.download(true), iteration, options_.seed, options_to_yaml(options_)});
 }
 
 void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {
@@ -53,7 +62,8 @@ void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, s
     RenderRequest request;
     request.camera = camera_params(view.camera);
     request.background = background;
-    request.isp = photometric_.active() ? IspView{.mode = IspMode::kFrame, .camera = std::max(0, view.camera_id)} : IspView{};
+    request.isp =
+        photometric_.active() ? IspView{.mode = IspMode::kFrame, .camera = std::max(0, view.camera_id)} : IspView{};
     RenderedImage rendered;
     backend.render(request, rendered);
     Image image{rendered.width, rendered.height, 3, {}, {}};

@@ -41,7 +41,9 @@ class RunWriter {
     void write_checkpoint(Backend& backend, std::int64_t iteration) const;
     /// Writes the point cloud as 3DGS viewers read it, and ppisp.json.
     void write_point_cloud(Backend& backend, std::int64_t iteration) const;
-    void write_ppisp(Backend& backend, std::int64_t iteration) const { photometric_.save(folder_.ppisp(), backend, iteration); }
+    void write_ppisp(Backend& backend, std::int64_t iteration) const {
+        photometric_.save(folder_.ppisp(), backend, iteration);
+    }
     /// Writes a render of the first test view, or of the first training view if there is none.
     void write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
 

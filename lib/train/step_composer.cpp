@@ -7,9 +7,13 @@
 
 namespace gs {
 
-StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene, const Photometric* photometric,
-                           double rate_factor)
-    : options_(options), scene_(scene), photometric_(photometric), rates_(options, appearance, scene), rate_factor_(rate_factor) {}
+StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
+                           const Photometric* photometric, double rate_factor)
+    : options_(options),
+      scene_(scene),
+      photometric_(photometric),
+      rates_(options, appearance, scene),
+      rate_factor_(rate_factor) {}
 
 StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteration) const {
     StepRequest request;

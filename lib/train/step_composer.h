@@ -12,8 +12,8 @@ namespace gs {
 
 /// One training view as a step uses it.
 struct StepView {
-    std::size_t index = 0;  ///< index into scene.train
-    const ViewImage& image; ///< must outlive the backend's call with the request
+    std::size_t index = 0;   ///< index into scene.train
+    const ViewImage& image;  ///< must outlive the backend's call with the request
     Vec3<float> background{};
 };
 
@@ -22,11 +22,13 @@ class StepComposer {
     /// `options` must be validated. `photometric` says how views are corrected; with null each is corrected by its own
     /// values in the model's PPISP, which learns at the full rate. `rate_factor` multiplies every learning rate and the
     /// noise. All references must outlive the object.
-    StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene, const Photometric* photometric,
-                 double rate_factor = 1);
+    StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
+                 const Photometric* photometric, double rate_factor = 1);
 
     /// Returns the step on `view` after `iteration` finished ones.
-    StepRequest compose(const StepView& view, std::int64_t iteration) const { return compose(view, iteration, iteration); }
+    StepRequest compose(const StepView& view, std::int64_t iteration) const {
+        return compose(view, iteration, iteration);
+    }
     /// Returns the same step with the learning rates after `rate_iteration` steps.
     StepRequest compose(const StepView& view, std::int64_t iteration, std::int64_t rate_iteration) const;
 

@@ -12,18 +12,18 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
     if (iteration > 0) {
         std::ifstream in(path);
         for (std::string line; std::getline(in, line);) {
-            const auto json = nlohmann::json::parse(line, nullptr, false); // a crash may have cut the last line short
+            const auto json = nlohmann::json::parse(line, nullptr, false);  // a crash may have cut the last line short
             if (json.is_object() && json.value("iteration", iteration + 1) <= iteration) kept += line + "\n";
         }
     }
-    std::error_code ignored; // the write below reports errors
+    std::error_code ignored;  // the write below reports errors
     std::filesystem::create_directories(path.parent_path(), ignored);
     write_text_atomic(path, kept);
     out_.open(path, std::ios::app);
 }
 
 void TrainLog::write(const nlohmann::json& line) {
-    out_ << line.dump() << std::endl; // flushed, because others read the file during the run
+    out_ << line.dump() << std::endl;  // flushed, because others read the file during the run
     if (!out_) throw DataError(path_.string() + ": cannot write the training log (disk full?)");
 }
 

@@ -29,11 +29,13 @@ namespace {
 /// Iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is then
 /// below a hundredth of the work.
 constexpr std::int64_t kLogInterval = 100;
-/// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the statistics:
-/// a device may be behind, and asking it each time would make it wait.
+/// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the
+/// statistics: a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
 
-bool contains(const std::vector<std::int64_t>& list, std::int64_t value) { return std::find(list.begin(), list.end(), value) != list.end(); }
+bool contains(const std::vector<std::int64_t>& list, std::int64_t value) {
+    return std::find(list.begin(), list.end(), value) != list.end();
+}
 
 class Run {
   public:
@@ -60,7 +62,7 @@ class Run {
             start.first_event["iteration"] = 0;
             writer_.log(start.first_event);
         }
-        prune_nonfinite(); // before such a Gaussian leaves its mark in the moments of all that it covers
+        prune_nonfinite();  // before such a Gaussian leaves its mark in the moments of all that it covers
     }
 
     TrainSummary run() {
@@ -82,7 +84,8 @@ class Run {
         double interval_start = seconds_now();
         while (iteration_ < options_.iterations) {
             timed([&] { iterate(); });
-            const bool log = iteration_ % kLogInterval == 0 || iteration_ == options_.iterations, report = progress_.due(iteration_);
+            const bool log = iteration_ % kLogInterval == 0 || iteration_ == options_.iterations,
+                       report = progress_.due(iteration_);
             const bool stop = interrupted() && iteration_ < options_.iterations;
             // What is reported or saved is the state after this iteration, and waiting for it is training time.
             if (log || report || stop || something_is_due()) timed([&] { settle(); });
@@ -95,7 +98,8 @@ class Run {
             if (stop) {
                 writer_.write_checkpoint(*backend_, iteration_);
                 progress_.finish();
-                throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " + how_to_continue());
+                throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " +
+                                  how_to_continue());
             }
         }
     }
@@ -116,18 +120,19 @@ class Run {
         train_seconds_ += seconds_now() - start;
     }
 
-    /// After an error of the device: saves the model as the last finished step left it, if there is one and the device still
-    /// gives it out. Up to three steps that it had not finished are missing. Returns what the message should say about it.
+    /// After an error of the device: saves the model as the last finished step left it, if there is one and the device
+    /// still gives it out. Up to three steps that it had not finished are missing. Returns what the message should say
+    /// about it.
     std::string rescue(std::int64_t first) {
         progress_.finish();
         if (iteration_ == first) return "";
         try {
-            backend_->synchronize(); // gives up steps that do not fit
+            backend_->synchronize();  // gives up steps that do not fit
         } catch (const std::exception&) {
         }
         try {
             writer_.write_checkpoint(*backend_, iteration_);
-        } catch (const std::exception& e) { // the error that brought us here is the one to report
+        } catch (const std::exception& e) {  // the error that brought us here is the one to report
             log_warning("no checkpoint could be written: {}", e.what());
             return "";
         }
@@ -137,7 +142,8 @@ class Run {
 
     std::unique_ptr<Backend> make_backend() const {
         const BackendOptions options = backend_options(options_);
-        return hooks_.make_backend ? hooks_.make_backend(appearance_, options) : choose_backend(options_.device, appearance_, options);
+        return hooks_.make_backend ? hooks_.make_backend(appearance_, options)
+                                   : choose_backend(options_.device, appearance_, options);
     }
 
     void begin() {
@@ -145,11 +151,12 @@ class Run {
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
         if (options_.hostile_start > 0)
             log_warning("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
-                         make_hostile(state, options_.hostile_start, options_.seed), state.count);
+                        make_hostile(state, options_.hostile_start, options_.seed), state.count);
         state.active_degree = schedule_.active_degree();
         state.ppisp = photometric_.initial_state();
         if (state.count > options_.cap_max)
-            log_warning("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count, options_.cap_max);
+            log_warning("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count,
+                        options_.cap_max);
         backend_ = make_backend();
         backend_->upload(state);
         writer_.write_start(initial_points(scene_, init));
@@ -157,7 +164,8 @@ class Run {
 
     void resume(Checkpoint checkpoint) {
         if (checkpoint.seed != options_.seed)
-            log_warning("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one", options_.seed, checkpoint.seed);
+            log_warning("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one",
+                        options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
         photometric_.resume(checkpoint.state, iteration_);
         schedule_.resume(checkpoint.state.active_degree);
@@ -166,12 +174,14 @@ class Run {
         writer_.write_config();
         log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
         if (iteration_ >= options_.iterations)
-            log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_, options_.iterations);
+            log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_,
+                        options_.iterations);
     }
 
     void iterate() {
         decide_photometric();
-        const bool hold = iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
+        const bool hold =
+            iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
         writer_.log_change(schedule_.before_step(*backend_, iteration_, hold), iteration_ + 1);
         const TrainingViews::Step step = views_.at(iteration_, options_.iterations);
         backend_->step(composer_.compose(step.view(), iteration_));
@@ -182,14 +192,21 @@ class Run {
     }
 
     void decide_photometric() {
-        const auto decision = photometric_.decide(*backend_, iteration_, views_.fixed_background(), [&](std::size_t view) { return views_.image(view); });
+        const auto decision = photometric_.decide(*backend_, iteration_, views_.fixed_background(),
+                                                  [&](std::size_t view) { return views_.image(view); });
         if (!decision) return;
-        writer_.log({{"event", "photometric"}, {"iteration", iteration_ + 1}, {"on", decision->on}, {"stops", decision->variation.stops},
-                     {"threshold", kPhotometricThreshold}, {"images", decision->variation.num_images}, {"reason", describe(*decision)}});
+        writer_.log({{"event", "photometric"},
+                     {"iteration", iteration_ + 1},
+                     {"on", decision->on},
+                     {"stops", decision->variation.stops},
+                     {"threshold", kPhotometricThreshold},
+                     {"images", decision->variation.num_images},
+                     {"reason", describe(*decision)}});
         photometric_decision_ = describe(*decision);
     }
 
-    /// After the last change of the Gaussians. What it does is in no checkpoint: stopped, it begins anew in the resumed run.
+    /// After the last change of the Gaussians. What it does is in no checkpoint: stopped, it begins anew in the resumed
+    /// run.
     void train_controllers() {
         if (!photometric_.trains_controllers()) return;
         photometric_.add_controllers(*backend_);
@@ -197,8 +214,10 @@ class Run {
         for (std::int64_t k = 0; k < options_.controller_iterations; ++k) {
             if (interrupted()) {
                 progress_.finish();
-                throw Interrupted("interrupted after " + std::to_string(k) + " iterations of the controllers, which are lost; the model and its checkpoint are written; " +
-                                  how_to_continue());
+                throw Interrupted(
+                    "interrupted after " + std::to_string(k) +
+                    " iterations of the controllers, which are lost; the model and its checkpoint are written; " +
+                    how_to_continue());
             }
             const TrainingViews::Step step = views_.at(iteration_ + k, iteration_ + options_.controller_iterations);
             backend_->distill(composer_.compose_distillation(step.view(), iteration_ + k));
@@ -222,7 +241,8 @@ class Run {
         nonfinite_gradients_ += stats.num_nonfinite_gradients;
         if (stats.steps > 0) last_ = stats;
         if (stats.consecutive_skips >= kMaxSkips)
-            throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " + std::to_string(stats.consecutive_skips) +
+            throw NumericError("iteration " + std::to_string(iteration_) + ": the loss of the last " +
+                               std::to_string(stats.consecutive_skips) +
                                " views was not finite (last view: " + views_.view_at(iteration_ - 1).name +
                                "). Lower the learning rates, or check the images");
     }
@@ -233,11 +253,14 @@ class Run {
         std::string names;
         for (int g = 0; g < kNumGroups; ++g)
             if (by_group[g]) names += (names.empty() ? "" : ", ") + std::to_string(by_group[g]) + " " + kGroupNames[g];
-        log_warning("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})", iteration_, removed, names);
-        writer_.log({{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
+        log_warning("iteration {}: removed {} Gaussians with parameters that are not finite or out of range ({})",
+                    iteration_, removed, names);
+        writer_.log(
+            {{"event", "prune_nonfinite"}, {"iteration", iteration_}, {"removed", removed}, {"parameters", names}});
         pruned_nonfinite_ += removed;
         if (backend_->count() == 0)
-            throw NumericError("iteration " + std::to_string(iteration_) + ": no Gaussian with parameters finite and in range is left (" + names + ")");
+            throw NumericError("iteration " + std::to_string(iteration_) +
+                               ": no Gaussian with parameters finite and in range is left (" + names + ")");
     }
 
     void write_log(double interval_seconds) {
@@ -258,17 +281,20 @@ class Run {
 
     bool something_is_due() const {
         const auto& o = options_;
-        return (o.preview_every > 0 && iteration_ % o.preview_every == 0) || contains(o.checkpoint_iterations, iteration_) ||
-               contains(o.save_iterations, iteration_) || contains(o.test_iterations, iteration_);
+        return (o.preview_every > 0 && iteration_ % o.preview_every == 0) ||
+               contains(o.checkpoint_iterations, iteration_) || contains(o.save_iterations, iteration_) ||
+               contains(o.test_iterations, iteration_);
     }
 
     void save_what_is_due() {
         const bool last = iteration_ == options_.iterations;
-        if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0) writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
-        if (contains(options_.checkpoint_iterations, iteration_) && !last) writer_.write_checkpoint(*backend_, iteration_);
+        if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0)
+            writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
+        if (contains(options_.checkpoint_iterations, iteration_) && !last)
+            writer_.write_checkpoint(*backend_, iteration_);
         if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
         if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
-            writer_.write_ppisp(*backend_, iteration_); // says how these views are corrected
+            writer_.write_ppisp(*backend_, iteration_);  // says how these views are corrected
             hooks_.evaluate(iteration_, *backend_);
         }
     }
@@ -279,20 +305,27 @@ class Run {
         const MemoryUse memory = backend_->memory();
         if (memory.peak > 0) log_info("{}", memory_report(memory));
         prune_nonfinite();
-        writer_.write_checkpoint(*backend_, iteration_); // before the final pruning: a longer run goes on from here as if it had not stopped
+        writer_.write_checkpoint(
+            *backend_,
+            iteration_);  // before the final pruning: a longer run goes on from here as if it had not stopped
         backend_->prune(InvisibleRows{});
         backend_->morton_sort();
-        if (backend_->count() == 0) throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
+        if (backend_->count() == 0)
+            throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
         writer_.write_point_cloud(*backend_, iteration_);
         const double controllers_start = seconds_now();
         train_controllers();
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
         photometric_.report(*backend_);
-        if (nonfinite_gradients_) log_warning("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
-        if (pruned_nonfinite_) log_warning("{} Gaussians were removed for parameters not finite or out of range during the run", pruned_nonfinite_);
+        if (nonfinite_gradients_)
+            log_warning("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
+        if (pruned_nonfinite_)
+            log_warning("{} Gaussians were removed for parameters not finite or out of range during the run",
+                        pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
-        return {iteration_, backend_->count(), train_seconds_, views_.wait_seconds(), memory, controller_seconds, photometric_decision_};
+        return {iteration_, backend_->count(),  train_seconds_,       views_.wait_seconds(),
+                memory,     controller_seconds, photometric_decision_};
     }
 
     const TrainOptions options_;
@@ -306,7 +339,7 @@ class Run {
     const StepComposer composer_;
     RunWriter writer_;
     std::unique_ptr<Backend> backend_;
-    std::int64_t iteration_ = 0; ///< finished iterations
+    std::int64_t iteration_ = 0;  ///< finished iterations
     StepStats last_;
     double train_seconds_ = 0, logged_wait_ = 0;
     std::string photometric_decision_;
@@ -315,7 +348,8 @@ class Run {
 
 }  // namespace
 
-TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks) {
+TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
+                   const TrainHooks& hooks) {
     if (scene.train.empty()) throw DataError(scene.source + ": no training views (all were held out or skipped)");
     return Run(options, scene, std::move(start), progress, hooks).run();
 }

@@ -23,11 +23,11 @@ struct TrainHooks {
 
 struct TrainSummary {
     std::int64_t iterations = 0;
-    std::int64_t num_gaussians = 0;   ///< after the final pruning; the #Gs of tables
+    std::int64_t num_gaussians = 0;  ///< after the final pruning; the #Gs of tables
     /// time of the loop until its last step was done; without loading, saving and evaluation
     double train_seconds = 0;
-    double data_wait_seconds = 0;     ///< part of train_seconds spent waiting for images
-    MemoryUse memory;                 ///< memory of the device at the end of the loop; empty on the CPU
+    double data_wait_seconds = 0;  ///< part of train_seconds spent waiting for images
+    MemoryUse memory;              ///< memory of the device at the end of the loop; empty on the CPU
     /// time of the PPISP controllers, not part of train_seconds; 0 if none were trained
     double controller_seconds = 0;
     /// decision of --ppisp auto, with its figure; empty if nothing was decided in this part of the run
@@ -41,6 +41,7 @@ struct TrainSummary {
 /// asked for, and DeviceError when memory ran out. In the last case it first writes a checkpoint, which the message
 /// names, if an iteration was done and the model can still be read. (If the failed iteration had already densified, the
 /// resumed run densifies once more.)
-TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress, const TrainHooks& hooks);
+TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
+                   const TrainHooks& hooks);
 
 }  // namespace gs

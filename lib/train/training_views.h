@@ -21,7 +21,7 @@ class TrainingViews {
 
     /// The view of one step.
     struct Step {
-        std::size_t index = 0; ///< index into scene.train
+        std::size_t index = 0;  ///< index into scene.train
         std::shared_ptr<const ViewImage> image;
         Vec3<float> background;
 
@@ -46,8 +46,8 @@ class TrainingViews {
     const Scene& scene_;
     const Background background_;
     ViewOrder order_;
-    const std::int64_t prefetch_; ///< number of views prefetched; never the same view twice
-    ViewOrder ahead_{order_};     ///< order for prefetching, where the next epoch may have begun
+    const std::int64_t prefetch_;  ///< number of views prefetched; never the same view twice
+    ViewOrder ahead_{order_};      ///< order for prefetching, where the next epoch may have begun
     ImageCache images_;
 };
 

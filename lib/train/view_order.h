@@ -18,7 +18,7 @@ class ViewOrder {
     std::size_t num_views_;
     std::uint64_t seed_;
     std::int64_t epoch_ = -1;
-    std::vector<std::size_t> order_; ///< permutation of `epoch_`
+    std::vector<std::size_t> order_;  ///< permutation of `epoch_`
 };
 
 }  // namespace gs

@@ -27,16 +27,19 @@ template <class Model> class Conformance : public ::testing::Test {
         const Vec3<double> v = vector();
         return v * (1 / std::sqrt(dot(v, v)));
     }
-    /// Of a Gaussian, and behind them the shared weights, at `scale` times their usual size.
+    /// Returns random parameters of a Gaussian, then shared weights, at `scale` times their usual size.
     std::vector<double> parameters(double scale = 1) {
         std::vector<double> p(kAll);
         for (int k = 0; k < kAll; ++k) p[k] = (k < Model::kMaxResidual ? scale : 0.3 * scale) * normal(rng);
         return p;
     }
     static constexpr int kAll = Model::kMaxResidual + kNumSharedOf<Model>;
-    template <class T> static Vec3<T> residual(const T* p, const Vec3<T>& d, int degree) { return model_residual<Model>(p + Model::kMaxResidual, p, d, degree); }
-    /// dp: zeroed by the caller.
-    template <class T> static void residual_backward(const T* p, const Vec3<T>& d, int degree, const Vec3<T>& g, T* dp, Vec3<T>& dd) {
+    template <class T> static Vec3<T> residual(const T* p, const Vec3<T>& d, int degree) {
+        return model_residual<Model>(p + Model::kMaxResidual, p, d, degree);
+    }
+    /// Writes gradients to `dp`, which the caller has zeroed.
+    template <class T>
+    static void residual_backward(const T* p, const Vec3<T>& d, int degree, const Vec3<T>& g, T* dp, Vec3<T>& dd) {
         model_residual_backward<Model>(p + Model::kMaxResidual, p, d, degree, g, dp, dd, dp + Model::kMaxResidual);
     }
 };
@@ -78,10 +81,11 @@ TYPED_TEST(Conformance, InactiveParametersShowNothingAndLearnNothing) {
     for (int degree = 0; degree <= this->max_degree; ++degree) {
         const std::size_t active = this->info.residual_width(degree);
         auto p = this->parameters();
-        p.resize(p.size() + 1); // a valid pointer for models without parameters
+        p.resize(p.size() + 1);  // a valid pointer for models without parameters
         auto q = p;
         for (std::size_t k = active; k < TypeParam::kMaxResidual; ++k) q[k] = std::nan("");
-        const Vec3<double> d = this->direction(), r = this->residual(p.data(), d, degree), other = this->residual(q.data(), d, degree);
+        const Vec3<double> d = this->direction(), r = this->residual(p.data(), d, degree),
+                           other = this->residual(q.data(), d, degree);
         EXPECT_LT(dot(r - other, r - other), 1e-28) << "inactive parameters are not read";
         std::vector<double> dp(p.size(), 0);
         Vec3<double> dd{7, 7, 7};
@@ -98,7 +102,8 @@ TYPED_TEST(Conformance, TheInitialModelShowsItsBaseColor) {
     for (int degree = 0; degree <= this->max_degree; ++degree) {
         std::vector<float> row(TypeParam::kMaxResidual + 1, 9.0f);
         this->info.init_residual(degree, row.data());
-        for (std::size_t k = this->info.residual_width(degree); k < row.size(); ++k) EXPECT_EQ(row[k], 9.0f) << "beyond the row";
+        for (std::size_t k = this->info.residual_width(degree); k < row.size(); ++k)
+            EXPECT_EQ(row[k], 9.0f) << "beyond the row";
         ASSERT_EQ(this->info.num_shared, kNumSharedOf<TypeParam>);
         std::vector<float> all(this->kAll + 1);
         std::copy(row.begin(), row.end() - 1, all.begin());
@@ -114,7 +119,7 @@ TYPED_TEST(Conformance, FloatFollowsDouble) {
     for (int trial = 0; trial < 200; ++trial) {
         auto p = this->parameters();
         const std::vector<float> q(p.begin(), p.end());
-        p.assign(q.begin(), q.end()); // the same inputs: what is compared is the computation
+        p.assign(q.begin(), q.end());  // the same inputs: what is compared is the computation
         const Vec3<double> e = this->direction(), h = this->vector();
         const Vec3<float> df{float(e.x), float(e.y), float(e.z)}, gf{float(h.x), float(h.y), float(h.z)};
         const Vec3<double> d{df.x, df.y, df.z}, g{gf.x, gf.y, gf.z};
@@ -125,7 +130,8 @@ TYPED_TEST(Conformance, FloatFollowsDouble) {
             EXPECT_NEAR(a.z, b.z, tolerance);
         };
         // Below 1 the absolute bound is the tighter one; a lobe's density is unbounded.
-        expect_near(this->residual(p.data(), d, this->max_degree), this->residual(q.data(), df, this->max_degree), 1e-5);
+        expect_near(this->residual(p.data(), d, this->max_degree), this->residual(q.data(), df, this->max_degree),
+                    1e-5);
         std::vector<double> dp(p.size());
         std::vector<float> dq(p.size());
         Vec3<double> dd;
@@ -142,7 +148,8 @@ TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
     for (const double scale : {1e-30, 1e-6, 1.0, 1e3, 1e10, 1e30}) {
         for (int trial = 0; trial < 50; ++trial) {
             auto p = this->parameters(scale);
-            for (int k = TypeParam::kMaxResidual; k < this->kAll; ++k) p[k] = std::clamp(p[k], -kLargestSharedWeight, kLargestSharedWeight); // as the optimizer does
+            for (int k = TypeParam::kMaxResidual; k < this->kAll; ++k)
+                p[k] = std::clamp(p[k], -kLargestSharedWeight, kLargestSharedWeight);  // as the optimizer does
             p.resize(p.size() + 1);
             const std::vector<float> q(p.begin(), p.end());
             p.assign(q.begin(), q.end());
@@ -154,15 +161,18 @@ TYPED_TEST(Conformance, GradientsAtTheExtremesAreTheRightLimitOrZero) {
             Vec3<double> wide_dd;
             const Vec3<float> r = this->residual(q.data(), axis, this->max_degree);
             this->residual_backward(q.data(), axis, this->max_degree, {1, 1, 1}, dq.data(), dd);
-            this->residual_backward(p.data(), {axis.x, axis.y, axis.z}, this->max_degree, {1, 1, 1}, dp.data(), wide_dd);
+            this->residual_backward(p.data(), {axis.x, axis.y, axis.z}, this->max_degree, {1, 1, 1}, dp.data(),
+                                    wide_dd);
             EXPECT_TRUE(std::isfinite(r.x + r.y + r.z + dd.x + dd.y + dd.z));
             double largest = 0;
             for (const double g : dp) largest = std::max(largest, std::abs(g));
             for (int k = 0; k < this->kAll; ++k) {
                 EXPECT_TRUE(std::isfinite(dq[k]));
-                // What is below the rounding of the largest gradient may have any sign; all of it may be below float's range.
+                // What is below the rounding of the largest gradient may have any sign; all of it may be below float's
+                // range.
                 if (std::abs(dp[k]) > 1e-5 * largest && std::abs(dp[k]) > 1e-30) {
-                    EXPECT_GE(double(dq[k]) * dp[k], 0) << "scale " << scale << ", column " << k << ": " << dq[k] << " for " << dp[k];
+                    EXPECT_GE(double(dq[k]) * dp[k], 0)
+                        << "scale " << scale << ", column " << k << ": " << dq[k] << " for " << dp[k];
                 }
             }
         }
@@ -187,24 +197,31 @@ TEST(Contract, ColourActivationsMatchTheTable) {
     struct Row {
         double y, relu, softplus, softplus_slope, sigmoid, sigmoid_slope, hard;
     };
-    for (const Row& r : {Row{-10, 0, 5.521e-43, 5.521e-42, 4.24835e-18, 1.69934e-17, 0}, {-1.5, 0, 4.53988992e-6, 4.53978687e-5, 0.00247262316, 0.00986603717, 0},
-                         {-0.25, 0.25, 0.257888973, 0.92414182, 0.268941421, 0.786447733, 0.25}, {0, 0.5, 0.500671535, 0.993307149, 0.5, 1, 0.5},
-                         {0.25, 0.75, 0.750055293, 0.999447221, 0.731058579, 0.786447733, 0.75}, {2, 2.5, 2.5, 1, 0.99966465, 0.00134095, 1}}) {
+    for (const Row& r : {Row{-10, 0, 5.521e-43, 5.521e-42, 4.24835e-18, 1.69934e-17, 0},
+                         {-1.5, 0, 4.53988992e-6, 4.53978687e-5, 0.00247262316, 0.00986603717, 0},
+                         {-0.25, 0.25, 0.257888973, 0.92414182, 0.268941421, 0.786447733, 0.25},
+                         {0, 0.5, 0.500671535, 0.993307149, 0.5, 1, 0.5},
+                         {0.25, 0.75, 0.750055293, 0.999447221, 0.731058579, 0.786447733, 0.75},
+                         {2, 2.5, 2.5, 1, 0.99966465, 0.00134095, 1}}) {
         EXPECT_NEAR(color_activation(ColorActivation::kRelu, r.y), r.relu, 1e-9);
         EXPECT_NEAR(color_activation(ColorActivation::kSoftplus, r.y), r.softplus, 1e-4 * r.softplus);
-        EXPECT_NEAR(color_activation_derivative(ColorActivation::kSoftplus, r.y), r.softplus_slope, 1e-4 * r.softplus_slope);
+        EXPECT_NEAR(color_activation_derivative(ColorActivation::kSoftplus, r.y), r.softplus_slope,
+                    1e-4 * r.softplus_slope);
         EXPECT_NEAR(color_activation(ColorActivation::kSigmoid, r.y), r.sigmoid, 1e-5 * r.sigmoid);
-        EXPECT_NEAR(color_activation_derivative(ColorActivation::kSigmoid, r.y), r.sigmoid_slope, 1e-5 * r.sigmoid_slope);
+        EXPECT_NEAR(color_activation_derivative(ColorActivation::kSigmoid, r.y), r.sigmoid_slope,
+                    1e-5 * r.sigmoid_slope);
         EXPECT_NEAR(color_activation(ColorActivation::kHardSigmoid, r.y), r.hard, 1e-9);
     }
     // Saturated in float, the slope is still the limit and not zero.
     EXPECT_GT(color_activation_derivative(ColorActivation::kSigmoid, 5.0f), 0);
     for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus}) {
-        EXPECT_EQ(color_activation(kind, 3e38f), float(kLargestColor)) << "colours whose squares overflow end every step";
+        EXPECT_EQ(color_activation(kind, 3e38f), float(kLargestColor))
+            << "colours whose squares overflow end every step";
         EXPECT_EQ(color_activation_derivative(kind, 3e38f), 1) << "and come back";
     }
     EXPECT_TRUE(std::isnan(color_activation(ColorActivation::kRelu, std::nanf("")))) << "NaN must not be hidden";
-    for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid}) {
+    for (const auto kind : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
+                            ColorActivation::kHardSigmoid}) {
         for (const double c : {0.0, 1.0 / 255, 0.25, 0.5, 1.0}) {
             const double y = inverse_color_activation(kind, c), kept = std::clamp(c, 0.5 / 255, 1 - 0.5 / 255);
             EXPECT_NEAR(color_activation(kind, y), kept, 1e-9);

@@ -50,8 +50,10 @@ TEST(PackingDescription, SizesFollowFromTheHeader) {
     EXPECT_TRUE(packed_layout(header).texture_words.empty());
     header.model = packing_description("nasgabor").id, header.features = 2;
     EXPECT_EQ(packed_layout(header).texture_words, (std::vector<int>{4, 4, 4, 4})) << "26 halves";
-    header.model = packing_description("neural").id, header.features = 16, header.bands = 0xe, header.neurons = 32, header.hidden_layers = 2;
-    EXPECT_EQ(packed_layout(header).weight_halves, 2144) << "16 features, the constant and 15 of the direction, all to 32 neurons, 32, 3";
+    header.model = packing_description("neural").id, header.features = 16, header.bands = 0xe, header.neurons = 32,
+    header.hidden_layers = 2;
+    EXPECT_EQ(packed_layout(header).weight_halves, 2144)
+        << "16 features, the constant and 15 of the direction, all to 32 neurons, 32, 3";
 }
 
 TEST(PackingDescription, DamagedOnesNameTheFile) {
@@ -63,8 +65,10 @@ TEST(PackingDescription, DamagedOnesNameTheFile) {
         }
         return "";
     };
-    for (const char* text : {"", "{", "{}", R"({"id": "x", "name": "x"})", R"({"id": 8, "name": "x"})", R"({"id": 5, "name": "x", "halves": 3})"})
-        EXPECT_NE(complaint(text).find("appearance/x/packing.json"), std::string::npos) << text << ": " << complaint(text);
+    for (const char* text : {"", "{", "{}", R"({"id": "x", "name": "x"})", R"({"id": 8, "name": "x"})",
+                             R"({"id": 5, "name": "x", "halves": 3})"})
+        EXPECT_NE(complaint(text).find("appearance/x/packing.json"), std::string::npos)
+            << text << ": " << complaint(text);
     EXPECT_EQ(complaint(R"([{"id": 5, "name": "x"}, {"id": 6, "name": "y", "halves": "3 * featureDim"}])"), "");
 }
 

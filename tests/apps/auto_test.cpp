@@ -13,7 +13,8 @@ using test::Outcome;
 using test::Program;
 
 /// No tolerance: the best on held-out views, which on a glossy scene is none that looks the same from everywhere.
-constexpr const char* kTrain = "train -s builtin:glossy --device cpu -r 16 --eval --init-points 500 --cap-max 500 --auto-tolerance 0 ";
+constexpr const char* kTrain =
+    "train -s builtin:glossy --device cpu -r 16 --eval --init-points 500 --cap-max 500 --auto-tolerance 0 ";
 
 TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
     const Program program;
@@ -21,24 +22,27 @@ TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
     ASSERT_EQ(chosen.exit_code, 0) << chosen.err;
     const auto choice = nlohmann::json::parse(program.read("chosen/auto.json"));
     const std::string model = choice["model"];
-    if (choice["no_time_for"].empty()) { // on a busy machine trials may be cut off
+    if (choice["no_time_for"].empty()) {  // on a busy machine trials may be cut off
         EXPECT_NE(model, "none") << chosen.err;
     }
     EXPECT_EQ(choice["lines"].size(), 5u);
     EXPECT_GT(choice["share_of_training"], 0.0);
     EXPECT_NE(program.read("chosen/config.yaml").find("appearance: " + model), std::string::npos);
-    EXPECT_EQ(nlohmann::json::parse(program.read("chosen/results.json"))["appearance_choice"]["ours_400"]["model"], model);
+    EXPECT_EQ(nlohmann::json::parse(program.read("chosen/results.json"))["appearance_choice"]["ours_400"]["model"],
+              model);
     ASSERT_EQ(program.run(std::string(kTrain) + "--iterations 400 --appearance " + model + " -m named").exit_code, 0);
     EXPECT_FALSE(std::filesystem::exists(program.path("named/auto.json")));
     const std::string ply = "/point_cloud/iteration_400/point_cloud.ply";
-    EXPECT_EQ(program.read("chosen" + ply), program.read("named" + ply)) << "the choice leaves nothing behind in the training";
+    EXPECT_EQ(program.read("chosen" + ply), program.read("named" + ply))
+        << "the choice leaves nothing behind in the training";
 }
 
 TEST(AutoAppearance, AResumedRunDoesNotDecideAgain) {
     const Program program;
     ASSERT_EQ(program.run(std::string(kTrain) + "--iterations 100 --appearance auto -m run").exit_code, 0);
     const std::string choice = program.read("run/auto.json");
-    for (const char* resume : {"train -m run --resume latest --iterations 101", "train -m run --resume latest --iterations 102 --appearance auto"}) {
+    for (const char* resume : {"train -m run --resume latest --iterations 101",
+                               "train -m run --resume latest --iterations 102 --appearance auto"}) {
         const Outcome resumed = program.run(resume);
         ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
         EXPECT_EQ(resumed.err.find("--appearance auto: "), std::string::npos) << resumed.err;
@@ -48,11 +52,13 @@ TEST(AutoAppearance, AResumedRunDoesNotDecideAgain) {
 
 TEST(AutoAppearance, IsRefusedWhereRunsAreCompared) {
     const Program program;
-    for (const char* command : {"train --eval --runs 2 --appearance auto", "bench --suite densification --appearances sh,auto", "tradeoff --axes appearance=none,auto",
-                                "tradeoff --axes budget --appearance auto"}) {
+    for (const char* command :
+         {"train --eval --runs 2 --appearance auto", "bench suite densification --appearances sh,auto",
+          "tradeoff --axes appearance=none,auto", "tradeoff --axes budget --appearance auto"}) {
         const Outcome outcome = program.run(std::string(command) + " -s builtin:diffuse --device cpu -r 8 -m out");
         EXPECT_EQ(outcome.exit_code, 2) << command;
-        EXPECT_NE(outcome.err.find("appearance auto: every run that is compared"), std::string::npos) << command << "\n" << outcome.err;
+        EXPECT_NE(outcome.err.find("appearance auto: every run that is compared"), std::string::npos) << command << "\n"
+                                                                                                      << outcome.err;
         EXPECT_FALSE(std::filesystem::exists(program.path("out"))) << command;
     }
 }

@@ -16,19 +16,23 @@ constexpr const char* kFew = " --device cpu --repeat 1 --frame-repeat 1 ";
 
 void expect_lines(const Outcome& outcome, std::initializer_list<const char*> lines) {
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
-    for (const char* line : lines) EXPECT_NE(outcome.out.find(line), std::string::npos) << line << "is not in\n" << outcome.out;
+    for (const char* line : lines)
+        EXPECT_NE(outcome.out.find(line), std::string::npos) << line << "is not in\n" << outcome.out;
 }
 
 TEST(Bench, MeasuresGeneratedSetsWithoutAScene) {
     const Program program;
     EXPECT_EQ(program.run("bench --generate 0.2k").exit_code, 2) << "a count is a whole number";
     expect_lines(program.run("bench --appearance none --generate 1k" + std::string(kFew)),
-                 {"generated set of 0.001 M Gaussians, seed 0", "; 1000 Gaussians;", "| 1280x720, 8 views |", "iteration at 1280x720", "| blend backward |"});
+                 {"generated set of 0.001 M Gaussians, seed 0", "; 1000 Gaussians;", "| 1280x720, 8 views |",
+                  "iteration at 1280x720", "| blend backward |"});
 }
 
 TEST(Bench, MeasuresTheTrainedModelWhereThereIsOne) {
     const Program program;
-    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --save-iterations 1 -m run").exit_code, 0);
+    ASSERT_EQ(
+        program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --save-iterations 1 -m run").exit_code,
+        0);
     expect_lines(program.run("bench -m run --compare-deterministic" + std::string(kFew)),
                  {"builtin:diffuse, run at iteration 2", "| 40x30,", "| 1280x720,", "with --deterministic"});
     expect_lines(program.run("bench -m run --iteration 1" + std::string(kFew)), {"run at iteration 1"});
@@ -43,26 +47,54 @@ TEST(Bench, MeasuresInitialPointsElsewhere) {
 }
 
 TEST(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
-    const Program program;
-    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run").exit_code, 0);
-    const auto before = nlohmann::json::parse(program.read("run/results.json"));
-    const Outcome frames = program.run("bench --frames run --generate 1k --appearances none,sv --device cpu --frame-repeat 2");
-    expect_lines(frames, {"| run | scene     | model | device ", "| run | diffuse   | none  | CPU", "| -   | generated | none  | CPU", "| -   | generated | sv    | CPU",
-                          "\n\nframe times at 1280x720 pixels"});
-    auto after = nlohmann::json::parse(program.read("run/results.json"));
-    EXPECT_EQ(after["frame_times"]["ours_2"]["frames_per_view"], 2);
-    EXPECT_GE(after["frame_times"]["ours_2"]["max_seconds"], after["frame_times"]["ours_2"]["min_seconds"]);
-    after.erase("frame_times");
-    EXPECT_EQ(after, before) << "nothing else changes";
-    EXPECT_EQ(program.run("bench --frames").exit_code, 2);
-    EXPECT_EQ(program.run("bench --frames nowhere").exit_code, 3);
-    EXPECT_EQ(program.run("bench --generate 1k --appearances none").exit_code, 2) << "one model at a time";
+    for (const char* frames_command : {"bench frames", "bench --frames"}) {
+        const Program program;
+        ASSERT_EQ(
+            program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run")
+                .exit_code,
+            0);
+        const auto before = nlohmann::json::parse(program.read("run/results.json"));
+        const Outcome frames = program.run(
+            frames_command + std::string(" run --generate 1k --appearances none,sv --device cpu --frame-repeat 2"));
+        expect_lines(frames, {"| run | scene     | model | device ", "| run | diffuse   | none  | CPU",
+                              "| -   | generated | none  | CPU", "| -   | generated | sv    | CPU",
+                              "\n\nframe times at 1280x720 pixels"});
+        auto after = nlohmann::json::parse(program.read("run/results.json"));
+        EXPECT_EQ(after["frame_times"]["ours_2"]["frames_per_view"], 2);
+        EXPECT_GE(after["frame_times"]["ours_2"]["max_seconds"], after["frame_times"]["ours_2"]["min_seconds"]);
+        after.erase("frame_times");
+        EXPECT_EQ(after, before) << "nothing else changes";
+        EXPECT_EQ(program.run(frames_command).exit_code, 2);
+        EXPECT_EQ(program.run(frames_command + std::string(" nowhere")).exit_code, 3);
+        EXPECT_EQ(program.run("bench --generate 1k --appearances none").exit_code, 2) << "one model at a time";
+    }
 }
 
 TEST(Bench, TabulatesStabilityWithoutAScene) {
     const Program program;
-    expect_lines(program.run("bench --stability"), {"| softplus ", "| sh ", "on the axis", "N = 0.1542"});
-    EXPECT_EQ(program.run("bench --stability --generate 1k").exit_code, 2);
+    for (const std::string command : {"bench stability", "bench --stability"}) {
+        expect_lines(program.run(command), {"| softplus ", "| sh ", "on the axis", "N = 0.1542"});
+        EXPECT_EQ(program.run(command + " --generate 1k").exit_code, 2);
+    }
+}
+
+TEST(Bench, ComparesPrecisionsOfTheTrainedModel) {
+    const Program program;
+    ASSERT_EQ(
+        program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none -m run").exit_code, 0);
+    for (const std::string command : {"bench precision -m run", "bench -m run --precision"}) {
+        expect_lines(program.run(command + kFew), {"builtin:diffuse, run at iteration 2\n\n", "full"});
+        EXPECT_EQ(program.run(command + " --generate 1k").exit_code, 2);
+    }
+}
+
+TEST(Bench, ASubcommandTakesItsOptionsBehindItsName) {
+    const Program program;
+    const Outcome before = program.run("bench -m run precision");
+    EXPECT_EQ(before.exit_code, 2);
+    EXPECT_NE(before.err.find("stands before 'precision'"), std::string::npos) << before.err;
+    EXPECT_EQ(program.run("bench --stability --suite densification").exit_code, 2) << "one of them at a time";
+    expect_lines(program.run("bench --help"), {"frames", "suite", "precision", "stability"});
 }
 
 TEST(Version, NamesTheGpuOrSaysWhyThereIsNone) {
@@ -83,7 +115,8 @@ TEST(Device, AMachineWithoutAGpuSaysSoInOneLine) {
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     const auto line = outcome.err.find("device: CPU");
     ASSERT_NE(line, std::string::npos) << outcome.err;
-    EXPECT_NE(outcome.err.substr(line, outcome.err.find('\n', line) - line).find("CUDA"), std::string::npos) << "the reason is in the line";
+    EXPECT_NE(outcome.err.substr(line, outcome.err.find('\n', line) - line).find("CUDA"), std::string::npos)
+        << "the reason is in the line";
     EXPECT_EQ(outcome.err.find("device: ", line + 1), std::string::npos) << outcome.err;
 }
 

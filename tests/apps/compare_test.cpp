@@ -12,7 +12,9 @@ namespace {
 using test::Outcome;
 using test::Program;
 
-constexpr const char* kTiny = "train -s builtin:glossy --device cpu --eval -r 8 --iterations 5 --init-points 500 --cap-max 1000 --appearance nasg ";
+constexpr const char* kTiny =
+    "train -s builtin:glossy --device cpu --eval -r 8 --iterations 5 --init-points 500 --cap-max 1000 --appearance "
+    "nasg ";
 
 TEST(Compare, RepeatedRunsAreOneLineAndAreNotTrainedTwice) {
     const Program program;

@@ -34,7 +34,8 @@ TEST(ExitCode, UnknownWordsNameTheNearest) {
     const Program program;
     expect_refusal(program, "", 2, "subcommand is required");
     expect_refusal(program, "tarin -s x", 2, "unknown command 'tarin'; did you mean 'train'?");
-    expect_refusal(program, "train -s x --itertions 5", 2, "unknown option '--itertions'; did you mean '--iterations'?");
+    expect_refusal(program, "train -s x --itertions 5", 2,
+                   "unknown option '--itertions'; did you mean '--iterations'?");
     expect_refusal(program, "train -s x --cap-mx=5", 2, "unknown option '--cap-mx'; did you mean '--cap-max'?");
     expect_refusal(program, "eval --frmat csv", 2, "unknown option '--frmat'; did you mean '--format'?");
 }
@@ -47,7 +48,8 @@ TEST(ExitCode, WrongValuesAreUsageErrors) {
     expect_refusal(program, "train -s builtin:nothing -m run", 2, "builtin:nothing");
     expect_refusal(program, "train -s x --config missing.yaml", 2, "missing.yaml");
     program.folder().write("bad.yaml", "cap-max: 5\ncap-mx: 5\n");
-    expect_refusal(program, "train -s x --config bad.yaml", 2, "bad.yaml:2: unknown key 'cap-mx'; the nearest known key is 'cap-max'");
+    expect_refusal(program, "train -s x --config bad.yaml", 2,
+                   "bad.yaml:2: unknown key 'cap-mx'; the nearest known key is 'cap-max'");
     EXPECT_FALSE(std::filesystem::exists(program.path("run")));
 }
 

@@ -16,7 +16,10 @@ using test::Program;
 
 /// A run of `sv`, which depends on the view from the first iteration on.
 void train(const Program& program, const std::string& more = "") {
-    const Outcome outcome = program.run("train -s builtin:glossy --eval --device cpu --quiet --appearance sv --iterations 30 --init-points 500 -r 8 -m run " + more);
+    const Outcome outcome = program.run(
+        "train -s builtin:glossy --eval --device cpu --quiet --appearance sv --iterations 30 --init-points 500 -r 8 -m "
+        "run " +
+        more);
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
 }
 
@@ -34,14 +37,16 @@ TEST(Export, WritesPackedSceneWithWhatItLost) {
     EXPECT_GT(scene.cameras.size(), 0u);
     ASSERT_TRUE(scene.ppisp);
     EXPECT_EQ(scene.ppisp->views.size(), scene.cameras.size());
-    for (const char* key : {"\"appearance\":\"sv\"", "\"background\":[", "\"packed_psnr\":", "\"photometric\":\"controller\""})
+    for (const char* key :
+         {"\"appearance\":\"sv\"", "\"background\":[", "\"packed_psnr\":", "\"photometric\":\"controller\""})
         EXPECT_NE(scene.trailer.find(key), std::string::npos) << key << " in " << scene.trailer;
 
     const Outcome again = program.run("export run -o 'my site'");
     EXPECT_EQ(again.exit_code, 2);
     EXPECT_NE(again.err.find("--overwrite"), std::string::npos);
     EXPECT_EQ(program.run("export run -o 'my site' --overwrite").exit_code, 0);
-    for (const auto& entry : fs::directory_iterator(program.folder().path())) EXPECT_NE(entry.path().extension(), ".tmp") << entry.path();
+    for (const auto& entry : fs::directory_iterator(program.folder().path()))
+        EXPECT_NE(entry.path().extension(), ".tmp") << entry.path();
 }
 
 TEST(Export, WritesFilesForOtherPrograms) {
@@ -58,7 +63,8 @@ TEST(Export, WritesFilesForOtherPrograms) {
     const Gaussians sh = read_ply(program.path("sh/point_cloud.ply"));
     EXPECT_EQ(sh.appearance.model, "sh");
     EXPECT_EQ(sh.count, own.count);
-    EXPECT_NE(program.read("sh/point_cloud.ply").find("comment spherical harmonics fitted to the colours of sv, "), std::string::npos);
+    EXPECT_NE(program.read("sh/point_cloud.ply").find("comment spherical harmonics fitted to the colours of sv, "),
+              std::string::npos);
 }
 
 TEST(Export, WhatCannotBeExportedLeavesNothing) {
@@ -80,7 +86,7 @@ TEST(View, PrintsItsAddress) {
     const Program program;
     program.folder().write("index.html", "page");
     const Outcome outcome = program.run("view . --port 0", "timeout 1");
-    EXPECT_EQ(outcome.exit_code, 124); // it serves until it is stopped
+    EXPECT_EQ(outcome.exit_code, 124);  // it serves until it is stopped
     EXPECT_EQ(outcome.out.rfind("http://127.0.0.1:", 0), 0u) << outcome.out;
 }
 

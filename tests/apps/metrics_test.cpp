@@ -18,7 +18,9 @@ TEST(MetricsCommand, ComparesTwoImages) {
     const test::Outcome text = program.run("metrics a.png b.png");
     EXPECT_EQ(text.exit_code, 0) << text.err;
     EXPECT_NE(text.out.find("PSNR           13.98  higher is better"), std::string::npos) << text.out;
-    EXPECT_NE(text.out.find("LPIPS-VGG  not measured: no weights (see scripts/export_metric_weights.py)"), std::string::npos) << text.out;
+    EXPECT_NE(text.out.find("LPIPS-VGG  not measured: no weights (see scripts/export_metric_weights.py)"),
+              std::string::npos)
+        << text.out;
     const test::Outcome numbers = program.run("metrics a.png a.png --metrics psnr,flip,dists --json");
     const auto json = nlohmann::json::parse(numbers.out);
     EXPECT_EQ(json["scores"], (nlohmann::json{{"PSNR", nullptr}, {"FLIP", 0.0}}));

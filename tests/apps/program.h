@@ -25,8 +25,8 @@ class Program {
 
     /// `arguments` as typed in a shell; `before` is put in front of the program ("timeout 5").
     Outcome run(const std::string& arguments, const std::string& before = "") const {
-        const std::string command =
-            "cd '" + folder_.path().string() + "' && " + before + " '" GSAPP_PROGRAM "' " + arguments + " >out.txt 2>err.txt";
+        const std::string command = "cd '" + folder_.path().string() + "' && " + before + " '" GSAPP_PROGRAM "' " +
+                                    arguments + " >out.txt 2>err.txt";
         const int status = std::system(command.c_str());
         Outcome outcome;
         if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);

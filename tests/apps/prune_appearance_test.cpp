@@ -26,10 +26,13 @@ TEST(PruneAppearanceProgram, WritesARunThatLooksTheSame) {
     EXPECT_LT(pruned, count);
     EXPECT_EQ(facts["bytes_saved"], pruned * 49 * 4);
     EXPECT_NEAR(facts["after"]["PSNR"].get<double>(), facts["before"]["PSNR"].get<double>(), 0.1);
-    EXPECT_EQ(outcome.out.find(std::to_string(pruned) + " of " + std::to_string(count) + " Gaussians"), 0u) << outcome.out;
+    EXPECT_EQ(outcome.out.find(std::to_string(pruned) + " of " + std::to_string(count) + " Gaussians"), 0u)
+        << outcome.out;
 
     ASSERT_EQ(program.run("eval run run-pruned").exit_code, 0);
-    const auto psnr = [&](const std::string& run) { return nlohmann::json::parse(program.read(run + "/results.json"))["ours_10"]["PSNR"].get<double>(); };
+    const auto psnr = [&](const std::string& run) {
+        return nlohmann::json::parse(program.read(run + "/results.json"))["ours_10"]["PSNR"].get<double>();
+    };
     EXPECT_NEAR(psnr("run"), facts["before"]["PSNR"].get<double>(), 1e-9);
     EXPECT_NEAR(psnr("run-pruned"), facts["after"]["PSNR"].get<double>(), 1e-9);
     EXPECT_EQ(program.run("render run-pruned --orbit 1").exit_code, 0);
@@ -40,12 +43,14 @@ TEST(PruneAppearanceProgram, WritesARunThatLooksTheSame) {
     const Outcome twice = program.run("prune-appearance run-pruned -o twice");
     ASSERT_EQ(twice.exit_code, 0) << twice.err;
     EXPECT_EQ(nlohmann::json::parse(program.read("twice/pruned.json"))["pruned"], pruned);
-    EXPECT_EQ(program.read("twice/point_cloud/iteration_10/point_cloud.ply"), program.read("run-pruned/point_cloud/iteration_10/point_cloud.ply"));
+    EXPECT_EQ(program.read("twice/point_cloud/iteration_10/point_cloud.ply"),
+              program.read("run-pruned/point_cloud/iteration_10/point_cloud.ply"));
 }
 
 TEST(PruneAppearanceProgram, RefusesModelsWithoutResidualsOfTheirOwn) {
     const Program program;
-    for (const auto& [model, reason] : {std::pair("none", "no view-dependent parameters"), std::pair("neural", "a network that all of them share")}) {
+    for (const auto& [model, reason] :
+         {std::pair("none", "no view-dependent parameters"), std::pair("neural", "a network that all of them share")}) {
         ASSERT_EQ(program.run(std::string(kTrain) + "--appearance " + model + " -m " + model).exit_code, 0);
         const Outcome outcome = program.run(std::string("prune-appearance ") + model);
         EXPECT_EQ(outcome.exit_code, 2);

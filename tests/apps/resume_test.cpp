@@ -13,9 +13,10 @@ using test::Program;
 
 constexpr const char* kTrain = "train -s builtin:diffuse --device cpu -r 8 --iterations 1 ";
 
-/// Resumes the run in `folder` with other appearance options, which has to be refused in words that name file and both models.
-void expect_refusal(const Program& program, const std::string& folder, const std::string& options, const std::string& held,
-                    const std::string& asked) {
+/// Resumes the run in `folder` with other appearance options, which has to be refused in words that name file and both
+/// models.
+void expect_refusal(const Program& program, const std::string& folder, const std::string& options,
+                    const std::string& held, const std::string& asked) {
     const std::string file = folder + "/checkpoints/iteration_1.safetensors", before = program.read(file),
                       config = program.read(folder + "/config.yaml");
     const Outcome outcome = program.run("train -m " + folder + " --resume latest --iterations 2 " + options);
@@ -42,9 +43,12 @@ TEST(Resume, AnotherDegreeOrActivationIsRefused) {
     const Program program;
     ASSERT_EQ(program.run(std::string(kTrain) + "-m run").exit_code, 0);
     expect_refusal(program, "run", "--sh-degree 2", "sh, max degree 3, relu)", "sh, max degree 2, relu)");
-    expect_refusal(program, "run", "--color-activation softplus", "sh, max degree 3, relu)", "sh, max degree 3, softplus)");
-    expect_refusal(program, "run", "--color-activation softplus --overwrite", "sh, max degree 3, relu)", "sh, max degree 3, softplus)");
-    EXPECT_EQ(program.run("train -m run --resume latest --iterations 2").exit_code, 0) << "and as what it is it goes on";
+    expect_refusal(program, "run", "--color-activation softplus", "sh, max degree 3, relu)",
+                   "sh, max degree 3, softplus)");
+    expect_refusal(program, "run", "--color-activation softplus --overwrite", "sh, max degree 3, relu)",
+                   "sh, max degree 3, softplus)");
+    EXPECT_EQ(program.run("train -m run --resume latest --iterations 2").exit_code, 0)
+        << "and as what it is it goes on";
 }
 
 }  // namespace

@@ -31,7 +31,8 @@ TEST(TradeoffProgram, ASecondCallKeepsAllRunsAndGivesTheSameResult) {
     ASSERT_EQ(first.exit_code, 0) << first.err;
     EXPECT_EQ(finished(program), 4);
     EXPECT_EQ(program.read("out/tradeoff.md"), first.out);
-    for (const char* part : {"**best**: ", "**smallest**: ", "**fastest**: "}) EXPECT_NE(first.out.find(part), std::string::npos) << first.out;
+    for (const char* part : {"**best**: ", "**smallest**: ", "**fastest**: "})
+        EXPECT_NE(first.out.find(part), std::string::npos) << first.out;
     EXPECT_NE(program.read("out/tradeoff.html").find("<svg"), std::string::npos);
 
     const Outcome again = program.run(command);
@@ -45,21 +46,24 @@ TEST(TradeoffProgram, ASecondCallKeepsAllRunsAndGivesTheSameResult) {
     EXPECT_EQ(program.read("out/tradeoff.md"), first.out) << "nothing is touched";
 }
 
-/// In front of the program: sends it alone SIGINT as soon as `file` is there.
+/// Returns a prefix of the program's command that sends the program alone SIGINT as soon as `file` is there.
 std::string interrupted_at(const std::string& file) {
-    return "sh -c '\"$0\" \"$@\" & p=$!; while kill -0 $p && ! test -e " + file + "; do sleep 0.1; done; kill -INT $p; wait $p'";
+    return "sh -c '\"$0\" \"$@\" & p=$!; while kill -0 $p && ! test -e " + file +
+           "; do sleep 0.1; done; kill -INT $p; wait $p'";
 }
 
 TEST(TradeoffProgram, CtrlCWritesWhatIsThereAndTheSameCommandGoesOn) {
     const Program program;
     // Order: the short one first.
     const std::string axes = "--axes iterations=2,";
-    const Outcome stopped = program.run(kTiny + axes + "10000000", interrupted_at("out/iterations-10000000/stats/train.jsonl"));
+    const Outcome stopped =
+        program.run(kTiny + axes + "10000000", interrupted_at("out/iterations-10000000/stats/train.jsonl"));
     EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_EQ(finished(program), 1);
     EXPECT_NE(stopped.out.find("- iterations 10000000: not reached\n"), std::string::npos) << stopped.out;
     EXPECT_NE(stopped.err.find("the same command"), std::string::npos) << stopped.err;
-    EXPECT_TRUE(std::filesystem::exists(program.path("out/iterations-10000000/checkpoints"))) << "the run was told, and saved";
+    EXPECT_TRUE(std::filesystem::exists(program.path("out/iterations-10000000/checkpoints")))
+        << "the run was told, and saved";
 
     const Outcome next = program.run(kTiny + axes + "3");
     ASSERT_EQ(next.exit_code, 0) << next.err;
@@ -73,7 +77,9 @@ TEST(TradeoffProgram, ATimeLimitStopsAndSkipsAndSaysSo) {
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     EXPECT_EQ(finished(program), 1);
     for (const char* n : {"4000000", "8000000"})
-        EXPECT_NE(outcome.out.find("- iterations " + std::string(n) + ": not started: would not have ended in time\n"), std::string::npos) << outcome.out;
+        EXPECT_NE(outcome.out.find("- iterations " + std::string(n) + ": not started: would not have ended in time\n"),
+                  std::string::npos)
+            << outcome.out;
     EXPECT_NE(outcome.err.find("the time limit left out 2"), std::string::npos) << outcome.err;
 
     const Outcome none = program.run(std::string(kTiny) + "--axes iterations=4000000,8000000 --time-limit 4s");
@@ -84,7 +90,8 @@ TEST(TradeoffProgram, ATimeLimitStopsAndSkipsAndSaysSo) {
 
 TEST(TradeoffProgram, HalvingTrainsFewerOfThemLonger) {
     const Program program;
-    const Outcome outcome = program.run(std::string(kTiny) + "--axes appearance=none,sh,nasg --iterations 8 --search halving");
+    const Outcome outcome =
+        program.run(std::string(kTiny) + "--axes appearance=none,sh,nasg --iterations 8 --search halving");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     std::map<std::string, int> runs;
     const auto json = nlohmann::json::parse(program.read("out/tradeoff.json"));

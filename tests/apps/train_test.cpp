@@ -27,9 +27,10 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
     const Program program;
     const Outcome outcome = program.run(std::string(kShort) + "-m run --test-iterations 10");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-    for (const char* name : {"config.yaml", "cfg_args", "cameras.json", "input.ply", "point_cloud/iteration_20/point_cloud.ply",
-                             "checkpoints/iteration_20.safetensors", "stats/train.jsonl", "results.json", "per_view.json",
-                             "test/ours_20/renders/00000.png", "test/ours_20/gt/00000.png", "comparison.png", "gsapp.log"}) {
+    for (const char* name :
+         {"config.yaml", "cfg_args", "cameras.json", "input.ply", "point_cloud/iteration_20/point_cloud.ply",
+          "checkpoints/iteration_20.safetensors", "stats/train.jsonl", "results.json", "per_view.json",
+          "test/ours_20/renders/00000.png", "test/ours_20/gt/00000.png", "comparison.png", "gsapp.log"}) {
         EXPECT_TRUE(std::filesystem::exists(program.path("run") / name)) << name;
     }
     EXPECT_FALSE(std::filesystem::exists(program.path("run/test/ours_10"))) << "pictures are for the last iteration";
@@ -107,7 +108,8 @@ TEST(Train, StoredConfigurationRepeatsTheRun) {
 
 TEST(Train, InterruptWritesACheckpointThatResumes) {
     const Program program;
-    const Outcome stopped = program.run("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "timeout --preserve-status -s INT 6");
+    const Outcome stopped =
+        program.run("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "timeout --preserve-status -s INT 6");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     std::int64_t iteration = 0;
     for (const auto& entry : std::filesystem::directory_iterator(program.path("run/checkpoints"))) {
@@ -124,8 +126,10 @@ TEST(Train, InterruptWritesACheckpointThatResumes) {
 
 TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     const Program program;
-    const Outcome stopped = program.run("train -s builtin:exposure --device cpu --eval -r 8 --iterations 5 --ppisp on --controller-iterations 1000000 -m run",
-                                        "timeout --preserve-status -s INT 6");
+    const Outcome stopped = program.run(
+        "train -s builtin:exposure --device cpu --eval -r 8 --iterations 5 --ppisp on --controller-iterations 1000000 "
+        "-m run",
+        "timeout --preserve-status -s INT 6");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_NE(stopped.err.find("iterations of the controllers, which are lost"), std::string::npos) << stopped.err;
     const Outcome neutral = program.run("eval run");
@@ -137,7 +141,9 @@ TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     const auto lines = json_lines(resumed.out);
     EXPECT_EQ(lines.back()["event"], "finished");
     EXPECT_GT(lines.back()["controller_seconds"], 0.0);
-    EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), [](const auto& line) { return line.value("stage", "") == "controller"; })) << resumed.out;
+    EXPECT_TRUE(std::any_of(lines.begin(), lines.end(), [](const auto& line) {
+        return line.value("stage", "") == "controller";
+    })) << resumed.out;
     const Outcome controlled = program.run("eval run");
     ASSERT_EQ(controlled.exit_code, 0) << controlled.err;
     EXPECT_NE(controlled.out.find("| controller "), std::string::npos) << controlled.out;

@@ -18,12 +18,14 @@ TEST(Duration, ReadsNumbersWithUnits) {
 }
 
 TEST(Duration, NamesPlaceAndTextOfAnythingElse) {
-    for (const char* text : {"", "m", "20x", "-5s", "0s", "1h30", "30 m", "nan", "inf", "1e3s", "s20", "99999h", "1.2.3s"}) {
+    for (const char* text :
+         {"", "m", "20x", "-5s", "0s", "1h30", "30 m", "nan", "inf", "1e3s", "s20", "99999h", "1.2.3s"}) {
         try {
             parse_duration(text, "--time-limit");
             ADD_FAILURE() << text;
         } catch (const UsageError& e) {
-            EXPECT_NE(std::string(e.what()).find("--time-limit: '" + std::string(text) + "'"), std::string::npos) << e.what();
+            EXPECT_NE(std::string(e.what()).find("--time-limit: '" + std::string(text) + "'"), std::string::npos)
+                << e.what();
         }
     }
 }

@@ -55,7 +55,10 @@ TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {
         std::string flag = "--" + option.key;
         std::replace(flag.begin() + 2, flag.end(), '-', '_');
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
-        const std::string value = !option.choices.empty() ? option.choices.front() : option.max && *option.max < 1 ? "0.5" : option.min ? "1" : "7";
+        const std::string value = !option.choices.empty()         ? option.choices.front()
+                                  : option.max && *option.max < 1 ? "0.5"
+                                  : option.min                    ? "1"
+                                                                  : "7";
         std::vector<std::string> words = {flag};
         if (!is_switch) words.push_back(value);
         if (option.key != "source") words.insert(words.begin(), "here");
@@ -116,7 +119,9 @@ TEST(OptionsCli, A3dgsCommandLineRunsUnchanged) {
 }
 
 TEST(OptionsCli, WhiteBackgroundIsAShorthand) {
-    const auto background = [](const std::vector<std::string>& words) { return background_text(parse(words).background); };
+    const auto background = [](const std::vector<std::string>& words) {
+        return background_text(parse(words).background);
+    };
     EXPECT_EQ(background({"here", "-w"}), "white");
     EXPECT_EQ(background({"here", "-w", "--background", "black"}), "white");
     EXPECT_EQ(background({"here", "--background", "0.5,0.5,1"}), "0.5,0.5,1");
@@ -160,7 +165,9 @@ TEST(OptionsCli, CommandsOnFinishedRunsReadTheirOptions) {
     EXPECT_EQ(parse({}, rules).source, "generated");
 }
 
-TEST(OptionsCli, LastOfRepeatedFlagsCounts) { EXPECT_EQ(parse({"here", "--cap-max", "1", "--cap-max", "2"}).cap_max, 2); }
+TEST(OptionsCli, LastOfRepeatedFlagsCounts) {
+    EXPECT_EQ(parse({"here", "--cap-max", "1", "--cap-max", "2"}).cap_max, 2);
+}
 
 TEST(OptionsCli, TwoSpellingsOfOneOptionContradict) {
     EXPECT_THROW(parse({"here", "--source_path", "there"}), UsageError);
@@ -185,7 +192,8 @@ TEST(OptionsCli, HelpHidesForeignSpellingsAndShowsDefaults) {
     const std::string help = app.help();
     EXPECT_EQ(help.find("--source_path"), std::string::npos);
     EXPECT_EQ(help.find("--cap_max"), std::string::npos);
-    for (const Option& option : train_option_table()) EXPECT_NE(help.find("--" + option.key), std::string::npos) << option.key;
+    for (const Option& option : train_option_table())
+        EXPECT_NE(help.find("--" + option.key), std::string::npos) << option.key;
     EXPECT_NE(help.find("1000000"), std::string::npos);
 }
 

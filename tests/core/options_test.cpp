@@ -30,7 +30,7 @@ const Option& find(const std::string& key) {
     throw std::runtime_error("no option " + key);
 }
 
-/// Message of the UsageError that `validate` throws; empty when it throws nothing.
+/// Returns the message of the UsageError that `validate` throws; empty when it throws nothing.
 std::string complaint(const std::string& key, const std::string& value) {
     TrainOptions options = with_source();
     try {
@@ -54,12 +54,15 @@ TEST(Options, EveryOneHasHelpRangeAndUniqueSpellings) {
         for (const std::string& name : option.hidden_names) EXPECT_TRUE(names.insert(name).second) << name;
         const bool is_word = std::holds_alternative<std::string TrainOptions::*>(option.field);
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
-        EXPECT_TRUE(is_switch || !option.values.empty() || (is_word ? !option.choices.empty() : option.min && option.max)) << option.key;
+        EXPECT_TRUE(is_switch || !option.values.empty() ||
+                    (is_word ? !option.choices.empty() : option.min && option.max))
+            << option.key;
     }
 }
 
 TEST(Options, SpeedySplatGoesWithAdcAndRaisesTheOpacityRate) {
-    EXPECT_NE(complaint("speedy-splat", "true").find("option speedy-splat: goes with strategy adc, not with mcmc"), std::string::npos);
+    EXPECT_NE(complaint("speedy-splat", "true").find("option speedy-splat: goes with strategy adc, not with mcmc"),
+              std::string::npos);
     TrainOptions options = with_source();
     options.strategy = Strategy::kNone, options.speedy_splat = true;
     EXPECT_THROW(validate(options), UsageError);
@@ -84,14 +87,16 @@ TEST(Options, TableCoversTheWholeStruct) {
         std::visit(
             [&](const auto& field) {
                 if constexpr (!std::is_same_v<std::decay_t<decltype(field)>, ModelOptionField>) {
-                    const auto begin = std::size_t(reinterpret_cast<const char*>(&(options.*field)) - reinterpret_cast<const char*>(&options));
+                    const auto begin = std::size_t(reinterpret_cast<const char*>(&(options.*field)) -
+                                                   reinterpret_cast<const char*>(&options));
                     places.emplace_back(begin, begin + sizeof(options.*field));
                 }
             },
             option.field);
     }
-    const auto models = std::size_t(reinterpret_cast<const char*>(&options.model_options) - reinterpret_cast<const char*>(&options));
-    places.emplace_back(models, models + sizeof options.model_options); // all options of models together
+    const auto models =
+        std::size_t(reinterpret_cast<const char*>(&options.model_options) - reinterpret_cast<const char*>(&options));
+    places.emplace_back(models, models + sizeof options.model_options);  // all options of models together
     std::sort(places.begin(), places.end());
     places.emplace_back(sizeof(TrainOptions), 0);
     std::size_t end = 0;
@@ -106,12 +111,14 @@ TEST(Options, ModelsDeclareTheirOwn) {
     for (const ModelInfo* model : appearance_models()) {
         for (const ModelOption& option : model->options) {
             const auto& table = train_option_table();
-            const auto entry = std::find_if(table.begin(), table.end(), [&](const Option& o) { return o.key == option.key; });
+            const auto entry =
+                std::find_if(table.begin(), table.end(), [&](const Option& o) { return o.key == option.key; });
             ASSERT_NE(entry, table.end()) << option.key;
             EXPECT_EQ(entry->help, option.help) << "two models that share a key declare the same option";
             EXPECT_EQ(TrainOptions{}.model_options.at(option.key), option.default_value);
         }
-        EXPECT_TRUE(model->degree_option.empty() || TrainOptions{}.model_options.count(model->degree_option)) << model->name;
+        EXPECT_TRUE(model->degree_option.empty() || TrainOptions{}.model_options.count(model->degree_option))
+            << model->name;
     }
     const std::string text = complaint("sh-degree", "1.5");
     EXPECT_NE(text.find("a whole number"), std::string::npos) << text;
@@ -155,7 +162,8 @@ TEST(Options, TextsOfTheWrongTypeAreNamed) {
 }
 
 TEST(Options, ResolutionIsDivisorOrWidth) {
-    for (const char* good : {"-1", "1", "2", "4", "8", "16", "1600"}) EXPECT_EQ(complaint("resolution", good), "") << good;
+    for (const char* good : {"-1", "1", "2", "4", "8", "16", "1600"})
+        EXPECT_EQ(complaint("resolution", good), "") << good;
     for (const char* bad : {"0", "3", "5", "15"})
         EXPECT_NE(complaint("resolution", bad).find("option resolution"), std::string::npos) << bad;
 }
@@ -180,8 +188,7 @@ TEST(Options, BackgroundIsWrittenAsItIsRead) {
 }
 
 /// Every value of an enum has its word, which is read back, and messages of tests show it.
-template <Choice T>
-void expect_words_for_all_values(T last) {
+template <Choice T> void expect_words_for_all_values(T last) {
     ASSERT_EQ(words<T>().size(), std::size_t(last) + 1);
     for (int value = 0; value <= int(last); ++value) {
         EXPECT_EQ(choice_of<T>(word(T(value))), T(value));
@@ -246,7 +253,8 @@ TEST(Options, AWordMayStandInPlaceOfANumber) {
 
 TEST(Options, DocumentationPageIsTheGeneratedOne) {
     const auto& models = appearance_models();
-    if (std::none_of(models.begin(), models.end(), [](const ModelInfo* m) { return m->variant; })) GTEST_SKIP() << "built without GSAPP_VARIANTS";
+    if (std::none_of(models.begin(), models.end(), [](const ModelInfo* m) { return m->variant; }))
+        GTEST_SKIP() << "built without GSAPP_VARIANTS";
     std::ifstream file(std::filesystem::path(GSAPP_SOURCE_DIR) / "docs/options.md");
     ASSERT_TRUE(file) << "docs/options.md is missing";
     std::stringstream text;

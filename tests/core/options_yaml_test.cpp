@@ -28,10 +28,12 @@ std::string complaint(const std::string& yaml) {
 std::vector<std::string> other_value(const Option& option) {
     if (option.key == "image-cache") return {"1MiB"};
     if (option.key == "background") return {"0.1,0.25,1"};
-    if (!option.choices.empty()) return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};
+    if (!option.choices.empty())
+        return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};
     if (std::holds_alternative<std::string TrainOptions::*>(option.field)) return {"a: \"b\" #c"};
     if (std::holds_alternative<bool TrainOptions::*>(option.field)) return {"true"};
-    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return {of_model->is_whole ? "2" : "0.1234567890123456"};
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field))
+        return {of_model->is_whole ? "2" : "0.1234567890123456"};
     if (std::holds_alternative<std::uint64_t TrainOptions::*>(option.field)) return {"18446744073709551615"};
     if (std::holds_alternative<double TrainOptions::*>(option.field)) return {"0.1234567890123456"};
     if (std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field)) return {"7", "30000"};
@@ -46,7 +48,8 @@ TEST(OptionsYaml, EveryOptionSurvivesTheRoundTrip) {
     }
     TemporaryFolder folder;
     const TrainOptions read = load_options_yaml(folder.write("run.yaml", options_to_yaml(options)));
-    for (const Option& option : train_option_table()) EXPECT_EQ(option_text(option, read), option_text(option, options)) << option.key;
+    for (const Option& option : train_option_table())
+        EXPECT_EQ(option_text(option, read), option_text(option, options)) << option.key;
     EXPECT_EQ(options_to_yaml(read), options_to_yaml(options));
 }
 
@@ -84,7 +87,8 @@ TEST(OptionsYaml, LoopOfParentsIsAnError) {
 }
 
 TEST(OptionsYaml, UnknownKeyNamesTheNearest) {
-    EXPECT_EQ(complaint("seed: 1\ncap-mx: 3\n"), "run.yaml:2: unknown key 'cap-mx'; the nearest known key is 'cap-max'");
+    EXPECT_EQ(complaint("seed: 1\ncap-mx: 3\n"),
+              "run.yaml:2: unknown key 'cap-mx'; the nearest known key is 'cap-max'");
     EXPECT_NE(complaint("itertions: 3\n").find("'iterations'"), std::string::npos);
     EXPECT_NE(complaint("paren: x.yaml\n").find("'parent'"), std::string::npos);
 }
@@ -101,7 +105,8 @@ TEST(OptionsYaml, WrongTypesNameFileLineKeyAndValue) {
 
 TEST(OptionsYaml, OneNumberIsAListOfOne) {
     TemporaryFolder folder;
-    EXPECT_EQ(load_options_yaml(folder.write("run.yaml", "test-iterations: 5\n")).test_iterations, (std::vector<std::int64_t>{5}));
+    EXPECT_EQ(load_options_yaml(folder.write("run.yaml", "test-iterations: 5\n")).test_iterations,
+              (std::vector<std::int64_t>{5}));
 }
 
 TEST(OptionsYaml, FilesThatAreNoOptionFilesAreErrors) {

@@ -16,19 +16,22 @@ bool contains(const ProcessResult& result, const std::string& line) {
 TEST(Process, GetsOneInterruptAndMayEndInItsOwnWay) {
     bool ready = false;
     int asked = 0;
-    const ProcessResult result = run_process({"sh", "-c", "trap 'echo saving; sleep 0.3; echo saved; exit 130' INT; echo ready; while :; do sleep 0.05; done"}, {},
-                                             [&](const std::string& line) { ready |= line == "ready"; },
-                                             [&] {
-                                                 asked += ready;
-                                                 return ready;
-                                             });
+    const ProcessResult result = run_process(
+        {"sh", "-c",
+         "trap 'echo saving; sleep 0.3; echo saved; exit 130' INT; echo ready; while :; do sleep 0.05; done"},
+        {}, [&](const std::string& line) { ready |= line == "ready"; },
+        [&] {
+            asked += ready;
+            return ready;
+        });
     EXPECT_EQ(result.exit_code, 130);
     EXPECT_TRUE(contains(result, "saved")) << "a second signal would have ended the sleep";
     EXPECT_EQ(asked, 1) << "once it said yes";
 }
 
 TEST(Process, IsLeftAloneWhileStopIsFalse) {
-    const ProcessResult result = run_process({"sh", "-c", "sleep 0.3; echo done"}, {}, [](const std::string&) {}, [] { return false; });
+    const ProcessResult result = run_process(
+        {"sh", "-c", "sleep 0.3; echo done"}, {}, [](const std::string&) {}, [] { return false; });
     EXPECT_EQ(result.exit_code, 0);
     EXPECT_TRUE(contains(result, "done"));
 }

@@ -13,7 +13,8 @@ namespace fs = std::filesystem;
 
 const fs::path kScenes = fs::path(GSAPP_SOURCE_DIR) / "scenes";
 
-/// What differs between the scenes; written out here a second time, so that a slip in a file does not pass unseen.
+/// The options in which scenes differ. They are written here a second time, so that a slip in a file does not pass
+/// unseen.
 struct Expected {
     const char* scene;
     std::int64_t cap_max;
@@ -22,26 +23,16 @@ struct Expected {
 };
 
 constexpr Expected kExpected[] = {
-    {"mipnerf360/bicycle", 6000000, "images_4", 0.01},
-    {"mipnerf360/flowers", 3000000, "images_4", 0.01},
-    {"mipnerf360/garden", 5000000, "images_4", 0.01},
-    {"mipnerf360/stump", 4500000, "images_4", 0.01},
-    {"mipnerf360/treehill", 3500000, "images_4", 0.01},
-    {"mipnerf360/bonsai", 1500000, "images_2", 0.01},
-    {"mipnerf360/counter", 1500000, "images_2", 0.01},
-    {"mipnerf360/kitchen", 1500000, "images_2", 0.01},
-    {"mipnerf360/room", 1500000, "images_2", 0.01},
-    {"tanksandtemples/train", 1000000, "images", 0.01},
-    {"tanksandtemples/truck", 2500000, "images", 0.01},
-    {"deepblending/drjohnson", 3500000, "images", 0.001},
-    {"deepblending/playroom", 2500000, "images", 0.001},
-    {"nerf-synthetic/chair", 300000, "images", 0.01},
-    {"nerf-synthetic/drums", 300000, "images", 0.01},
-    {"nerf-synthetic/ficus", 300000, "images", 0.01},
-    {"nerf-synthetic/hotdog", 300000, "images", 0.01},
-    {"nerf-synthetic/lego", 300000, "images", 0.01},
-    {"nerf-synthetic/materials", 300000, "images", 0.01},
-    {"nerf-synthetic/mic", 300000, "images", 0.01},
+    {"mipnerf360/bicycle", 6000000, "images_4", 0.01},    {"mipnerf360/flowers", 3000000, "images_4", 0.01},
+    {"mipnerf360/garden", 5000000, "images_4", 0.01},     {"mipnerf360/stump", 4500000, "images_4", 0.01},
+    {"mipnerf360/treehill", 3500000, "images_4", 0.01},   {"mipnerf360/bonsai", 1500000, "images_2", 0.01},
+    {"mipnerf360/counter", 1500000, "images_2", 0.01},    {"mipnerf360/kitchen", 1500000, "images_2", 0.01},
+    {"mipnerf360/room", 1500000, "images_2", 0.01},       {"tanksandtemples/train", 1000000, "images", 0.01},
+    {"tanksandtemples/truck", 2500000, "images", 0.01},   {"deepblending/drjohnson", 3500000, "images", 0.001},
+    {"deepblending/playroom", 2500000, "images", 0.001},  {"nerf-synthetic/chair", 300000, "images", 0.01},
+    {"nerf-synthetic/drums", 300000, "images", 0.01},     {"nerf-synthetic/ficus", 300000, "images", 0.01},
+    {"nerf-synthetic/hotdog", 300000, "images", 0.01},    {"nerf-synthetic/lego", 300000, "images", 0.01},
+    {"nerf-synthetic/materials", 300000, "images", 0.01}, {"nerf-synthetic/mic", 300000, "images", 0.01},
     {"nerf-synthetic/ship", 300000, "images", 0.01},
 };
 
@@ -49,7 +40,8 @@ TEST(SceneFiles, SayWhatTheProtocolSays) {
     for (const Expected& expected : kExpected) {
         SCOPED_TRACE(expected.scene);
         TrainOptions options = load_options_yaml(kScenes / (std::string(expected.scene) + ".yaml"));
-        EXPECT_TRUE(options.source.empty() && options.model.empty()) << "where data and results lie is the user's choice";
+        EXPECT_TRUE(options.source.empty() && options.model.empty())
+            << "where data and results lie is the user's choice";
         options.source = "builtin:diffuse";
         ASSERT_NO_THROW(validate(options));
         EXPECT_EQ(options.cap_max, expected.cap_max);

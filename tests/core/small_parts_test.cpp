@@ -23,7 +23,8 @@ TEST(Bytes, UnitsAreBinaryOrDecimal) {
     EXPECT_EQ(parse_bytes("2MB"), 2000000u);
     EXPECT_EQ(parse_bytes("7"), 7u);
     EXPECT_EQ(parse_bytes("0"), 0u);
-    for (const char* bad : {"", "GiB", "-1", "1 apple", "1e30GiB", "nan", "inf"}) EXPECT_THROW(parse_bytes(bad), UsageError) << bad;
+    for (const char* bad : {"", "GiB", "-1", "1 apple", "1e30GiB", "nan", "inf"})
+        EXPECT_THROW(parse_bytes(bad), UsageError) << bad;
 }
 
 TEST(Nearest, FindsTheLeastEdited) {

@@ -15,7 +15,7 @@
 namespace gs::test {
 namespace {
 
-/// Colours as trained scenes have them, opacities around a half.
+/// Returns Gaussians with colours like those of trained scenes and opacities around a half.
 Gaussians dull_gaussians(const AppearanceSpec& appearance) {
     Gaussians g = random_gaussians(1000, appearance);
     for (float& x : g[Group::kBase].param) x *= 0.2f;
@@ -38,7 +38,7 @@ TEST(BaseRange, ColoursBelowBlackTakeNoCodes) {
     Gaussians g = dull_gaussians({"none", 0, ColorActivation::kRelu});
     for (std::size_t k = 0; k < g[Group::kBase].param.size(); k += 6) g[Group::kBase].param[k] = -5;
     EXPECT_GE(pack_gaussians(g).base_range.offset, -0.1);
-    // With a residual that lifts them to where they are seen, they do.
+    // They take codes with a residual that lifts them to where they are seen.
     g = dull_gaussians({"sv", 1, ColorActivation::kRelu});
     for (std::int64_t i = 0; i < g.count; i += 6) {
         std::fill_n(g[Group::kBase].param.begin() + 3 * i, 3, -5.0f);
@@ -56,7 +56,8 @@ TEST(BaseRange, BrightColoursOfManyFaintGaussiansAreKept) {
         std::fill_n(g[Group::kBase].param.begin() + 3 * i, 3, 4.0f);
     }
     const PackedScene scene = pack_gaussians(g);
-    for (std::int64_t i = 0; i < g.count; i += 20) EXPECT_NEAR(packed_color(scene, i, {0, 0, 1}).x, 4.5, 0.51 * scene.base_range.scale);
+    for (std::int64_t i = 0; i < g.count; i += 20)
+        EXPECT_NEAR(packed_color(scene, i, {0, 0, 1}).x, 4.5, 0.51 * scene.base_range.scale);
 }
 
 TEST(BandScales, OutliersDoNotCoarsenTheOthers) {

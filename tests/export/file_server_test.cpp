@@ -30,13 +30,13 @@ class Served : public ::testing::Test {
         thread_ = std::thread([this] { server_->run(); });
     }
     ~Served() override {
-        get("/"); // the server runs: stop() would not be noticed before
+        get("/");  // the server runs: stop() would not be noticed before
         server_->stop();
         thread_.join();
     }
     httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) {
         httplib::Client client("127.0.0.1", server_->port());
-        client.set_url_encode(false); // paths as they are
+        client.set_url_encode(false);  // paths as they are
         return client.Get(path, headers);
     }
     int status(const std::string& path) {
@@ -67,8 +67,10 @@ TEST_F(Served, FilesOfTheFolder) {
 }
 
 TEST_F(Served, NothingElse) {
-    for (const char* path : {"/nothing", "/assets", "/up", "/../secret.txt", "/%2e%2e/secret.txt", "/..%2fsecret.txt",
-                             "/assets/../../secret.txt", "/assets/..%2f..%2fsecret.txt", "/../site-2/x.txt", "/link.txt", "/up/secret.txt", "//etc/passwd", "///etc/passwd", "/%2fetc/passwd", "/index.html%00.txt"})
+    for (const char* path :
+         {"/nothing", "/assets", "/up", "/../secret.txt", "/%2e%2e/secret.txt", "/..%2fsecret.txt",
+          "/assets/../../secret.txt", "/assets/..%2f..%2fsecret.txt", "/../site-2/x.txt", "/link.txt", "/up/secret.txt",
+          "//etc/passwd", "///etc/passwd", "/%2fetc/passwd", "/index.html%00.txt"})
         EXPECT_EQ(status(path), 404) << path;
     const std::string absolute = (folder_ / "secret.txt").string();
     EXPECT_EQ(status(absolute), 404);
@@ -78,13 +80,16 @@ TEST_F(Served, NothingElse) {
 TEST_F(Served, ScenesToThePapersViewerButNothingToOtherSites) {
     const char* allowed = "Access-Control-Allow-Origin";
     EXPECT_EQ(get("/scene.ngsplat")->get_header_value(allowed), "https://fhahlbohm.github.io");
-    EXPECT_EQ(get("/scene.ngsplat", {httplib::make_range_header({{0, 10}})})->get_header_value(allowed), "https://fhahlbohm.github.io");
-    for (const char* path : {"/", "/assets/a%20b.js", "/empty.txt", "/nothing.ngsplat"}) EXPECT_FALSE(get(path)->has_header(allowed)) << path;
+    EXPECT_EQ(get("/scene.ngsplat", {httplib::make_range_header({{0, 10}})})->get_header_value(allowed),
+              "https://fhahlbohm.github.io");
+    for (const char* path : {"/", "/assets/a%20b.js", "/empty.txt", "/nothing.ngsplat"})
+        EXPECT_FALSE(get(path)->has_header(allowed)) << path;
 }
 
 TEST_F(Served, FilesAreOnlyRead) {
     httplib::Client client("127.0.0.1", server_->port());
-    for (const auto& result : {client.Post("/index.html", "x", "text/plain"), client.Put("/new.txt", "x", "text/plain"), client.Delete("/index.html")}) {
+    for (const auto& result : {client.Post("/index.html", "x", "text/plain"), client.Put("/new.txt", "x", "text/plain"),
+                               client.Delete("/index.html")}) {
         ASSERT_TRUE(result);
         EXPECT_EQ(result->status, 404);
     }
@@ -93,7 +98,8 @@ TEST_F(Served, FilesAreOnlyRead) {
 }
 
 TEST_F(Served, APortOrFolderThatCannotBeUsedIsNamed) {
-    EXPECT_CONTAINS(message_of<DataError>([&] { FileServer(folder_ / "site", server_->port()); }), std::to_string(server_->port()));
+    EXPECT_CONTAINS(message_of<DataError>([&] { FileServer(folder_ / "site", server_->port()); }),
+                    std::to_string(server_->port()));
     EXPECT_CONTAINS(message_of<UsageError>([&] { FileServer(folder_ / "nowhere", 0); }), "nowhere");
     EXPECT_CONTAINS(message_of<UsageError>([&] { FileServer(folder_ / "secret.txt", 0); }), "secret.txt");
 }

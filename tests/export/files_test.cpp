@@ -32,8 +32,10 @@ TEST(SplatFile, Has32BytesAGaussianLargestFirst) {
     }
     EXPECT_NEAR(std::uint8_t(bytes[27]), 255 * sigmoid(double(g[Group::kOpacity].param[42])), 0.51);
     const float* q = g[Group::kRotation].param.data() + 4 * 42;
-    const double norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
-    for (int k = 0; k < 4; ++k) EXPECT_NEAR((std::uint8_t(bytes[std::size_t(28 + k)]) - 128) / 128.0, q[k] / norm, 1.0 / 64);
+    const double norm =
+        std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
+    for (int k = 0; k < 4; ++k)
+        EXPECT_NEAR((std::uint8_t(bytes[std::size_t(28 + k)]) - 128) / 128.0, q[k] / norm, 1.0 / 64);
     g.count = 0;
     write_splat(folder / "none.splat", random_gaussians(0, {"none", 0, ColorActivation::kRelu}));
     EXPECT_EQ(fs::file_size(folder / "none.splat"), 0u);
@@ -46,13 +48,16 @@ TEST(ShProjection, FindsWhatIsThere) {
     for (float& x : g[Group::kBase].param) x = std::abs(x);
     const ShProjection same = project_to_sh(g, 3);
     EXPECT_GT(same.psnr, 120);
-    for (std::size_t k = 0; k < g[Group::kResidual].param.size(); ++k) EXPECT_NEAR(same.gaussians[Group::kResidual].param[k], g[Group::kResidual].param[k], 1e-6);
-    for (std::size_t k = 0; k < g[Group::kBase].param.size(); ++k) EXPECT_NEAR(same.gaussians[Group::kBase].param[k], g[Group::kBase].param[k], 1e-6);
+    for (std::size_t k = 0; k < g[Group::kResidual].param.size(); ++k)
+        EXPECT_NEAR(same.gaussians[Group::kResidual].param[k], g[Group::kResidual].param[k], 1e-6);
+    for (std::size_t k = 0; k < g[Group::kBase].param.size(); ++k)
+        EXPECT_NEAR(same.gaussians[Group::kBase].param[k], g[Group::kBase].param[k], 1e-6);
     EXPECT_EQ(same.gaussians[Group::kMean].param, g[Group::kMean].param);
     const ShProjection mean = project_to_sh(g, 0);
     EXPECT_LT(mean.psnr, 60);
     EXPECT_EQ(mean.gaussians.appearance.model, "none");
-    for (std::size_t k = 0; k < g[Group::kBase].param.size(); ++k) EXPECT_NEAR(mean.gaussians[Group::kBase].param[k], g[Group::kBase].param[k], 1e-3);
+    for (std::size_t k = 0; k < g[Group::kBase].param.size(); ++k)
+        EXPECT_NEAR(mean.gaussians[Group::kBase].param[k], g[Group::kBase].param[k], 1e-3);
 }
 
 TEST(ShProjection, FitsEveryModelBetterWithMoreBands) {
@@ -112,10 +117,20 @@ TEST(Staging, CopiesFilesButNoLinks) {
 
 TEST(Site, OtherVersionsOfTheViewersFilesGo) {
     const TempFolder folder;
-    for (const char* file : {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js"}) spit(folder / "viewer" / file, "new");
-    const std::vector<std::string> kept = {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js", "assets/index-notes.js", "assets/index-notebook.js",
-                                           "assets/index-OldOld_1.css", "assets/mine-OldOld_1.js", "index-OldOld_1.js", "scene.ngsplat", "my-own/index-OldOld_1.js"};
-    const std::vector<std::string> gone = {"assets/index-OldOld_1.js", "assets/index-Ol-dOld2.js", "assets/worker-Old12345.js"};
+    for (const char* file : {"index.html", "assets/index-NewNewNe.js", "assets/worker-Same0000.js"})
+        spit(folder / "viewer" / file, "new");
+    const std::vector<std::string> kept = {"index.html",
+                                           "assets/index-NewNewNe.js",
+                                           "assets/worker-Same0000.js",
+                                           "assets/index-notes.js",
+                                           "assets/index-notebook.js",
+                                           "assets/index-OldOld_1.css",
+                                           "assets/mine-OldOld_1.js",
+                                           "index-OldOld_1.js",
+                                           "scene.ngsplat",
+                                           "my-own/index-OldOld_1.js"};
+    const std::vector<std::string> gone = {"assets/index-OldOld_1.js", "assets/index-Ol-dOld2.js",
+                                           "assets/worker-Old12345.js"};
     for (const std::string& file : kept) spit(folder / "site" / file, "old");
     for (const std::string& file : gone) spit(folder / "site" / file, "old");
     fs::create_symlink("index-notes.js", folder / "site/assets/index-Linked00.js");

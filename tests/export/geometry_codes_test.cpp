@@ -23,7 +23,8 @@ TEST(GeometryCodes, ScalesHaveTheFormatsCodes) {
 
 TEST(GeometryCodes, ScalesComeBackWithin4Percent) {
     double worst = 0;
-    for (double ln = -12; ln <= 9; ln += 0.001) worst = std::max(worst, std::abs(decode_scale(scale_code(std::exp(ln))) / std::exp(ln) - 1));
+    for (double ln = -12; ln <= 9; ln += 0.001)
+        worst = std::max(worst, std::abs(decode_scale(scale_code(std::exp(ln))) / std::exp(ln) - 1));
     EXPECT_LE(worst, 0.0425);  // half a step of 21/254 in the logarithm
     EXPECT_GT(worst, 0.04);
 }
@@ -32,7 +33,8 @@ TEST(GeometryCodes, RotationsHaveTheFormatsCodes) {
     const double n = std::sqrt(30.0);
     EXPECT_EQ(rotation_codes({1 / n, 2 / n, 3 / n, 4 / n}), (std::array<int, 3>{149, 170, 122}));
     EXPECT_EQ(rotation_codes({-.5, .5, -.5, .5}), (std::array<int, 3>{42, 212, 170}));
-    const double expected[2][4] = {{.184928274, .36555589, .546183507, .730653133}, {-.505859015, .494094852, -.499976934, .5}};
+    const double expected[2][4] = {{.184928274, .36555589, .546183507, .730653133},
+                                   {-.505859015, .494094852, -.499976934, .5}};
     const auto a = decode_rotation({149, 170, 122}), b = decode_rotation({42, 212, 170});
     for (std::size_t k = 0; k < 4; ++k) {
         EXPECT_NEAR(a[k], expected[0][k], 1e-8);
@@ -50,7 +52,8 @@ TEST(GeometryCodes, RotationsComeBackWithinTwoDegrees) {
         return 2 * std::acos(std::min(1.0, std::abs(dot) / std::sqrt(norm))) * 180 / M_PI;
     };
     double worst = 0;
-    for (int i = 0; i < 200000; ++i) worst = std::max(worst, error({normal(random), normal(random), normal(random), i % 10 ? normal(random) : 0}));
+    for (int i = 0; i < 200000; ++i)
+        worst = std::max(worst, error({normal(random), normal(random), normal(random), i % 10 ? normal(random) : 0}));
     EXPECT_LE(worst, 1.9);
     EXPECT_NEAR(error({0, 0, 0, 1}), 0, 1e-6);
     EXPECT_NEAR(error({0, 0, 0, -5}), 0, 1e-6);
@@ -71,7 +74,8 @@ TEST(GeometryCodes, WordsAreLaidOutAsTheFormatSays) {
 }
 
 TEST(GeometryCodes, ExtremesStayFinite) {
-    const PackedGeometry back = decode_geometry(encode_geometry({{1e30, -1e30, 0}, 1, {1e30, -1e30, 7e4}, {1e30, 1e-300, 0}, {0, 0, 1e-3, 0}}, {1, 0}), {1, 0});
+    const PackedGeometry back = decode_geometry(
+        encode_geometry({{1e30, -1e30, 0}, 1, {1e30, -1e30, 7e4}, {1e30, 1e-300, 0}, {0, 0, 1e-3, 0}}, {1, 0}), {1, 0});
     EXPECT_EQ(back.base, (std::array<double, 3>{255, 0, 0}));
     EXPECT_EQ(back.mean, (std::array<double, 3>{65504, -65504, 65504}));
     EXPECT_NEAR(back.scale[0], 8103.08393, 1e-4);

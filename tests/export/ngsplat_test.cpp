@@ -13,7 +13,8 @@ namespace gs::test {
 namespace {
 
 PackedScene packed(const std::string& model, std::int64_t count, bool extras = false) {
-    PackedScene scene = pack_gaussians(random_gaussians(count, {model, appearance_model(model).default_max_degree, ColorActivation::kRelu}));
+    PackedScene scene = pack_gaussians(
+        random_gaussians(count, {model, appearance_model(model).default_max_degree, ColorActivation::kRelu}));
     scene.center = {1, 2, 3}, scene.distance = 4;
     if (!extras) return scene;
     PackedCamera camera{};
@@ -41,14 +42,15 @@ TEST(Ngsplat, OffsetsAreThoseOfTheFormat) {
     EXPECT_EQ(bytes.size(), 96u + 3 * 16 * 2048);
     EXPECT_EQ(bytes.substr(0, 8), "NGSPLAT\n");
     const std::uint32_t expected[] = {3, 2048, 1, 1, 0, 0, 0, 0, 0, 0, 3 << 3};
-    for (std::size_t k = 0; k < std::size(expected); ++k) EXPECT_EQ(value_at<std::uint32_t>(bytes, 8 + 4 * k), expected[k]) << k;
-    EXPECT_EQ(value_at<float>(bytes, 60), 1);        // camCenter
-    EXPECT_EQ(value_at<float>(bytes, 76), -1);       // camUp
-    EXPECT_EQ(value_at<float>(bytes, 84), 4);        // camDistance
+    for (std::size_t k = 0; k < std::size(expected); ++k)
+        EXPECT_EQ(value_at<std::uint32_t>(bytes, 8 + 4 * k), expected[k]) << k;
+    EXPECT_EQ(value_at<float>(bytes, 60), 1);           // camCenter
+    EXPECT_EQ(value_at<float>(bytes, 76), -1);          // camUp
+    EXPECT_EQ(value_at<float>(bytes, 84), 4);           // camDistance
     EXPECT_EQ(value_at<std::uint32_t>(bytes, 88), 0u);  // nTestCameras
     EXPECT_EQ(value_at<std::uint32_t>(bytes, 92), 0u);  // nWeightTexels
     EXPECT_EQ(bytes.substr(96 + 3 * 16, 2045 * 16), std::string(2045 * 16, '\0')) << "padding";
-    // With SH three scales more, with two cameras and PPISP 2*72 + 4*(18 + 9 + 2*9); the trailer 8 + 4 + 4 + text + 4.
+    // SH adds three scales, PPISP with two cameras 2*72 + 4*(18 + 9 + 2*9), the trailer 8 + 4 + 4 + text + 4.
     write_ngsplat(folder / "t.ngsplat", packed("sh", 2049, true));
     EXPECT_EQ(slurp(folder / "t.ngsplat").size(), 108u + 144 + 180 + (16 + 8 + 16 + 16) * 4096 + 20 + 18);
     // 140 texels of weights; NASGabor's number needs the later bit.
@@ -58,7 +60,7 @@ TEST(Ngsplat, OffsetsAreThoseOfTheFormat) {
     EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "g.ngsplat"), 48), 1u << 6);
 }
 
-/// CRC-32 bit by bit, as its polynomial is defined.
+/// Computes CRC-32 bit by bit, as its polynomial is defined.
 std::uint32_t plain_crc(const std::string& bytes) {
     std::uint32_t crc = 0xffffffff;
     for (const char c : bytes) {
@@ -71,20 +73,24 @@ std::uint32_t plain_crc(const std::string& bytes) {
 TEST(Ngsplat, ChecksumIsOverAllBytesBeforeIt) {
     const TempFolder folder;
     for (const char* model : {"none", "neural"}) {
-        for (const std::int64_t count : {0, 5, 2048}) { // empty textures, empty padding
+        for (const std::int64_t count : {0, 5, 2048}) {  // empty textures, empty padding
             PackedScene scene = packed(model, count);
             scene.trailer = "{}";
             write_ngsplat(folder / "s.ngsplat", scene);
             const std::string bytes = slurp(folder / "s.ngsplat");
-            EXPECT_EQ(value_at<std::uint32_t>(bytes, bytes.size() - 4), plain_crc(bytes.substr(0, bytes.size() - 4))) << model << " " << count;
+            EXPECT_EQ(value_at<std::uint32_t>(bytes, bytes.size() - 4), plain_crc(bytes.substr(0, bytes.size() - 4)))
+                << model << " " << count;
         }
     }
 }
 
 TEST(Ngsplat, BytesPerGaussianAreThePapers) {
-    const std::pair<const char*, int> expected[] = {{"none", 16}, {"sh", 56}, {"sv", 128}, {"nasg", 48}, {"nasgabor", 48}, {"neural", 48}, {"neural_wide", 48}};
+    const std::pair<const char*, int> expected[] = {{"none", 16},     {"sh", 56},     {"sv", 128},        {"nasg", 48},
+                                                    {"nasgabor", 48}, {"neural", 48}, {"neural_wide", 48}};
     for (const auto& [model, bytes] : expected) {
-        if (has_model(model)) { EXPECT_EQ(packed(model, 1).bytes_per_gaussian(), bytes) << model; }
+        if (has_model(model)) {
+            EXPECT_EQ(packed(model, 1).bytes_per_gaussian(), bytes) << model;
+        }
     }
 }
 
@@ -104,7 +110,9 @@ TEST(Ngsplat, ComesBackExactly) {
                 EXPECT_EQ(back.cameras.size(), scene.cameras.size());
                 EXPECT_EQ(back.trailer, scene.trailer);
                 ASSERT_EQ(back.ppisp.has_value(), extras);
-                if (extras) { EXPECT_EQ(back.ppisp->views, scene.ppisp->views); }
+                if (extras) {
+                    EXPECT_EQ(back.ppisp->views, scene.ppisp->views);
+                }
                 write_ngsplat(folder / "t.ngsplat", back);
                 EXPECT_EQ(slurp(folder / "t.ngsplat"), slurp(folder / "s.ngsplat"));
             }
@@ -129,7 +137,8 @@ TEST(Ngsplat, DamagedFilesAreRefused) {
     };
     const std::size_t trailer = good.size() - 20 - 18;
     for (std::size_t size = 0; size < 700; size += 13) refused(good.substr(0, size), "");
-    for (const std::size_t size : {trailer - 1, trailer + 3, trailer + 12, trailer + 20, good.size() - 1}) refused(good.substr(0, size), "");
+    for (const std::size_t size : {trailer - 1, trailer + 3, trailer + 12, trailer + 20, good.size() - 1})
+        refused(good.substr(0, size), "");
     refused("", "too few");
     refused(good.substr(0, trailer - 1), "truncated");
     refused("X" + good.substr(1), "NGSPLAT");

@@ -17,7 +17,7 @@
 namespace gs::test {
 namespace {
 
-/// Directions at random.
+/// Draws random directions.
 class Directions {
   public:
     Vec3<double> next() {
@@ -32,14 +32,16 @@ class Directions {
 
 Vec3<double> exact_residual(const Gaussians& g, std::int64_t row, const Vec3<double>& d) {
     const auto& residual = g[Group::kResidual];
-    const std::vector<double> params(residual.param.begin() + row * residual.width, residual.param.begin() + (row + 1) * residual.width);
+    const std::vector<double> params(residual.param.begin() + row * residual.width,
+                                     residual.param.begin() + (row + 1) * residual.width);
     const std::vector<double> shared(g.shared.param.begin(), g.shared.param.end());
     return appearance_model(g.appearance.model).residual(shared.data(), params.data(), d, g.active_degree);
 }
 
 double largest(const Vec3<double>& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-/// Parameters of usual size: lobes of a sharpness that pictures show, amplitudes and weights below 1.
+/// Returns Gaussians with parameters of usual size: lobes of a sharpness that pictures show, amplitudes and weights
+/// below 1.
 Gaussians usual_gaussians(const ModelInfo& model, int active_degree) {
     Gaussians g = random_gaussians(50, {model.name, model.default_max_degree, ColorActivation::kRelu});
     g.active_degree = active_degree;
@@ -59,12 +61,16 @@ TEST(Packing, ShowsTheResidualAtEveryDegree) {
             for (std::int64_t i = 0; i < g.count; ++i) {
                 for (int k = 0; k < 20; ++k) {
                     const Vec3<double> d = directions.next();
-                    worst = std::max(worst, largest(model->packing->residual(scene.appearance, i, d) - exact_residual(g, i, d)));
+                    worst = std::max(
+                        worst, largest(model->packing->residual(scene.appearance, i, d) - exact_residual(g, i, d)));
                 }
             }
-            // Halves: a few units of 2^-11. SH: half a step of each coefficient, 15 of them, of bands that reach about 1.2.
+            // Halves: a few units of 2^-11. SH: half a step of each coefficient, 15 of them, of bands that reach
+            // about 1.2.
             EXPECT_LE(worst, scene.appearance.header.model == packing_description("sh").id ? 0.12 : 5e-3);
-            if (degree == 0) { EXPECT_EQ(worst, 0); }
+            if (degree == 0) {
+                EXPECT_EQ(worst, 0);
+            }
         }
     }
 }
@@ -80,7 +86,9 @@ TEST(Packing, NetworksFoldedOrNotAreTheNetwork) {
         Directions directions;
         for (std::int64_t i = 0; i < g.count; ++i) {
             const Vec3<double> d = directions.next();
-            EXPECT_LE(largest(appearance_model(name).packing->residual(scene.appearance, i, d) - exact_residual(g, i, d)), 1e-3);
+            EXPECT_LE(
+                largest(appearance_model(name).packing->residual(scene.appearance, i, d) - exact_residual(g, i, d)),
+                1e-3);
         }
     }
 }
@@ -91,13 +99,13 @@ TEST(Packing, WeightsLieFourInputsToATexelAllOutputsFirst) {
     const std::vector<std::uint16_t> stream = pack_gaussians(g).appearance.weights;
     ASSERT_EQ(stream.size(), 4u * 140);
     const auto half_of = [&](int at) { return half_bits(g.shared.param[std::size_t(at)]); };
-    const int first = Model::kEncoded + 1;  // of the inputs that are not folded
+    const int first = Model::kEncoded + 1;                 // of the inputs that are not folded
     EXPECT_EQ(stream[0], half_of(first * 16));             // output 0, input 0
     EXPECT_EQ(stream[1], half_of((first + 1) * 16));       // output 0, input 1
     EXPECT_EQ(stream[4], half_of(first * 16 + 1));         // output 1, input 0
     EXPECT_EQ(stream[4 * 16], half_of((first + 4) * 16));  // output 0, input 4
     EXPECT_EQ(stream[4 * 48 + 3], 0) << "15 directional inputs, padded to 16";
-    EXPECT_EQ(stream[4 * 64 + 2], half_of(Model::matrix(1) + 2 * 16));                  // second layer, output 0, input 2
+    EXPECT_EQ(stream[4 * 64 + 2], half_of(Model::matrix(1) + 2 * 16));  // second layer, output 0, input 2
     EXPECT_EQ(stream[4 * 128 + 4 * 3 + 4 + 1], half_of(Model::kFirstOutput + 16 + 5));  // last layer, output 1, input 5
 }
 
@@ -105,11 +113,12 @@ TEST(Packing, ExtremeLobesStayFiniteAndKeepTheirPeak) {
     Gaussians g = usual_gaussians(appearance_model("nasg"), 1);
     float* raw = g[Group::kResidual].param.data();
     for (int k = 0; k < 3; ++k) raw[k] = 0.4f;
-    raw[3] = raw[4] = 100;                 // beyond all limits: N = 1.6e5
+    raw[3] = raw[4] = 100;  // beyond all limits: N = 1.6e5
     raw[5] = 0.001f, raw[6] = -30, raw[7] = 0.1f;
     for (int k = 8; k < 16; ++k) raw[k] = k % 2 ? -1e30f : 1e30f;
     const PackedScene scene = pack_gaussians(g);
-    const Vec3<double> axis{get_half(scene.appearance, 0, 3), get_half(scene.appearance, 0, 4), get_half(scene.appearance, 0, 5)};
+    const Vec3<double> axis{get_half(scene.appearance, 0, 3), get_half(scene.appearance, 0, 4),
+                            get_half(scene.appearance, 0, 5)};
     const Vec3<double> d = axis * (1 / std::sqrt(dot(axis, axis)));
     const Packing& packing = *appearance_model("nasg").packing;
     const Vec3<double> peak = packing.residual(scene.appearance, 0, d);
@@ -117,7 +126,8 @@ TEST(Packing, ExtremeLobesStayFiniteAndKeepTheirPeak) {
     EXPECT_NEAR(peak.x / (norm * std::tanh(0.001)), 1, 2e-3);
     EXPECT_NEAR(peak.y / (norm * std::tanh(-30.0)), 1, 2e-3);
     for (const Vec3<double>& at : {d, d * -1.0, Vec3<double>{0, 0, 1}, Vec3<double>{0, 1, 0}, Vec3<double>{1, 0, 0}}) {
-        for (std::int64_t i = 0; i < 2; ++i) EXPECT_TRUE(std::isfinite(largest(packing.residual(scene.appearance, i, at))));
+        for (std::int64_t i = 0; i < 2; ++i)
+            EXPECT_TRUE(std::isfinite(largest(packing.residual(scene.appearance, i, at))));
     }
 }
 
@@ -127,11 +137,13 @@ TEST(Packing, LobesAreContinuousAroundTheirAxis) {
     const PackedScene scene = pack_gaussians(g);
     const Packing& packing = *appearance_model("nasg").packing;
     for (std::int64_t i = 0; i < g.count; ++i) {
-        const Vec3<double> stored{get_half(scene.appearance, i, 3), get_half(scene.appearance, i, 4), get_half(scene.appearance, i, 5)};
+        const Vec3<double> stored{get_half(scene.appearance, i, 3), get_half(scene.appearance, i, 4),
+                                  get_half(scene.appearance, i, 5)};
         const Vec3<double> axis = stored * (1 / std::sqrt(dot(stored, stored))), aside = cross(axis, {0.6, 0, 0.8});
         for (const double s : {1e-4, 1e-3}) {
             const Vec3<double> near = axis + aside * s;
-            const Vec3<double> change = packing.residual(scene.appearance, i, near * (1 / std::sqrt(dot(near, near)))) - packing.residual(scene.appearance, i, axis);
+            const Vec3<double> change = packing.residual(scene.appearance, i, near * (1 / std::sqrt(dot(near, near)))) -
+                                        packing.residual(scene.appearance, i, axis);
             EXPECT_LE(largest(change), 10 * s);
         }
     }
@@ -144,8 +156,10 @@ TEST(PackScene, ColoursAreTheModelsWithinTheRoundingOfTheBase) {
         for (std::int64_t i = 0; i < g.count; ++i) {
             const float* base = g[Group::kBase].param.data() + 3 * i;
             const Vec3<double> color = packed_color(scene, i, {0, 0, 1});
-            EXPECT_NEAR(color.x, color_activation(ColorActivation(activation), double(base[0])), 0.51 * scene.base_range.scale);
-            EXPECT_NEAR(color.z, color_activation(ColorActivation(activation), double(base[2])), 0.51 * scene.base_range.scale);
+            EXPECT_NEAR(color.x, color_activation(ColorActivation(activation), double(base[0])),
+                        0.51 * scene.base_range.scale);
+            EXPECT_NEAR(color.z, color_activation(ColorActivation(activation), double(base[2])),
+                        0.51 * scene.base_range.scale);
         }
     }
 }
@@ -155,7 +169,8 @@ TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
     const Gaussians back = packed_geometry(pack_gaussians(g));
     ASSERT_EQ(back.count, g.count);
     for (std::size_t k = 0; k < g[Group::kMean].param.size(); ++k)
-        EXPECT_NEAR(back[Group::kMean].param[k], g[Group::kMean].param[k], 4.9e-4 * std::max(1.0f, std::abs(g[Group::kMean].param[k])));
+        EXPECT_NEAR(back[Group::kMean].param[k], g[Group::kMean].param[k],
+                    4.9e-4 * std::max(1.0f, std::abs(g[Group::kMean].param[k])));
     // Of any description of the ellipsoid: where its surface is in some directions.
     const auto radius = [](const Gaussians& of, std::int64_t i, const Eigen::Vector3d& direction) {
         const float *q = of[Group::kRotation].param.data() + 4 * i, *s = of[Group::kScale].param.data() + 3 * i;
@@ -163,10 +178,13 @@ TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
         return local.cwiseProduct(Eigen::Vector3d(std::exp(s[0]), std::exp(s[1]), std::exp(s[2]))).norm();
     };
     for (std::int64_t i = 0; i < g.count; ++i) {
-        for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)})
-            EXPECT_NEAR(radius(back, i, axis) / radius(g, i, axis), 1, 0.043 + 0.02) << "half a step of scales, and of the rotation";
+        for (const Eigen::Vector3d& axis :
+             {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)})
+            EXPECT_NEAR(radius(back, i, axis) / radius(g, i, axis), 1, 0.043 + 0.02)
+                << "half a step of scales, and of the rotation";
         const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
-        EXPECT_NEAR(sigmoid(double(back[Group::kOpacity].param[std::size_t(i)])), opacity, 0.51 / 255 + 0.043 * opacity) << "half of what two scales gain";
+        EXPECT_NEAR(sigmoid(double(back[Group::kOpacity].param[std::size_t(i)])), opacity, 0.51 / 255 + 0.043 * opacity)
+            << "half of what two scales gain";
     }
 }
 
@@ -185,7 +203,8 @@ TEST(PackScene, WhatIsNeverSeenIsLeftOut) {
     const Gaussians seen = visible_gaussians(g);
     ASSERT_EQ(seen.count, 3);
     EXPECT_EQ(seen[Group::kOpacity].param, (std::vector<float>{0, -5.5f, 10}));
-    EXPECT_TRUE(std::equal(seen[Group::kResidual].param.begin() + 9, seen[Group::kResidual].param.begin() + 18, g[Group::kResidual].param.begin() + 18));
+    EXPECT_TRUE(std::equal(seen[Group::kResidual].param.begin() + 9, seen[Group::kResidual].param.begin() + 18,
+                           g[Group::kResidual].param.begin() + 18));
     g[Group::kOpacity].param.assign(5, -100);
     EXPECT_EQ(pack_gaussians(visible_gaussians(g)).count(), 0);
 }
@@ -197,7 +216,8 @@ TEST(PackScene, ValuesThatAreNotFiniteFailTheExport) {
         for (int k = 0; k < kNumGroups; ++k) {
             Gaussians g = good;
             g.groups[k].param.back() = bad;
-            EXPECT_CONTAINS(message_of<NumericError>([&] { require_finite(g); }), std::string("Gaussian 2 has ") + kGroupNames[std::size_t(k)]);
+            EXPECT_CONTAINS(message_of<NumericError>([&] { require_finite(g); }),
+                            std::string("Gaussian 2 has ") + kGroupNames[std::size_t(k)]);
         }
         Gaussians g = good;
         g.shared.param[7] = bad;
@@ -229,7 +249,9 @@ TEST(PackScene, FirstViewLooksAtTheMiddleFromWhereCamerasStand) {
 TEST(PackPpisp, ResponseIsTheCamerasAndTheMiddleExposureTheStandard) {
     PpispState state = identity_ppisp(3, 1);
     const float exposures[3] = {0.5f, -1, 0.25f};
-    for (int f = 0; f < 3; ++f) state.param[std::size_t(f * kIspFrameValues)] = exposures[f], state.param[std::size_t(f * kIspFrameValues + 1)] = float(f);
+    for (int f = 0; f < 3; ++f)
+        state.param[std::size_t(f * kIspFrameValues)] = exposures[f],
+                                    state.param[std::size_t(f * kIspFrameValues + 1)] = float(f);
     float* response = state.param.data() + state.camera_offset(0) + 3 * kIspVignetting;
     for (int k = 0; k < 3 * kIspResponse; ++k) response[k] += 0.1f * float(k - 5);
     const PackedPpisp packed = pack_ppisp(state);
@@ -240,7 +262,8 @@ TEST(PackPpisp, ResponseIsTheCamerasAndTheMiddleExposureTheStandard) {
     for (int c = 0; c < 3; ++c) {
         const float* r = packed.response.data() + 6 * c;
         for (const double x : {0.01, 0.3, 0.5, 0.7, 0.99}) {
-            const double y = x <= r[3] ? r[4] * std::pow(x / r[3], r[0]) : 1 - r[5] * std::pow((1 - x) / (1 - r[3]), r[1]);
+            const double y =
+                x <= r[3] ? r[4] * std::pow(x / r[3], r[0]) : 1 - r[5] * std::pow((1 - x) / (1 - r[3]), r[1]);
             EXPECT_NEAR(std::pow(y, r[2]), isp_respond(camera.response[c], x), 1e-5);
         }
     }

@@ -7,9 +7,10 @@ void expect_images_within_bounds(Backend& backend, const TestScene& scene) {
     backend.upload(scene.model);
     RenderRequest r;
     r.camera = scene.camera, r.background = scene.background;
-    const std::pair<RenderMode, const char*> modes[] = {{RenderMode::kFull, "image"}, {RenderMode::kBaseOnly, "base colours"}, {RenderMode::kResidualOnly, "residual"}};
+    const std::pair<RenderMode, const char*> modes[] = {
+        {RenderMode::kFull, "image"}, {RenderMode::kBaseOnly, "base colours"}, {RenderMode::kResidualOnly, "residual"}};
     for (const auto& [mode, name] : modes) {
-        if (mode != RenderMode::kFull && scene.camera.width > 1000) continue; // modes differ in colours only
+        if (mode != RenderMode::kFull && scene.camera.width > 1000) continue;  // modes differ in colours only
         r.mode = mode;
         RenderedImage image;
         backend.render(r, image);
@@ -23,14 +24,17 @@ void expect_images_within_bounds(Backend& backend, const TestScene& scene) {
         for (std::size_t i = 0; i < want.alpha.size(); ++i) alpha.add(image.alpha[i], want.alpha[i]);
         rgb.expect(scene.informative);
         if (mode == RenderMode::kFull) alpha.expect(scene.informative);
-        std::printf("  %lld of %zu pixels with a fragment that may count or not\n", (long long)want.undecided_pixels, want.alpha.size());
+        std::printf("  %lld of %zu pixels with a fragment that may count or not\n", (long long)want.undecided_pixels,
+                    want.alpha.size());
     }
 }
 
 namespace {
 
-/// After one step from zero moments m = 0.1 g, v = 0.001 g^2, and the parameter has moved by rate * sign(g).
-void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r, const StepReference& want, const std::vector<char>& seen) {
+/// Compares one step from zero moments, after which m = 0.1 g, v = 0.001 g^2 and the parameter has moved by
+/// rate * sign(g).
+void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r, const StepReference& want,
+                 const std::vector<char>& seen) {
     backend.upload(scene.model);
     backend.step(r);
     backend.synchronize();
@@ -57,15 +61,18 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
             const double size = std::abs(g.v), rate = r.rates[k];
             // m = 0.1 g and v = 0.001 g^2: the factor, the product and the fma are rounded.
             m.add(now.m[i], {0.1 * g.v, 0.1 * g.e + 4 * kRoundoff * 0.1 * size + kFlushed});
-            v.add(now.v[i], {1e-3 * g.v * g.v, 1e-3 * (2 * size + g.e) * g.e + 8 * kRoundoff * 1e-3 * size * size + kFlushed});
-            // p - rate m / (sqrt(v) + 1e-15), both without their bias: whatever g is, it cancels but for its sign. 16 roundings, and
-            // that of p. Where the sign is not certain, p moves by at most the rate; where g is exactly zero it stays.
+            v.add(now.v[i],
+                  {1e-3 * g.v * g.v, 1e-3 * (2 * size + g.e) * g.e + 8 * kRoundoff * 1e-3 * size * size + kFlushed});
+            // p - rate m / (sqrt(v) + 1e-15), both without their bias: whatever g is, it cancels but for its sign. 16
+            // roundings, and that of p. Where the sign is not certain, p moves by at most the rate; where g is exactly
+            // zero it stays.
             const double p0 = before.param[i], rounding = 2 * kRoundoff * (std::abs(p0) + rate);
             moving += size > 0;
             if (size == 0 && g.e == 0) {
                 p.add(now.param[i], {p0, 0});
             } else if (size > std::max(4 * g.e, 1e-12)) {
-                p.add(now.param[i], {p0 - rate * g.v / (size + 1e-15), 16 * kRoundoff * rate + rate * 1e-15 * g.e / (size * size) + rounding});
+                p.add(now.param[i], {p0 - rate * g.v / (size + 1e-15),
+                                     16 * kRoundoff * rate + rate * 1e-15 * g.e / (size * size) + rounding});
                 ++certain;
             } else {
                 p.add(now.param[i], {p0, rate * (1 + 16 * kRoundoff) + rounding});
@@ -73,13 +80,15 @@ void expect_step(Backend& backend, const TestScene& scene, const StepRequest& r,
         }
         const double informative = scene.round && Group(k) == Group::kRotation ? 1e30 : scene.informative;
         m.expect(informative, kBeyond), v.expect(informative, kBeyond), p.expect(1, kBeyond);
-        std::printf("  %-22s sign certain for %lld of %lld that move\n", kGroupNames[k], (long long)certain, (long long)moving);
+        std::printf("  %-22s sign certain for %lld of %lld that move\n", kGroupNames[k], (long long)certain,
+                    (long long)moving);
     }
     ASSERT_EQ(after.gradient_sum.size(), std::size_t(n));
     Agreement statistic("statistic");
     for (std::int64_t i = 0; i < n; ++i) {
         statistic.add(after.gradient_sum[i], want.statistic[i]);
-        // Tiles differ in size: an ellipse between pixel centres may touch one in one backend only. It adds nothing to the sum then.
+        // Tiles differ in size: an ellipse between pixel centres may touch one in one backend only. It adds nothing to
+        // the sum then.
         EXPECT_TRUE(after.gradient_count[i] == 1 || (after.gradient_count[i] == 0 && !seen[i])) << "Gaussian " << i;
     }
     statistic.expect(scene.informative, kBeyond);

@@ -7,7 +7,7 @@
 
 namespace gs::test {
 
-/// One quantity: worst error / bound over all its numbers.
+/// Compares one quantity: worst error / bound over all its numbers.
 class Agreement {
   public:
     explicit Agreement(std::string what) : what_(std::move(what)) {}
@@ -23,16 +23,19 @@ class Agreement {
         scale_ = std::max(scale_, std::abs(reference.v));
         bounds_.push_back(reference.e);
     }
-    /// Prints; fails where more numbers than the share `beyond` exceed their bounds, where one of them is off by more than a
-    /// hundredth of the largest value, or where half of the bounds are too large to say anything.
+    /// Prints the worst ratio. Fails where more numbers than the share `beyond` exceed their bounds, where one of them
+    /// is off by more than a hundredth of the largest value, or where half of the bounds are too large to say anything.
     void expect(double informative, double beyond = 0) {
         if (bounds_.empty()) return;
         std::vector<double> sorted = bounds_;
         std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
         const double median = sorted[sorted.size() / 2];
-        std::printf("  %-22s worst error/bound %.4f (error %.1e); largest value %.1e, half of the bounds below %.1e; %lld of %zu beyond\n",
-                    what_.c_str(), ratio_, error_, scale_, median, (long long)beyond_, bounds_.size());
-        EXPECT_LE(beyond_, std::int64_t(beyond * double(bounds_.size()))) << what_ << ": of " << bounds_.size() << " numbers, the first at " << first_;
+        std::printf(
+            "  %-22s worst error/bound %.4f (error %.1e); largest value %.1e, half of the bounds below %.1e; %lld of "
+            "%zu beyond\n",
+            what_.c_str(), ratio_, error_, scale_, median, (long long)beyond_, bounds_.size());
+        EXPECT_LE(beyond_, std::int64_t(beyond * double(bounds_.size())))
+            << what_ << ": of " << bounds_.size() << " numbers, the first at " << first_;
         EXPECT_LE(beyond_error_, 0.01 * scale_) << what_;
         if (scale_ > 0) {
             EXPECT_LE(median, informative * scale_) << what_ << ": bounds that say nothing";
@@ -46,10 +49,10 @@ class Agreement {
     double ratio_ = -1, error_ = 0, scale_ = 0, beyond_error_ = 0;
 };
 
-/// All three modes of rendering.
+/// Renders all three modes and expects errors within bounds.
 void expect_images_within_bounds(Backend& backend, const TestScene& scene);
 
-/// Loss, moments, parameters and statistic after one step from zero moments.
+/// Takes one step from zero moments and expects loss, moments, parameters and statistic within bounds.
 void expect_step_within_bounds(const std::vector<Backend*>& backends, const TestScene& scene);
 
 }  // namespace gs::test

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The error bounds of the GPU tests, on the CPU: they hold for the float backend, and they notice mistakes. Needs no device.
+// The error bounds of the GPU tests, on the CPU: they hold for the float backend, and they notice mistakes. Needs no
+// device.
 #include "tests/gpu/agreement.h"
 
 namespace gs::test {
@@ -15,8 +16,8 @@ TEST_P(Bounds, HoldForTheCpuInFloat) {
     expect_step_within_bounds({cpu.get()}, scene);
 }
 
-// Bounds that are never reached would let everything pass. Opacities off by less than a thousandth must show in many pixels
-// and gradients.
+// Bounds that are never reached would let everything pass. Opacities off by less than a thousandth must show in many
+// pixels and gradients.
 TEST(Bounds, NoticeASmallMistake) {
     const TestScene scene = random_scene(60, 3, 64, 48, -0.5, 2);
     TestScene wrong = scene;

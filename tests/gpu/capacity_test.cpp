@@ -9,7 +9,7 @@ namespace {
 
 class GpuCapacity : public Gpu {
   protected:
-    /// The message of the DeviceError that `call` must end with.
+    /// Returns the message of the DeviceError that `call` must throw.
     template <class Call> static std::string device_error(Call&& call) {
         try {
             call();
@@ -20,11 +20,13 @@ class GpuCapacity : public Gpu {
         return "";
     }
     static void expect_too_many_instances(const std::string& message) {
-        for (const char* part : {"2147483647", "instances", "--cap-max", "--resolution"}) EXPECT_NE(message.find(part), std::string::npos) << message;
+        for (const char* part : {"2147483647", "instances", "--cap-max", "--resolution"})
+            EXPECT_NE(message.find(part), std::string::npos) << message;
     }
 };
 
-/// 8192x8192 pixels are 512 x 683 tiles; 2^31 / 349 696 = 6141 Gaussians that cover all of them are too many.
+/// 8192x8192 pixels are 512 x 683 = 349 696 tiles. More than 2^31 / 349 696 = 6141 Gaussians that cover them all are
+/// too many.
 TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
     auto s = random_gaussians(7000, 0, 3);
     std::fill(s[Group::kScale].param.begin(), s[Group::kScale].param.end(), 4.0);
@@ -48,7 +50,7 @@ TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
     ASSERT_EQ(image.rgb.size(), expected.rgb.size());
     for (std::size_t i = 0; i < image.rgb.size(); ++i) ASSERT_NEAR(image.rgb[i], expected.rgb[i], 1e-3);
 
-    // The same from a step, which is refused when its count is known.
+    // A step is refused, too, when its count is known.
     const RandomTarget large_target(8192, 8192, 3), small_target(32, 24, 3);
     expect_too_many_instances(device_error([&] {
         gpu->step(step_request(large.camera, large_target.image()));
@@ -66,12 +68,12 @@ TEST_F(GpuCapacity, MoreThanTwoToThe31InstancesAreRefused) {
     EXPECT_NE(gpu->download(false)[Group::kMean].param, model[Group::kMean].param);
 }
 
-/// Views with few and with a hundred times more instances, of which several are under way before the host learns that one did
-/// not fit. What a step points to is overwritten as soon as it returns.
+/// Steps through views with few and with a hundred times more instances. Several are under way before the host learns
+/// that one did not fit. The data that a step points to is overwritten as soon as it returns.
 TEST_F(GpuCapacity, StepsThatDidNotFitAreRepeated) {
     const TestScene scene = random_scene(3000, 3, 640, 480, -0.5, 5);
     const CameraParams<float> few = cast<float>(test_camera(48, 36)), many = scene.camera;
-    constexpr std::int64_t kFirstRoom = 65536; // what a backend has room for at first
+    constexpr std::int64_t kFirstRoom = 65536;  // what a backend has room for at first
     for (const char* order : {"fmfm", "mfmf", "ffmmmmff", "fffffmf"}) {
         SCOPED_TRACE(order);
         Gaussians after[2];
@@ -115,7 +117,8 @@ TEST_F(GpuCapacity, AnImageThatDidNotFitIsRenderedAgain) {
     RenderRequest r;
     r.camera = scene.camera;
     first->render(r, a);
-    second->render(r, b), second->render({cast<float>(test_camera(48, 36)), {}, RenderMode::kFull}, small), second->render(r, b);
+    second->render(r, b), second->render({cast<float>(test_camera(48, 36)), {}, RenderMode::kFull}, small),
+        second->render(r, b);
     EXPECT_TRUE(same_bits(a.rgb, b.rgb));
     EXPECT_TRUE(same_bits(a.alpha, b.alpha));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Densification on the device against the CPU backend: the same rows, in the same order. Skipped where there is no device.
+// Densification on the device against the CPU backend: the same rows, in the same order. Skipped where there is no
+// device.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -25,9 +26,11 @@ class CudaDensification : public ::testing::Test {
 /// Both backends with the same model.
 struct Both {
     std::unique_ptr<Backend> cpu, gpu;
-    explicit Both(const Gaussians& s) : cpu(make_cpu_backend(s.appearance)), gpu(make_cuda_backend(s.appearance)) { cpu->upload(s), gpu->upload(s); }
+    explicit Both(const Gaussians& s) : cpu(make_cpu_backend(s.appearance)), gpu(make_cuda_backend(s.appearance)) {
+        cpu->upload(s), gpu->upload(s);
+    }
 
-    /// tolerance: of what libm has a part in; everything else has the same bits.
+    /// Expects the same bits, and of the groups `inexact`, in which libm has a part, values within `tolerance`.
     void expect_same(float tolerance, std::initializer_list<Group> inexact) const {
         const Gaussians a = cpu->download(true), b = gpu->download(true);
         ASSERT_EQ(a.count, b.count);
@@ -41,11 +44,15 @@ struct Both {
         expect_same(a.gradient_sum, b.gradient_sum, 0, "gradient_sum");
         expect_same(a.gradient_count, b.gradient_count, 0, "gradient_count");
     }
-    static void expect_same(const std::vector<float>& a, const std::vector<float>& b, float tolerance, const char* what) {
+    static void expect_same(const std::vector<float>& a, const std::vector<float>& b, float tolerance,
+                            const char* what) {
         ASSERT_EQ(a.size(), b.size()) << what;
         for (std::size_t i = 0; i < a.size(); ++i) {
-            if (std::bit_cast<std::uint32_t>(a[i]) == std::bit_cast<std::uint32_t>(b[i]) || (std::isnan(a[i]) && std::isnan(b[i]))) continue;
-            ASSERT_LE(std::abs(a[i] - b[i]), tolerance * std::max(1.0f, std::abs(a[i]))) << what << " value " << i << ": " << a[i] << " and " << b[i];
+            if (std::bit_cast<std::uint32_t>(a[i]) == std::bit_cast<std::uint32_t>(b[i]) ||
+                (std::isnan(a[i]) && std::isnan(b[i])))
+                continue;
+            ASSERT_LE(std::abs(a[i] - b[i]), tolerance * std::max(1.0f, std::abs(a[i])))
+                << what << " value " << i << ": " << a[i] << " and " << b[i];
         }
     }
 };
@@ -59,7 +66,7 @@ void expect_same(const DensifyStats& a, const DensifyStats& b) {
     EXPECT_EQ(a.count, b.count);
 }
 
-/// Random rows whose moments tell them apart.
+/// Returns random rows whose moments tell them apart.
 Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
     Gaussians s = cast<float>(random_gaussians(n, degree, seed));
     if (degree == 0) s.appearance.model = "none", s[Group::kResidual].width = 0, s[Group::kResidual].param.clear();
@@ -71,19 +78,21 @@ Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
     return s;
 }
 
-/// Every 7th faint, every 11th without a rotation, every 13th a copy of the row before.
+/// Returns rows of which every 7th is faint, every 11th has no rotation, and every 13th is a copy of the row before.
 Gaussians mixed_model(std::int64_t n, int degree, std::uint32_t seed) {
     Gaussians s = random_model(n, degree, seed);
     for (std::int64_t i = 0; i < n; ++i) {
         if (i % 7 == 3) s[Group::kOpacity].param[i] = -9;
         if (i % 11 == 5) std::fill_n(s[Group::kRotation].param.begin() + 4 * i, 4, 0.0f);
         if (i % 13 == 7)
-            for (auto& group : s.groups) std::copy_n(group.param.begin() + (i - 1) * group.width, group.width, group.param.begin() + i * group.width);
+            for (auto& group : s.groups)
+                std::copy_n(group.param.begin() + (i - 1) * group.width, group.width,
+                            group.param.begin() + i * group.width);
     }
     return s;
 }
 
-/// Few different values, so that many gradients are equal.
+/// Fills the statistic with few different values, so that many gradients are equal.
 void gather_statistic(Gaussians& s, std::uint32_t seed) {
     std::mt19937 rng(seed);
     const float sums[] = {0, 1e-4f, 2e-4f, 4e-4f, 1e-3f};
@@ -97,7 +106,9 @@ TEST_F(CudaDensification, McmcMovesTheRowsOfTheCpu) {
         for (const std::int64_t cap : {n / 2, n, n + 1, n + n / 12, 2 * n + 10}) {
             SCOPED_TRACE(std::to_string(n) + " Gaussians, cap " + std::to_string(cap));
             Gaussians s = mixed_model(n, n < 10000 ? 3 : 1, 7);
-            if (n > 20) s[Group::kOpacity].param[8] = kNan, s[Group::kOpacity].param[9] = 60, s[Group::kOpacity].param[10] = -kInf;
+            if (n > 20)
+                s[Group::kOpacity].param[8] = kNan, s[Group::kOpacity].param[9] = 60,
+                s[Group::kOpacity].param[10] = -kInf;
             const Both both(s);
             McmcParams p;
             p.cap = cap;
@@ -114,7 +125,7 @@ TEST_F(CudaDensification, McmcTakesManyCopiesOfOne) {
     const Both dead(s);
     McmcParams p;
     p.cap = 300;
-    expect_same(dead.cpu->densify({p, 600, 1}), dead.gpu->densify({p, 600, 1})); // nowhere to go
+    expect_same(dead.cpu->densify({p, 600, 1}), dead.gpu->densify({p, 600, 1}));  // nowhere to go
     dead.expect_same(0, {});
     s[Group::kOpacity].param[123] = 4;
     const Both one(s);
@@ -145,15 +156,16 @@ TEST_F(CudaDensification, AdcBuildsTheModelOfTheCpu) {
     for (const std::int64_t n : {1, 2, 1000, 40000})
         for (const std::int64_t cap : {std::int64_t(0), n / 2, n, n + 1, n + n / 10, 3 * n})
             for (const bool statistic : {true, false}) {
-                SCOPED_TRACE(std::to_string(n) + " Gaussians, cap " + std::to_string(cap) + (statistic ? "" : ", no statistic"));
+                SCOPED_TRACE(std::to_string(n) + " Gaussians, cap " + std::to_string(cap) +
+                             (statistic ? "" : ", no statistic"));
                 Gaussians s = mixed_model(n, n < 10000 ? 3 : 0, 11);
                 if (statistic) gather_statistic(s, 5);
                 if (n > 20) s[Group::kScale].param[30] = kNan, s[Group::kOpacity].param[12] = kNan;
                 const Both both(s);
                 AdcParams p;
-                p.extent = 20; // clone below a scale of 0.2, about the median
+                p.extent = 20;  // clone below a scale of 0.2, about the median
                 p.cap = cap;
-                for (int k = 0; k < 2; ++k) { // the second time there is no statistic
+                for (int k = 0; k < 2; ++k) {  // the second time there is no statistic
                     p.prune_large = k == 1;
                     expect_same(both.cpu->densify({p, 600 + 100 * k, 3}), both.gpu->densify({p, 600 + 100 * k, 3}));
                     both.expect_same(2e-6f, {Group::kMean});
@@ -196,7 +208,8 @@ TEST_F(CudaDensification, AdcMovesTheResidualsOfEveryModel) {
         EXPECT_GT(stats.cloned, 0);
         EXPECT_GT(stats.split, 0);
         both.expect_same(2e-6f, {Group::kMean});
-        Both::expect_same(both.cpu->download(true).shared.param, both.gpu->download(true).shared.param, 0, "shared weights");
+        Both::expect_same(both.cpu->download(true).shared.param, both.gpu->download(true).shared.param, 0,
+                          "shared weights");
     }
 }
 
@@ -237,7 +250,7 @@ TEST_F(CudaDensification, MortonOrderIsTheOneOfTheCpu) {
         both.cpu->morton_sort(), both.gpu->morton_sort();
         both.expect_same(0, {});
     }
-    Gaussians equal = random_model(100, 1, 16); // of equal places the order stays
+    Gaussians equal = random_model(100, 1, 16);  // of equal places the order stays
     std::fill(equal[Group::kMean].param.begin(), equal[Group::kMean].param.end(), 0.5f);
     Gaussians bad = random_model(100, 1, 17);
     for (float x : {kNan, kInf, -kInf, 1e38f, -1e38f}) {
@@ -250,7 +263,7 @@ TEST_F(CudaDensification, MortonOrderIsTheOneOfTheCpu) {
     }
 }
 
-/// So many rows that a gather cannot take all columns of a residual at once.
+/// A gather of so many rows cannot take all columns of a residual at once.
 TEST_F(CudaDensification, RowsOfALargeModelMoveInSlices) {
     const Gaussians s = random_model(400000, 3, 18);
     const Both both(s);
@@ -260,14 +273,14 @@ TEST_F(CudaDensification, RowsOfALargeModelMoveInSlices) {
 
 TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
     for (const std::int64_t n : {0, 1, 500, 20000})
-        for (const int spacing : {0, 1, 3, 97}) { // none, all, many, few
+        for (const int spacing : {0, 1, 3, 97}) {  // none, all, many, few
             SCOPED_TRACE(std::to_string(n) + " Gaussians, spacing " + std::to_string(spacing));
             Gaussians s = mixed_model(n, n < 10000 ? 3 : 0, 19);
             gather_statistic(s, 8);
             for (std::int64_t i = 0; spacing && i < n; i += spacing) {
                 auto& group = s.groups[std::size_t(i / spacing) % (n < 10000 ? kNumGroups : kNumGroups - 1)];
                 group.param[std::size_t((i + 1) * group.width - 1)] = i % 2 ? kNan : -kInf;
-                if (i % 5 == 0) s[Group::kMean].param[3 * i] = kInf; // several groups of one row
+                if (i % 5 == 0) s[Group::kMean].param[3 * i] = kInf;  // several groups of one row
             }
             const Both both(s);
             const PruneStats a = both.cpu->prune(NonFiniteRows{}), b = both.gpu->prune(NonFiniteRows{});
@@ -280,7 +293,7 @@ TEST_F(CudaDensification, PruningRemovesTheRowsOfTheCpu) {
         }
 }
 
-/// What trainers do: everything on one backend, so that memory of earlier calls is used again.
+/// Does everything on one backend, as trainers do, so that memory of earlier calls is used again.
 TEST_F(CudaDensification, AllOperationsFollowEachOther) {
     Gaussians s = mixed_model(3000, 3, 20);
     gather_statistic(s, 9);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// --deterministic: the same bits again; and images kept on the device or uploaded for every step. Skipped where there is no
-// device.
+// --deterministic: the same bits again; and images kept on the device or uploaded for every step. Skipped where there
+// is no device.
 #include "kernels/backend.h"
 #include "tests/gpu/scenes.h"
 
@@ -32,7 +32,7 @@ class GpuDeterministic : public Gpu {
     const Views views_;
     const TestScene scene_ = random_scene(4000, 3, kWidth, kHeight, -1, 6);
 
-    /// 30 steps; every tenth is followed by a densification, twice MCMC and once ADC.
+    /// Takes 30 steps; a densification follows every tenth, twice MCMC and once ADC.
     Gaussians train(const BackendOptions& options, bool with_ids = true) const {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);
         gpu->upload(scene_.model);
@@ -44,7 +44,8 @@ class GpuDeterministic : public Gpu {
             gpu->step(views_.request(k, with_ids));
             if (k % 10 != 9) continue;
             const DensifyStats stats = k == 19 ? gpu->densify({adc, k, 7}) : gpu->densify({mcmc, k, 7});
-            EXPECT_GT(stats.added + stats.relocated + stats.cloned + stats.split, 0) << "a densification that changed nothing";
+            EXPECT_GT(stats.added + stats.relocated + stats.cloned + stats.split, 0)
+                << "a densification that changed nothing";
         }
         return gpu->download(true);
     }
@@ -57,8 +58,9 @@ TEST_F(GpuDeterministic, TrainingRepeatsItselfToTheBit) {
     EXPECT_NE(a[Group::kMean].param, scene_.model[Group::kMean].param);
 }
 
-/// The order of additions is all that differs: a few roundings of each sum's terms, of which 1e-4 of the group's largest
-/// gradient is ten times what the error bounds of this scene allow (step_test.cpp compares both with the reference).
+/// Only the order of additions differs, by a few roundings of each sum's terms. The tolerance of 1e-4 of the group's
+/// largest gradient is ten times what the error bounds of this scene allow (step_test.cpp compares both with the
+/// reference).
 TEST_F(GpuDeterministic, OneStepIsThatOfTheFastMode) {
     Gaussians after[2];
     for (const bool fixed_order : {false, true}) {
@@ -79,7 +81,7 @@ TEST_F(GpuDeterministic, OneStepIsThatOfTheFastMode) {
     }
 }
 
-/// No image kept, all kept, and room for one of the four; and targets without a name, which are never kept.
+/// Compares no image kept, all kept, room for one of the four, and targets without a name, which are never kept.
 TEST_F(GpuDeterministic, ImagesKeptOrUploadedForEveryStepGiveTheSameBits) {
     const Gaussians kept = train({.deterministic = true});
     for (const std::int64_t budget : {0, 3 * kWidth * kHeight + 1000}) {
@@ -90,7 +92,9 @@ TEST_F(GpuDeterministic, ImagesKeptOrUploadedForEveryStepGiveTheSameBits) {
 }
 
 TEST_F(GpuDeterministic, TheImageBudgetIsKept) {
-    for (const auto& [budget, num_kept] : {std::pair{std::int64_t(0), 0}, {std::int64_t(3 * kWidth * kHeight + 1000), 1}, {std::int64_t(1) << 30, kViews}}) {
+    for (const auto& [budget, num_kept] : {std::pair{std::int64_t(0), 0},
+                                           {std::int64_t(3 * kWidth * kHeight + 1000), 1},
+                                           {std::int64_t(1) << 30, kViews}}) {
         const auto gpu = make_cuda_backend(scene_.model.appearance, {.image_budget = budget});
         gpu->upload(scene_.model);
         for (int k = 0; k < 2 * kViews; ++k) gpu->step(views_.request(k, true));

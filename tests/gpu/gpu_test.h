@@ -26,7 +26,8 @@ struct RandomTarget {
     std::vector<std::uint8_t> u8, mask;
     std::vector<float> f32;
 
-    RandomTarget(int w, int h, int c, bool masked = false, bool floats = false, std::uint32_t seed = 5) : width(w), height(h), channels(c) {
+    RandomTarget(int w, int h, int c, bool masked = false, bool floats = false, std::uint32_t seed = 5)
+        : width(w), height(h), channels(c) {
         std::mt19937 rng(seed);
         const std::size_t pixels = std::size_t(w) * h;
         if (floats) {
@@ -40,11 +41,17 @@ struct RandomTarget {
         for (auto& x : mask) x = rng() % 4 ? std::uint8_t(rng()) : 0;
     }
     TargetImage image(std::int64_t id = -1) const {
-        return {width, height, channels, u8.empty() ? nullptr : u8.data(), f32.empty() ? nullptr : f32.data(), mask.empty() ? nullptr : mask.data(), id};
+        return {width,
+                height,
+                channels,
+                u8.empty() ? nullptr : u8.data(),
+                f32.empty() ? nullptr : f32.data(),
+                mask.empty() ? nullptr : mask.data(),
+                id};
     }
 };
 
-/// A step with rates, regularisers and statistic.
+/// Returns a step with rates, regularisers and statistic.
 inline StepRequest step_request(const CameraParams<float>& camera, const TargetImage& target) {
     StepRequest r;
     r.camera = camera;
@@ -56,7 +63,7 @@ inline StepRequest step_request(const CameraParams<float>& camera, const TargetI
     return r;
 }
 
-/// Model none where the appearance has no degree.
+/// Returns the scene in float, with the model `none` where the appearance has no degree.
 inline Gaussians float_model(const GaussianState<double>& s) {
     Gaussians f = cast<float>(s);
     if (f.appearance.max_degree == 0) f.appearance.model = "none";
@@ -67,7 +74,7 @@ inline bool same_bits(const std::vector<float>& a, const std::vector<float>& b) 
     return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0);
 }
 
-/// Parameters and moments, to the bit.
+/// Expects equal bits of parameters and moments.
 inline void expect_same_bits(const Gaussians& a, const Gaussians& b) {
     ASSERT_EQ(a.count, b.count);
     EXPECT_EQ(a.step, b.step);

@@ -36,9 +36,10 @@ TEST_F(GpuRender, ShowsTheBackgroundWhereNothingIsInFront) {
     }
 }
 
-/// A million Gaussians have depths nearer to each other than the sort resolves, where rounding picks the order, and the
-/// reference would take minutes: the CPU in float is the measure here. Two neighbours of opacity near 1 in swapped order can
-/// change a pixel by the difference of their colours; so few pixels may be off, and the mean tells about all others.
+/// The CPU in float is the measure here, because the reference would take minutes. A million Gaussians have depths
+/// nearer to each other than the sort resolves, and rounding picks their order. Two neighbours of opacity near 1 in
+/// swapped order can change a pixel by the difference of their colours; so few pixels may be off, and the mean tells
+/// about all others.
 TEST_F(GpuRender, OfAMillionGaussiansIsTheOneOfTheCpu) {
     auto s = random_gaussians(1000000, 1, 21);
     for (double& x : s[Group::kScale].param) x -= 3.5;
@@ -56,7 +57,8 @@ TEST_F(GpuRender, OfAMillionGaussiansIsTheOneOfTheCpu) {
         ASSERT_TRUE(std::isfinite(b.rgb[i]));
         sum += difference, off += difference > 1e-3;
     }
-    std::printf("  mean difference %.1e, %zu of %zu values off by more than 1e-3\n", sum / double(a.rgb.size()), off, a.rgb.size());
+    std::printf("  mean difference %.1e, %zu of %zu values off by more than 1e-3\n", sum / double(a.rgb.size()), off,
+                a.rgb.size());
     // Parameters moved by an ulp give 1e-6 and 8 values.
     EXPECT_LE(sum / double(a.rgb.size()), 1e-5);
     EXPECT_LE(off, a.rgb.size() / 10000);

@@ -19,7 +19,7 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
     for (auto& x : target) x = std::uint8_t(rng());
     StepRequest wide, narrow;
     wide.camera = narrow.camera = cast<float>(test_camera(kWidth, kHeight));
-    narrow.camera.fx *= 6, narrow.camera.fy *= 6; // sees a part of the Gaussians
+    narrow.camera.fx *= 6, narrow.camera.fy *= 6;  // sees a part of the Gaussians
     for (StepRequest* r : {&wide, &narrow}) {
         r->target = {kWidth, kHeight, 3, target.data(), nullptr, nullptr};
         r->gather_gradient_stats = true;
@@ -32,11 +32,11 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
     for (int k = 0; k < 3; ++k) cpu->step(wide);
     Gaussians state = cpu->download(true);
     state.gradient_sum.assign(state.count, 0.0f), state.gradient_count.assign(state.count, 0.0f);
-    for (const int steps : {1, 7, 100, 300}) { // 300: more than a residual may lag behind
+    for (const int steps : {1, 7, 100, 300}) {  // 300: more than a residual may lag behind
         cpu->upload(state), gpu->upload(state);
         for (int k = 0; k < steps; ++k) {
             StepRequest r = narrow;
-            r.rates[int(Group::kResidual)] = 1e-3 * (1 + 0.5 * (k % 5)); // the rate may change from step to step
+            r.rates[int(Group::kResidual)] = 1e-3 * (1 + 0.5 * (k % 5));  // the rate may change from step to step
             cpu->step(r), gpu->step(r);
         }
         const Gaussians a = cpu->download(true), b = gpu->download(true);
@@ -51,12 +51,17 @@ TEST(LazyAdam, MissedStepsEqualPlainAdam) {
                 // Gradients below 1e-11 come near Adam's epsilon, which the closed form takes as constant.
                 double& difference = before.v[k] > 1e-25f ? worst : worst_near_epsilon;
                 difference = std::max(difference, double(std::abs(x.param[k] - y.param[k])));
-                worst_m = std::max(worst_m, double(std::abs(x.m[k] - y.m[k]))), scale_m = std::max(scale_m, double(std::abs(x.m[k])));
-                worst_v = std::max(worst_v, double(std::abs(x.v[k] - y.v[k]))), scale_v = std::max(scale_v, double(std::abs(x.v[k])));
+                worst_m = std::max(worst_m, double(std::abs(x.m[k] - y.m[k]))),
+                scale_m = std::max(scale_m, double(std::abs(x.m[k])));
+                worst_v = std::max(worst_v, double(std::abs(x.v[k] - y.v[k]))),
+                scale_v = std::max(scale_v, double(std::abs(x.v[k])));
             }
         }
-        std::printf("%d steps: %lld of %lld unseen, moved by up to %.2e, worst difference %.2e (near epsilon %.2e), of m %.2e of %.2e, of v %.2e of %.2e\n", steps, (long long)unseen,
-                    (long long)a.count, moved, worst, worst_near_epsilon, worst_m, scale_m, worst_v, scale_v);
+        std::printf(
+            "%d steps: %lld of %lld unseen, moved by up to %.2e, worst difference %.2e (near epsilon %.2e), of m %.2e "
+            "of %.2e, of v %.2e of %.2e\n",
+            steps, (long long)unseen, (long long)a.count, moved, worst, worst_near_epsilon, worst_m, scale_m, worst_v,
+            scale_v);
         EXPECT_GT(unseen, a.count / 10);
         EXPECT_GT(moved, 1e-4);
         // Plain Adam rounds p once a step, by up to half an ulp of p (|p| < 4: 1.2e-7 a step).

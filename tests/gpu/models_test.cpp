@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every appearance model on the CUDA backend against the CPU's templates in double: colours, gradients, shared weights; the
-// separate pass against the fused kernels. Bounds on images and gradients as such are in image_test.cpp and step_test.cpp.
+// Every appearance model on the CUDA backend against the CPU's templates in double: colours, gradients, shared weights;
+// the separate pass against the fused kernels. Bounds on images and gradients as such are in image_test.cpp and
+// step_test.cpp.
 #include "appearance/model_info.h"
 #include "kernels/loss/loss.h"
 #include "tests/gpu/gpu_test.h"
@@ -11,15 +12,17 @@
 namespace gs::test {
 namespace {
 
-constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
-/// Half precision rounds inputs, weights and activations of a network to 2^-11; single precision the rest to 2^-24, which
-/// sums over pixels and a lobe's exponential multiply by some hundred.
-template <class Model> constexpr bool kHalf = kNumSharedOf<Model> > 0;
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus,
+                                            ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
+/// True for models that compute in half precision. It rounds inputs, weights and activations of a network to 2^-11.
+/// Single precision rounds the rest to 2^-24, which sums over pixels and a lobe's exponential multiply by some hundred.
+template <class Model> constexpr bool kHalf = kNumSharedOf<Model> != 0;
 
-/// |a - b| / |b|, Euclidean.
+/// Returns |a - b| / |b| in the Euclidean norm.
 double relative_distance(const std::vector<float>& a, const std::vector<double>& b, double factor = 1) {
     double difference = 0, size = 0;
-    for (std::size_t i = 0; i < b.size(); ++i) difference += (a[i] * factor - b[i]) * (a[i] * factor - b[i]), size += b[i] * b[i];
+    for (std::size_t i = 0; i < b.size(); ++i)
+        difference += (a[i] * factor - b[i]) * (a[i] * factor - b[i]), size += b[i] * b[i];
     return size > 0 ? std::sqrt(difference / size) : std::sqrt(difference);
 }
 
@@ -48,7 +51,7 @@ template <class Model> class GpuModel : public ::testing::Test {
         std::vector<double> image;
         GaussianState<double> gradients;
     };
-    /// Of the loss without regularisers, as the CPU's templates give it in double.
+    /// Returns the image and the gradients of the loss without regularisers from the CPU's templates in double.
     static Expected expected(const TestScene& t, const StepRequest& r) {
         const auto d = cast<double>(t.model);
         Pipeline<double, Model> pipe;
@@ -88,8 +91,10 @@ TYPED_TEST(GpuModel, ShowsTheSameColors) {
                     RenderedImage image;
                     gpu->render(r, image);
                     Pipeline<double, TypeParam> pipe;
-                    pipe.render(cast<double>(t.model), cast<double>(t.camera), {t.background.x, t.background.y, t.background.z}, mode);
-                    // A fragment at the alpha threshold counts on one side only; it may show as much as 1/255 of a colour.
+                    pipe.render(cast<double>(t.model), cast<double>(t.camera),
+                                {t.background.x, t.background.y, t.background.z}, mode);
+                    // A fragment at the alpha threshold counts on one side only; it may show as much as 1/255 of a
+                    // colour.
                     const double limit = kHalf<TypeParam> ? 4e-3 : 2e-4;
                     std::size_t beyond = 0;
                     double worst = 0;
@@ -113,14 +118,15 @@ TYPED_TEST(GpuModel, LearnsTheSame) {
         for (const bool separate : {false, true}) {
             const Gaussians now = this->after_step(t, r, {.separate_appearance = separate});
             std::printf("  activation %d%s:", int(activation), separate ? ", separate" : "");
-            const auto check = [&](const std::vector<float>& m, const std::vector<double>& g, const char* name, double limit) {
+            const auto check = [&](const std::vector<float>& m, const std::vector<double>& g, const char* name,
+                                   double limit) {
                 if (g.empty()) return;
-                const double error = relative_distance(m, g, 10); // after one step m = 0.1 g
+                const double error = relative_distance(m, g, 10);  // after one step m = 0.1 g
                 std::printf(" %s %.1e", name, error);
                 EXPECT_LE(error, limit) << name;
             };
-            // Sums over thousands of fragments, some at the threshold, in single precision: 1e-4 at the most. Through halves
-            // each of a network's products is off by 2^-11, and a neuron near 0 may be on or off.
+            // Sums over thousands of fragments, some at the threshold, in single precision: 1e-4 at the most. Through
+            // halves each of a network's products is off by 2^-11, and a neuron near 0 may be on or off.
             for (int g = 0; g < kNumGroups; ++g)
                 check(now.groups[g].m, want.gradients.groups[g].param, kGroupNames[g], kHalf<TypeParam> ? 2e-2 : 1e-3);
             check(now.shared.m, want.gradients.shared.param, "shared", 1e-2);
@@ -133,7 +139,8 @@ TYPED_TEST(GpuModel, SeparatePassEqualsFusedKernels) {
     const RandomTarget target(160, 120, 3);
     const TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kRelu);
     const StepRequest r = this->request(t, target);
-    const Gaussians fused = this->after_step(t, r, {.deterministic = true}), separate = this->after_step(t, r, {.deterministic = true, .separate_appearance = true});
+    const Gaussians fused = this->after_step(t, r, {.deterministic = true}),
+                    separate = this->after_step(t, r, {.deterministic = true, .separate_appearance = true});
     for (int g = 0; g < kNumGroups; ++g) {
         const std::vector<double> want(fused.groups[g].m.begin(), fused.groups[g].m.end());
         EXPECT_LE(relative_distance(separate.groups[g].m, want), 1e-5) << kGroupNames[g];
@@ -157,7 +164,8 @@ TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {
     gpu->synchronize();
     EXPECT_NEAR(gpu->take_stats().loss, cpu->take_stats().loss, 2e-4);
     const Gaussians a = cpu->download(true), b = gpu->download(true);
-    const auto compare = [&](const std::vector<float>& before, const std::vector<float>& x, const std::vector<float>& y, const char* name) {
+    const auto compare = [&](const std::vector<float>& before, const std::vector<float>& x, const std::vector<float>& y,
+                             const char* name) {
         double difference = 0, moved = 0;
         for (std::size_t i = 0; i < before.size(); ++i) {
             ASSERT_TRUE(std::isfinite(y[i])) << name;
@@ -167,7 +175,8 @@ TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {
         EXPECT_LE(std::sqrt(difference), (kHalf<TypeParam> ? 0.3 : 0.1) * std::sqrt(moved)) << name;
         if (!before.empty()) std::printf("  %s %.1e", name, std::sqrt(difference / moved));
     };
-    for (int g = 0; g < kNumGroups; ++g) compare(t.model.groups[g].param, a.groups[g].param, b.groups[g].param, kGroupNames[g]);
+    for (int g = 0; g < kNumGroups; ++g)
+        compare(t.model.groups[g].param, a.groups[g].param, b.groups[g].param, kGroupNames[g]);
     compare(t.model.shared.param, a.shared.param, b.shared.param, "shared");
     std::printf("\n");
 }
@@ -193,7 +202,8 @@ TYPED_TEST(GpuModel, StaysFiniteAtTheExtremes) {
         TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kSoftplus);
         std::mt19937 rng(5);
         for (float& x : t.model[Group::kResidual].param) x = rng() % 2 ? size : -size;
-        for (float& x : t.model.shared.param) x = std::min(size, float(kLargestSharedWeight)) * (rng() % 2 ? 1.0f : -1.0f);
+        for (float& x : t.model.shared.param)
+            x = std::min(size, float(kLargestSharedWeight)) * (rng() % 2 ? 1.0f : -1.0f);
         const Gaussians now = this->after_step(t, this->request(t, target), {});
         for (int g = 0; g < kNumGroups; ++g) {
             expect_finite(now.groups[g].param, kGroupNames[g]);

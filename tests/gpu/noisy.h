@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scalar whose every operation is off by a random part of what single precision may be off by: Monte Carlo arithmetic (Parker,
-// Monte Carlo Arithmetic, 1997; Vignes, A stochastic arithmetic for reliable scientific computation, 1993).
+// A scalar whose every operation is off by a random part of what single precision may be off by: Monte Carlo arithmetic
+// (Parker, Monte Carlo Arithmetic, 1997; Vignes, A stochastic arithmetic for reliable scientific computation, 1993).
 //
-// Several evaluations of the same formula with different noise spread like fp32 evaluations in different orders do. Unlike
-// running bounds (rounding.h) the spread knows that errors partly cancel: sums over thousands of pixels of both signs, as
-// gradients are, have worst-case bounds larger than themselves, and an actual error of 1e-6.
+// Several evaluations of the same formula with different noise spread like fp32 evaluations in different orders do.
+// Unlike running bounds (rounding.h) the spread knows that errors partly cancel: sums over thousands of pixels of both
+// signs, as gradients are, have worst-case bounds larger than themselves, and an actual error of 1e-6.
 #pragma once
 
 #include <algorithm>
@@ -15,11 +15,13 @@
 
 namespace gs::test {
 
-/// The noise of this thread; started anew for each item of work, so that results do not depend on which thread does it.
+/// The noise of this thread. It starts anew for each item of work, so that results do not depend on the thread.
 class Noise {
   public:
-    static void start(std::uint64_t sample, std::uint64_t item) { state() = (sample * 0x9e3779b97f4a7c15 + item * 0xbf58476d1ce4e5b9) | 1; }
-    /// Uniform in [-1, 1].
+    static void start(std::uint64_t sample, std::uint64_t item) {
+        state() = (sample * 0x9e3779b97f4a7c15 + item * 0xbf58476d1ce4e5b9) | 1;
+    }
+    /// Returns a uniform number in [-1, 1].
     static double next() {
         std::uint64_t& s = state();
         s ^= s >> 12, s ^= s << 25, s ^= s >> 27;
@@ -37,8 +39,8 @@ struct Noisy {
     double v;
 
     Noisy() = default;
-    explicit Noisy(double x) : v(double(float(x))) {} ///< constants are those of float
-    /// units: of the operation, as in rounding.h.
+    explicit Noisy(double x) : v(double(float(x))) {}  ///< constants are those of float
+    /// Returns x with the noise of an operation of `units` roundings, as in rounding.h.
     static Noisy of(double x, double units) {
         Noisy r;
         r.v = x * (1 + units * kRoundoff * Noise::next());

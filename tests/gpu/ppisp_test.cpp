@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // PPISP and its controllers on the device against the CPU's and against double. Skipped where there is no device.
+#include "kernels/ppisp/ppisp.h"
 #include "kernels/backend.h"
 #include "kernels/ppisp/controller.h"
-#include "kernels/ppisp/ppisp.h"
 #include "tests/gpu/scenes.h"
 
 namespace gs::test {
@@ -10,15 +10,17 @@ namespace {
 
 constexpr int kFrames = 7, kCameras = 2;
 
-/// Values as training leaves them, by hand-made noise.
+/// Returns values like those of a training, made of noise.
 PpispState random_ppisp(std::uint32_t seed, bool with_controllers) {
     PpispState state = identity_ppisp(kFrames, kCameras);
     std::mt19937 rng(seed);
     std::normal_distribution<float> normal;
-    for (int i = 0; i < kFrames * kIspFrameValues; ++i) state.param[i] = (i % kIspFrameValues ? 0.6f : 0.7f) * normal(rng);
+    for (int i = 0; i < kFrames * kIspFrameValues; ++i)
+        state.param[i] = (i % kIspFrameValues ? 0.6f : 0.7f) * normal(rng);
     for (int c = 0; c < kCameras; ++c) {
         float* camera = state.param.data() + state.camera_offset(c);
-        for (int k = 0; k < 3 * kIspVignetting; ++k) camera[k] = k % kIspVignetting < 2 ? 0.05f * normal(rng) : -0.2f * std::abs(normal(rng));
+        for (int k = 0; k < 3 * kIspVignetting; ++k)
+            camera[k] = k % kIspVignetting < 2 ? 0.05f * normal(rng) : -0.2f * std::abs(normal(rng));
         for (int k = 3 * kIspVignetting; k < kIspCameraValues; ++k) camera[k] += 0.4f * normal(rng);
     }
     if (with_controllers) initialize_controller(state, seed);
@@ -45,10 +47,12 @@ struct Pair {
 
 TestScene view_of(int width, int height) { return random_scene(400, 1, width, height, -0.5, 9); }
 
-/// Largest difference of two gradients, which are Adam's first moments of a first step, over the largest value.
+/// Returns the largest difference of two gradients over the largest value. The gradients are Adam's first moments of a
+/// first step.
 double difference(const std::vector<float>& a, const std::vector<float>& b, std::size_t begin, std::size_t end) {
     double largest = 0, error = 0;
-    for (std::size_t i = begin; i < end; ++i) largest = std::max(largest, std::abs(double(b[i]))), error = std::max(error, std::abs(double(a[i]) - b[i]));
+    for (std::size_t i = begin; i < end; ++i)
+        largest = std::max(largest, std::abs(double(b[i]))), error = std::max(error, std::abs(double(a[i]) - b[i]));
     return largest > 0 ? error / largest : error;
 }
 
@@ -60,17 +64,20 @@ TEST_F(GpuPpisp, CorrectsImagesAsTheCpuDoes) {
         const Pair both(view_of(width, height), random_ppisp(3, true));
         const RenderedImage raw = both.render({});
         ViewCorrection correction;
-        for (const IspView& view : {IspView{IspMode::kFrame, 4, 1, 0}, IspView{IspMode::kFrame, -1, 0, 0}, IspView{IspMode::kController, -1, 0, 0.5f},
-                                    IspView{IspMode::kController, 2, 1, -1.0f}}) {
+        for (const IspView& view :
+             {IspView{IspMode::kFrame, 4, 1, 0}, IspView{IspMode::kFrame, -1, 0, 0},
+              IspView{IspMode::kController, -1, 0, 0.5f}, IspView{IspMode::kController, 2, 1, -1.0f}}) {
             std::vector<float> expected(raw.rgb.size());
             correction.apply(both.scene.model.ppisp, view, raw.rgb.data(), width, height, expected.data());
             const RenderedImage image = both.render(view);
             double error = 0;
-            for (std::size_t i = 0; i < expected.size(); ++i) error = std::max(error, double(std::abs(image.rgb[i] - expected[i])));
+            for (std::size_t i = 0; i < expected.size(); ++i)
+                error = std::max(error, double(std::abs(image.rgb[i] - expected[i])));
             EXPECT_LT(error, 1e-5) << "mode " << int(view.mode);
             EXPECT_EQ(image.alpha, raw.alpha);
         }
-        EXPECT_TRUE(same_bits(both.render({IspMode::kFrame, 4, 1, 0}, RenderMode::kResidualOnly).rgb, both.render({}, RenderMode::kResidualOnly).rgb));
+        EXPECT_TRUE(same_bits(both.render({IspMode::kFrame, 4, 1, 0}, RenderMode::kResidualOnly).rgb,
+                              both.render({}, RenderMode::kResidualOnly).rgb));
     }
 }
 
@@ -87,7 +94,8 @@ TEST_F(GpuPpisp, ControllersSayWhatTheySayInDouble) {
     const PpispState state = random_ppisp(3, true);
     const Pair both(view_of(133, 90), state);
     const RenderedImage raw = both.render({});
-    const std::vector<double> weights(state.controller.begin() + kControllerWeights, state.controller.end()), image(raw.rgb.begin(), raw.rgb.end());
+    const std::vector<double> weights(state.controller.begin() + kControllerWeights, state.controller.end()),
+        image(raw.rgb.begin(), raw.rgb.end());
     double said[kIspFrameValues];
     Controller<double>().forward(weights.data(), image.data(), 133, 90, 0.25, said);
     // Its values become those of a frame, whose picture must then be the same.
@@ -112,9 +120,11 @@ TEST_F(GpuPpisp, LearnsAsTheCpuDoes) {
         const Gaussians gpu = both.gpu->download(true), cpu = both.cpu->download(true);
         EXPECT_EQ(gpu.ppisp.step, 1);
         const PpispState& state = cpu.ppisp;
-        const double frames = difference(gpu.ppisp.m, state.m, 0, state.camera_offset(0)), cameras = difference(gpu.ppisp.m, state.m, state.camera_offset(0), state.size());
+        const double frames = difference(gpu.ppisp.m, state.m, 0, state.camera_offset(0)),
+                     cameras = difference(gpu.ppisp.m, state.m, state.camera_offset(0), state.size());
         const double means = difference(gpu[Group::kMean].m, cpu[Group::kMean].m, 0, cpu[Group::kMean].m.size());
-        std::printf("  %dx%d: relative difference of the gradient, frames %.1e, cameras %.1e, means %.1e\n", width, height, frames, cameras, means);
+        std::printf("  %dx%d: relative difference of the gradient, frames %.1e, cameras %.1e, means %.1e\n", width,
+                    height, frames, cameras, means);
         EXPECT_LT(frames, 2e-4);
         EXPECT_LT(cameras, 2e-4);
         EXPECT_LT(means, 2e-3);
@@ -138,12 +148,14 @@ TEST_F(GpuPpisp, ControllersLearnAsOnTheCpu) {
         EXPECT_TRUE(same_bits(gpu.ppisp.param, both.scene.model.ppisp.param));
         for (int layer = 0; layer < kControllerLayers; ++layer) {
             const std::size_t begin = kControllerWeights + controller_layer(layer).offset;
-            const std::size_t end = kControllerWeights + controller_layer(layer).bias() + controller_layer(layer).outputs;
+            const std::size_t end =
+                kControllerWeights + controller_layer(layer).bias() + controller_layer(layer).outputs;
             const double error = difference(gpu.ppisp.controller_m, cpu.ppisp.controller_m, begin, end);
             std::printf("  %dx%d, layer %d: relative difference of the gradient %.1e\n", width, height, layer, error);
             EXPECT_LT(error, 2e-3) << "layer " << layer;
         }
-        for (int k = 0; k < kControllerWeights; ++k) ASSERT_EQ(gpu.ppisp.controller_m[k], 0) << "another camera's controller";
+        for (int k = 0; k < kControllerWeights; ++k)
+            ASSERT_EQ(gpu.ppisp.controller_m[k], 0) << "another camera's controller";
     }
 }
 
@@ -220,7 +232,7 @@ TEST_F(GpuPpisp, RefusesViewsThatTheModelDoesNotHave) {
     EXPECT_THROW(both.gpu->distill(r), UsageError) << "there is no controller";
     r.isp = {IspMode::kFrame, kFrames, 0, 0};
     EXPECT_THROW(both.gpu->step(r), UsageError);
-    r.isp = {IspMode::kFrame, 0, 0, 0}; // the backend goes on
+    r.isp = {IspMode::kFrame, 0, 0, 0};  // the backend goes on
     both.gpu->step(r);
     EXPECT_EQ(both.gpu->download(false).step, 1);
 }

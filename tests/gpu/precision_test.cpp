@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The settings that trade accuracy for speed: each does what it says, and nothing else. Skipped where there is no device.
+// The settings that trade accuracy for speed: each does what it says, and nothing else. Skipped where there is no
+// device.
 #include <algorithm>
 #include <bit>
 
@@ -47,20 +48,25 @@ Difference compare(const std::vector<float>& a, const std::vector<float>& b) {
     return d;
 }
 
-/// Roundings decide about single fragments at the cutoff, so that few pixels may differ, by at most what is cut off.
+/// Rounding decides about single fragments at the cutoff, so a few pixels may differ by at most what is cut off.
 TEST_F(GpuPrecision, CutoffsAreThoseOfTheCpu) {
     const BackendOptions options{.min_alpha = 4.0 / 255, .min_transmittance = 0.01};
-    const auto cpu = make_cpu_backend(scene_.model.appearance, options), gpu = make_cuda_backend(scene_.model.appearance, options);
+    const auto cpu = make_cpu_backend(scene_.model.appearance, options),
+               gpu = make_cuda_backend(scene_.model.appearance, options);
     cpu->upload(scene_.model), gpu->upload(scene_.model);
-    const Difference same = compare(frame(*cpu).rgb, frame(*gpu).rgb), cut = compare(frame_with({}).rgb, frame(*gpu).rgb);
-    std::printf("mean difference to the CPU's %.1e (worst %.1e), to no cutoffs %.1e (%.1e)\n", same.mean, same.worst, cut.mean, cut.worst);
+    const Difference same = compare(frame(*cpu).rgb, frame(*gpu).rgb),
+                     cut = compare(frame_with({}).rgb, frame(*gpu).rgb);
+    std::printf("mean difference to the CPU's %.1e (worst %.1e), to no cutoffs %.1e (%.1e)\n", same.mean, same.worst,
+                cut.mean, cut.worst);
     EXPECT_LT(same.mean, 1e-6);
     EXPECT_GT(cut.mean, 1e-4);
     cpu->step(request(0)), gpu->step(request(0));
     const Gaussians a = cpu->download(true), b = gpu->download(true);
     for (int g = 0; g < kNumGroups; ++g) {
         double difference = 0, sum = 0;
-        for (std::size_t i = 0; i < a.groups[g].m.size(); ++i) difference += std::abs(double(a.groups[g].m[i]) - b.groups[g].m[i]), sum += std::abs(double(a.groups[g].m[i]));
+        for (std::size_t i = 0; i < a.groups[g].m.size(); ++i)
+            difference += std::abs(double(a.groups[g].m[i]) - b.groups[g].m[i]),
+                sum += std::abs(double(a.groups[g].m[i]));
         EXPECT_GT(sum, 0);
         EXPECT_LE(difference, 2e-3 * sum) << kGroupNames[g];
     }
@@ -72,7 +78,8 @@ TEST_F(GpuPrecision, HalfStorageRoundsWhatFramesRead) {
         for (float& x : g[Group::kResidual].param) x = float(_Float16(x));
         return g;
     };
-    const auto plain = make_cuda_backend(scene_.model.appearance, {.deterministic = true}), half = make_cuda_backend(scene_.model.appearance, {.deterministic = true, .half_residuals = true});
+    const auto plain = make_cuda_backend(scene_.model.appearance, {.deterministic = true}),
+               half = make_cuda_backend(scene_.model.appearance, {.deterministic = true, .half_residuals = true});
     const auto of_rounded = make_cuda_backend(scene_.model.appearance, {.deterministic = true});
     plain->upload(scene_.model), half->upload(scene_.model);
     McmcParams mcmc;
@@ -91,7 +98,8 @@ TEST_F(GpuPrecision, HalfStorageRoundsWhatFramesRead) {
 }
 
 TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
-    const auto plain = make_cuda_backend(scene_.model.appearance, {.deterministic = true}), packed = make_cuda_backend(scene_.model.appearance, {.deterministic = true, .packed_moments = true});
+    const auto plain = make_cuda_backend(scene_.model.appearance, {.deterministic = true}),
+               packed = make_cuda_backend(scene_.model.appearance, {.deterministic = true, .packed_moments = true});
     for (auto* backend : {plain.get(), packed.get()}) backend->upload(scene_.model), backend->step(request(0));
     const Gaussians a = plain->download(true), b = packed->download(true);
     const auto &x = a[Group::kResidual], &y = b[Group::kResidual];
@@ -114,7 +122,7 @@ TEST_F(GpuPrecision, PackedMomentsAreMomentsOfEightBits) {
     expect_same_bits(again->download(true), b);
 }
 
-/// Every kind of step and of moved rows, among them residuals that are caught up late.
+/// Takes every kind of step and moves rows, among them residuals that are caught up late.
 TEST_F(GpuPrecision, PackedMomentsTrainLikeFullOnes) {
     const auto train = [&](const BackendOptions& options) {
         const auto gpu = make_cuda_backend(scene_.model.appearance, options);

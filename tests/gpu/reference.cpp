@@ -13,7 +13,7 @@
 namespace gs::test {
 namespace {
 
-/// Of what float holds.
+/// Returns a value that float holds exactly.
 template <class Real> Real exact(double x) {
     if constexpr (std::is_same_v<Real, Rounded>)
         return {x, 0};
@@ -22,19 +22,22 @@ template <class Real> Real exact(double x) {
 }
 
 template <class Real> CameraParams<Real> camera_of(const CameraParams<float>& c) {
-    const auto v = [](const Vec3<float>& a) { return Vec3<Real>{exact<Real>(a.x), exact<Real>(a.y), exact<Real>(a.z)}; };
+    const auto v = [](const Vec3<float>& a) {
+        return Vec3<Real>{exact<Real>(a.x), exact<Real>(a.y), exact<Real>(a.z)};
+    };
     CameraParams<Real> o{};
     o.rotation = {v(c.rotation.r0), v(c.rotation.r1), v(c.rotation.r2)};
     o.translation = v(c.translation), o.position = v(c.position);
-    o.fx = exact<Real>(c.fx), o.fy = exact<Real>(c.fy), o.cx = exact<Real>(c.cx), o.cy = exact<Real>(c.cy), o.width = c.width, o.height = c.height;
+    o.fx = exact<Real>(c.fx), o.fy = exact<Real>(c.fy), o.cx = exact<Real>(c.cx), o.cy = exact<Real>(c.cy),
+    o.width = c.width, o.height = c.height;
     o.near_plane = exact<Real>(c.near_plane), o.far_plane = exact<Real>(c.far_plane);
     return o;
 }
 
-constexpr int kTile = 32; ///< of the reference; a whole number of the device's sub-tiles
+constexpr int kTile = 32;  ///< of the reference; a whole number of the device's sub-tiles
 constexpr int kSubX = 8, kSubY = 4;
 
-/// All Gaussians as splats, and which of them may reach each tile, front to back.
+/// All Gaussians as splats, and for each tile those that may reach it, front to back.
 template <class Model, class Real> struct Projected {
     const Gaussians& model;
     CameraParams<Real> camera;
@@ -46,9 +49,16 @@ template <class Model, class Real> struct Projected {
     std::vector<char> visible;
     std::vector<std::vector<std::uint32_t>> lists;
 
-    Projected(const Gaussians& m, const CameraParams<float>& c, const Vec3<float>& bg, RenderMode mode, std::uint64_t sample)
-        : model(m), camera(camera_of<Real>(c)), background{exact<Real>(bg.x), exact<Real>(bg.y), exact<Real>(bg.z)}, width(c.width), height(c.height),
-          degree(Model::kDirectional ? m.active_degree : 0), tiles_x((width + kTile - 1) / kTile), tiles_y((height + kTile - 1) / kTile) {
+    Projected(const Gaussians& m, const CameraParams<float>& c, const Vec3<float>& bg, RenderMode mode,
+              std::uint64_t sample)
+        : model(m),
+          camera(camera_of<Real>(c)),
+          background{exact<Real>(bg.x), exact<Real>(bg.y), exact<Real>(bg.z)},
+          width(c.width),
+          height(c.height),
+          degree(Model::kDirectional ? m.active_degree : 0),
+          tiles_x((width + kTile - 1) / kTile),
+          tiles_y((height + kTile - 1) / kTile) {
         for (int g = 0; g < kNumGroups; ++g)
             for (const float x : m.groups[g].param) params[g].push_back(exact<Real>(x));
         for (const float x : m.shared.param) shared.push_back(exact<Real>(x));
@@ -62,10 +72,12 @@ template <class Model, class Real> struct Projected {
             Real depth{};
             visible[i] = make_splat(geometry(i), camera, tiles_x * kTile, tiles_y * kTile, splats[i], bounds[i], depth);
             if (!visible[i]) return;
-            splats[i].color = gaussian_color(model.appearance.activation, row3(Group::kBase, i),
-                                             model_residual<Model>(view().shared, view().residual(i), view_direction(row3(Group::kMean, i), camera.position).unit,
-                                                                   mode == RenderMode::kBaseOnly ? 0 : degree),
-                                             mode);
+            splats[i].color =
+                gaussian_color(model.appearance.activation, row3(Group::kBase, i),
+                               model_residual<Model>(view().shared, view().residual(i),
+                                                     view_direction(row3(Group::kMean, i), camera.position).unit,
+                                                     mode == RenderMode::kBaseOnly ? 0 : degree),
+                               mode);
             keys[i] = std::uint64_t(key(float(depth.v))) << 32 | std::uint64_t(i);
         });
         for (std::int64_t i = 0; i < n; ++i)
@@ -73,9 +85,10 @@ template <class Model, class Real> struct Projected {
         std::sort(order.begin(), order.end());
         for (const std::uint64_t k : order) {
             const std::uint32_t i = std::uint32_t(k);
-            const PixelBounds& b = bounds[i]; // a pixel more on every side: rounding may move them
+            const PixelBounds& b = bounds[i];  // a pixel more on every side: rounding may move them
             for (int ty = std::max(b.y_min - 1, 0) / kTile; ty < tiles_y && ty * kTile < b.y_max + 1; ++ty)
-                for (int tx = std::max(b.x_min - 1, 0) / kTile; tx < tiles_x && tx * kTile < b.x_max + 1; ++tx) lists[ty * tiles_x + tx].push_back(i);
+                for (int tx = std::max(b.x_min - 1, 0) / kTile; tx < tiles_x && tx * kTile < b.x_max + 1; ++tx)
+                    lists[ty * tiles_x + tx].push_back(i);
         }
     }
     Vec3<Real> row3(Group g, std::int64_t i) const {
@@ -84,14 +97,24 @@ template <class Model, class Real> struct Projected {
     }
     ParameterView<Real> view() const {
         const auto p = [&](Group g) { return params[int(g)].data(); };
-        return {model.count,      p(Group::kMean), p(Group::kScale),    p(Group::kRotation),         p(Group::kOpacity),
-                p(Group::kBase), p(Group::kResidual), model[Group::kResidual].width, model.appearance.activation, shared.data()};
+        return {model.count,
+                p(Group::kMean),
+                p(Group::kScale),
+                p(Group::kRotation),
+                p(Group::kOpacity),
+                p(Group::kBase),
+                p(Group::kResidual),
+                model[Group::kResidual].width,
+                model.appearance.activation,
+                shared.data()};
     }
     GaussianGeometry<Real> geometry(std::int64_t i) const {
         const Real* q = params[int(Group::kRotation)].data() + 4 * i;
-        return {row3(Group::kMean, i), row3(Group::kScale, i), {q[0], q[1], q[2], q[3]}, params[int(Group::kOpacity)][i]};
+        return {
+            row3(Group::kMean, i), row3(Group::kScale, i), {q[0], q[1], q[2], q[3]}, params[int(Group::kOpacity)][i]};
     }
-    /// Most Gaussians of a tile are far from a given pixel; the error of alpha is nowhere near a factor of 16.
+    /// Returns whether a splat is too far to reach the pixel, as most of a tile are. The error of alpha is nowhere near
+    /// a factor of 16.
     bool far(const Splat<Real>& s, int x, int y) const {
         const double dx = s.mean.x.v - (x + 0.5), dy = s.mean.y.v - (y + 0.5);
         return s.opacity.v * std::exp(-0.5 * (s.a.v * dx * dx + s.c.v * dy * dy) - s.b.v * dx * dy) < kMinAlpha / 16;
@@ -106,7 +129,7 @@ template <class Model, class Real> struct Projected {
     }
 };
 
-// --- images: bounds ---------------------------------------------------------------------------------------------------
+// --- images: bounds --------------------------------------------------------------------------------------------------
 
 bool may_be_at_least(Rounded x, double threshold) { return x.v + x.e + kRoundoff * threshold >= threshold; }
 bool certain(Rounded x, double threshold) { return std::abs(x.v - threshold) > x.e + kRoundoff * threshold; }
@@ -149,7 +172,9 @@ template <class Model> RenderReference bounded_render(const Gaussians& model, co
     Pipeline<double, Model> pipe;
     pipe.render(cast<double>(model), cast<double>(r.camera), {r.background.x, r.background.y, r.background.z}, r.mode);
     const auto take = [](Rounded& to, double value) {
-        if (!(std::abs(to.v - value) <= 1e-9)) throw std::logic_error("two evaluations in double differ: " + std::to_string(to.v) + " and " + std::to_string(value));
+        if (!(std::abs(to.v - value) <= 1e-9))
+            throw std::logic_error("two evaluations in double differ: " + std::to_string(to.v) + " and " +
+                                   std::to_string(value));
         to.v = value;
     };
     for (std::size_t i = 0; i < 3 * plane; ++i) take(out.rgb[i], pipe.image[i]);
@@ -157,7 +182,7 @@ template <class Model> RenderReference bounded_render(const Gaussians& model, co
     return out;
 }
 
-// --- gradients: samples -----------------------------------------------------------------------------------------------
+// --- gradients: samples ----------------------------------------------------------------------------------------------
 
 /// A sum over the pixels of a sub-tile, with the sum of magnitudes.
 struct Sum {
@@ -165,16 +190,16 @@ struct Sum {
     void add(double term, double magnitude) { v += term, size += magnitude; }
 };
 
-/// Roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of a product
-/// (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from the sub-tile's
-/// centre to the mean (4 u).
+/// The roundings of a sum over a sub-tile, relative to the sum of magnitudes: TF32 halves of both factors keep 2^-21 of
+/// a product (8 u), a product of matrices cuts 9 numbers off at 2^-23 of the largest (18 u), and moments are moved from
+/// the sub-tile's centre to the mean (4 u).
 constexpr double kSumUnits = 8 + 18 + 4;
 /// Moments are taken about the sub-tile's centre, at most this far from a pixel of it in x and y together.
 constexpr double kMomentShift = 7;
 double noise_of_sum(const Sum& s) { return s.v + kSumUnits * kRoundoff * s.size * Noise::next(); }
 
 struct PixelSums {
-    Sum s[9]; ///< in the order of SplatSums
+    Sum s[9];  ///< in the order of SplatSums
 };
 
 /// Planes of the loss, kept from sample to sample: for large images, new memory takes longer than what is done with it.
@@ -182,16 +207,18 @@ struct LossPlanes {
     std::vector<Noisy> x, y, xx, yy, xy, weight, p, q, r, across, filtered[8];
 };
 
-/// 11x11 window with zero padding, separable.
-void filter_window(const std::vector<Noisy>& in, int w, int h, const SsimTaps<double>& taps, std::uint64_t sample, std::vector<Noisy>& across, std::vector<Noisy>& out) {
-    constexpr double kUnits = 3.3; // eleven roundings of the sum so far, in quadrature
+/// Filters with the separable 11x11 window and zero padding.
+void filter_window(const std::vector<Noisy>& in, int w, int h, const SsimTaps<double>& taps, std::uint64_t sample,
+                   std::vector<Noisy>& across, std::vector<Noisy>& out) {
+    constexpr double kUnits = 3.3;  // eleven roundings of the sum so far, in quadrature
     const auto pass = [&](const std::vector<Noisy>& from, bool down, std::vector<Noisy>& to) {
         to.resize(from.size());
         parallel_for(h, [&](std::int64_t y) {
             Noise::start(sample, std::uint64_t(y));
             for (int x = 0; x < w; ++x) {
                 double v = 0, size = 0;
-                const int at = down ? int(y) : x, low = std::max(-kSsimRadius, -at), high = std::min(kSsimRadius, (down ? h : w) - 1 - at);
+                const int at = down ? int(y) : x, low = std::max(-kSsimRadius, -at),
+                          high = std::min(kSsimRadius, (down ? h : w) - 1 - at);
                 const Noisy* centre = &from[std::size_t(y) * w + x];
                 for (int k = low; k <= high; ++k) {
                     const double term = taps.g[std::abs(k)] * centre[down ? std::ptrdiff_t(k) * w : k].v;
@@ -210,7 +237,8 @@ struct NoisyLoss {
     std::vector<Noisy> dL_dimage;
 };
 
-NoisyLoss noisy_loss(const std::vector<Noisy>& image, const TargetImage& t, const Vec3<float>& background, double lambda, std::uint64_t sample, LossPlanes& planes) {
+NoisyLoss noisy_loss(const std::vector<Noisy>& image, const TargetImage& t, const Vec3<float>& background,
+                     double lambda, std::uint64_t sample, LossPlanes& planes) {
     const int w = t.width, h = t.height;
     const std::size_t plane = std::size_t(w) * h;
     NoisyLoss out;
@@ -225,7 +253,8 @@ NoisyLoss noisy_loss(const std::vector<Noisy>& image, const TargetImage& t, cons
     const float bg[3] = {background.x, background.y, background.z};
     std::vector<double> l1(h), ssim(h);
     for (int c = 0; c < 3; ++c) {
-        auto &x = planes.x, &y = planes.y, &xx = planes.xx, &yy = planes.yy, &xy = planes.xy, &weight = planes.weight, &p = planes.p, &q = planes.q, &r = planes.r;
+        auto &x = planes.x, &y = planes.y, &xx = planes.xx, &yy = planes.yy, &xy = planes.xy, &weight = planes.weight,
+             &p = planes.p, &q = planes.q, &r = planes.r;
         for (auto* of : {&x, &y, &xx, &yy, &xy, &weight, &p, &q, &r}) of->resize(plane);
         const auto for_pixels = [&](auto&& pixel) {
             parallel_for(h, [&](std::int64_t row) {
@@ -245,10 +274,12 @@ NoisyLoss noisy_loss(const std::vector<Noisy>& image, const TargetImage& t, cons
             xx[i] = x[i] * x[i], yy[i] = y[i] * y[i], xy[i] = x[i] * y[i];
         });
         const auto filter = [&](const std::vector<Noisy>& in, int number) -> const std::vector<Noisy>& {
-            filter_window(in, w, h, taps, 100 * sample + 10 * std::uint64_t(c) + std::uint64_t(number), planes.across, planes.filtered[number]);
+            filter_window(in, w, h, taps, 100 * sample + 10 * std::uint64_t(c) + std::uint64_t(number), planes.across,
+                          planes.filtered[number]);
             return planes.filtered[number];
         };
-        const auto &mx = filter(x, 0), &my = filter(y, 1), &exx = filter(xx, 2), &eyy = filter(yy, 3), &exy = filter(xy, 4);
+        const auto &mx = filter(x, 0), &my = filter(y, 1), &exx = filter(xx, 2), &eyy = filter(yy, 3),
+                   &exy = filter(xy, 4);
         const Noisy ssim_step(-lambda * norm), l1_step((1 - lambda) * norm);
         for_pixels([&](std::size_t i, std::int64_t row) {
             const SsimPixel<Noisy> s = ssim_pixel(mx[i], my[i], exx[i], eyy[i], exy[i]);
@@ -259,7 +290,10 @@ NoisyLoss noisy_loss(const std::vector<Noisy>& image, const TargetImage& t, cons
         const auto &fp = filter(p, 5), &fq = filter(q, 6), &fr = filter(r, 7);
         for_pixels([&](std::size_t i, std::int64_t row) {
             const Noisy d = x[i] - y[i];
-            const Noisy g = l1_step * Noisy(d.v > 0 ? 1 : d.v < 0 ? -1 : 0) + fp[i] + Noisy(2) * x[i] * fq[i] + y[i] * fr[i];
+            const Noisy g = l1_step * Noisy(d.v > 0   ? 1
+                                            : d.v < 0 ? -1
+                                                      : 0) +
+                            fp[i] + Noisy(2) * x[i] * fq[i] + y[i] * fr[i];
             l1[row] += std::abs(d.v);
             out.dL_dimage[c * plane + i] = t.mask ? g * weight[i] : g;
         });
@@ -298,7 +332,9 @@ template <class Model> class Sample {
                 for (const std::uint32_t i : scene_.lists[tile]) {
                     if (p.t.v < kMinTransmittance) break;
                     const Splat<Noisy>& s = scene_.splats[i];
-                    if (!scene_.far(s, x, y)) blend_fragment<Noisy, Noisy>(p, scene_.fragment(s, x, y).alpha, s.color.x, s.color.y, s.color.z);
+                    if (!scene_.far(s, x, y))
+                        blend_fragment<Noisy, Noisy>(p, scene_.fragment(s, x, y).alpha, s.color.x, s.color.y,
+                                                     s.color.z);
                 }
                 const std::size_t at = std::size_t(y) * scene_.width + x;
                 rgb_[at] = p.r + p.t * scene_.background.x, rgb_[at + plane] = p.g + p.t * scene_.background.y;
@@ -319,7 +355,8 @@ template <class Model> class Sample {
                 if (list.empty()) continue;
                 Noise::start(sample_, std::uint64_t(tile));
                 for (int sub = 0; sub < kTile * kTile / (kSubX * kSubY); ++sub) {
-                    const int x0 = tile % scene_.tiles_x * kTile + sub % (kTile / kSubX) * kSubX, y0 = tile / scene_.tiles_x * kTile + sub / (kTile / kSubX) * kSubY;
+                    const int x0 = tile % scene_.tiles_x * kTile + sub % (kTile / kSubX) * kSubX,
+                              y0 = tile / scene_.tiles_x * kTile + sub / (kTile / kSubX) * kSubY;
                     local.assign(list.size(), {});
                     for (int y = y0; y < std::min(y0 + kSubY, scene_.height); ++y)
                         for (int x = x0; x < std::min(x0 + kSubX, scene_.width); ++x) backward_pixel(list, x, y, local);
@@ -335,7 +372,8 @@ template <class Model> class Sample {
         for (std::int64_t i = 0; i < n; ++i)
             for (int part = 1; part < kParts; ++part) {
                 SplatSums<Noisy>&to = parts[0][i], &from = parts[part][i];
-                to.h.v += from.h.v, to.hx.v += from.hx.v, to.hy.v += from.hy.v, to.hxx.v += from.hxx.v, to.hxy.v += from.hxy.v, to.hyy.v += from.hyy.v;
+                to.h.v += from.h.v, to.hx.v += from.hx.v, to.hy.v += from.hy.v, to.hxx.v += from.hxx.v,
+                    to.hxy.v += from.hxy.v, to.hyy.v += from.hyy.v;
                 to.r.v += from.r.v, to.g.v += from.g.v, to.b.v += from.b.v;
             }
         return std::move(parts[0]);
@@ -356,11 +394,14 @@ template <class Model> class Sample {
             const Splat<Noisy>& s = scene_.splats[list[k]];
             if (scene_.far(s, x, y)) continue;
             const FragmentAlpha<Noisy> f = scene_.fragment(s, x, y);
-            const FragmentGradient<Noisy> d = fragment_gradient<Noisy, Noisy>(p, f.alpha, s.color.x, s.color.y, s.color.z);
-            const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx) + kMomentShift, Y = std::abs(dy) + kMomentShift;
+            const FragmentGradient<Noisy> d =
+                fragment_gradient<Noisy, Noisy>(p, f.alpha, s.color.x, s.color.y, s.color.z);
+            const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx) + kMomentShift,
+                         Y = std::abs(dy) + kMomentShift;
             Sum* to = sums[k].s;
             to[0].add(h, size), to[1].add(h * dx, size * X), to[2].add(h * dy, size * Y);
-            to[3].add(h * dx * dx, size * X * X), to[4].add(h * dx * dy, size * X * Y), to[5].add(h * dy * dy, size * Y * Y);
+            to[3].add(h * dx * dx, size * X * X), to[4].add(h * dx * dy, size * X * Y),
+                to[5].add(h * dy * dy, size * Y * Y);
             to[6].add(d.w.v * p.gr.v, std::abs(d.w.v * p.gr.v)), to[7].add(d.w.v * p.gg.v, std::abs(d.w.v * p.gg.v));
             to[8].add(d.w.v * p.gb.v, std::abs(d.w.v * p.gb.v));
         }
@@ -371,10 +412,14 @@ template <class Model> class Sample {
         GaussianGradient<Noisy> g{};
         Noisy residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1] = {};
         if (scene_.visible[i])
-            gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, g, residual, static_cast<Noisy*>(nullptr));
+            gaussian_backward<Model>(scene_.view(), i, scene_.camera, scene_.degree, sums, g, residual,
+                                     static_cast<Noisy*>(nullptr));
         const Noisy opacity = sigmoid(Noisy(model[Group::kOpacity].param[i])), n{double(model.count)};
         g.geometry.raw_opacity = g.geometry.raw_opacity + Noisy(r.opacity_reg) / n * opacity * (Noisy(1) - opacity);
-        const auto scale = [&](int k) { return Noisy(r.scale_reg) / (Noisy(3) * n) * gs_exp(gs::gs_min(Noisy(model[Group::kScale].param[3 * i + k]), Noisy(kMaxLogScale))); };
+        const auto scale = [&](int k) {
+            return Noisy(r.scale_reg) / (Noisy(3) * n) *
+                   gs_exp(gs::gs_min(Noisy(model[Group::kScale].param[3 * i + k]), Noisy(kMaxLogScale)));
+        };
         g.geometry.log_scale += Vec3<Noisy>{scale(0), scale(1), scale(2)};
         const auto put = [&](Group group, std::initializer_list<Noisy> values) {
             double* to = gradient[int(group)].data() + i * std::int64_t(values.size());
@@ -397,14 +442,15 @@ template <class Model> class Sample {
     std::vector<Noisy> rgb_, transmittance_, dL_dimage_;
 };
 
-/// The same in double, by the CPU backend's parts.
+/// Computes the step in double with the CPU backend's parts.
 template <class Model> StepReference double_step(const Gaussians& model, const StepRequest& r) {
     const auto d = cast<double>(model);
     Pipeline<double, Model> pipe;
     pipe.render(d, cast<double>(r.camera), {r.background.x, r.background.y, r.background.z});
     std::vector<double> dL_dimage(pipe.image.size());
     ImageLoss<double> loss;
-    const LossValues values = loss.compute(pipe.image.data(), r.target, r.background, double(r.lambda_dssim), dL_dimage.data());
+    const LossValues values =
+        loss.compute(pipe.image.data(), r.target, r.background, double(r.lambda_dssim), dL_dimage.data());
     auto gradients = pipe.gradients(d, dL_dimage);
     StepReference out;
     out.loss = {values.loss, 0}, out.l1 = {values.l1, 0}, out.ssim = {values.ssim, 0};
@@ -414,7 +460,9 @@ template <class Model> StepReference double_step(const Gaussians& model, const S
     for (std::int64_t i = 0; i < model.count; ++i) {
         const double opacity = sigmoid(d[Group::kOpacity].param[i]);
         gradients[Group::kOpacity].param[i] += double(r.opacity_reg) / n * opacity * (1 - opacity);
-        for (int k = 0; k < 3; ++k) gradients[Group::kScale].param[3 * i + k] += double(r.scale_reg) / (3 * n) * std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
+        for (int k = 0; k < 3; ++k)
+            gradients[Group::kScale].param[3 * i + k] +=
+                double(r.scale_reg) / (3 * n) * std::exp(std::min(d[Group::kScale].param[3 * i + k], kMaxLogScale));
         typename CpuRasterizer<double, Model>::FullGradient g;
         pipe.raster.gaussian_gradient(view, i, g, ignored.data());
         out.statistic.push_back({std::hypot(0.5 * r.camera.width * g.mean2d.x, 0.5 * r.camera.height * g.mean2d.y), 0});
@@ -433,7 +481,8 @@ void set_allowance(std::vector<Rounded>& values, int width, const std::vector<co
             for (const double* s : samples) sum += (s[i] - values[i].v) * (s[i] - values[i].v);
             worst = std::max(worst, std::sqrt(sum / double(samples.size())));
         }
-        for (std::size_t i = row; i < row + width; ++i) values[i].e = kSpread * worst + 4 * kRoundoff * std::abs(values[i].v) + (worst > 0 ? kFlushed : 0);
+        for (std::size_t i = row; i < row + width; ++i)
+            values[i].e = kSpread * worst + 4 * kRoundoff * std::abs(values[i].v) + (worst > 0 ? kFlushed : 0);
     }
 }
 
@@ -441,20 +490,26 @@ template <class Model> StepReference step_with(const Gaussians& model, const Ste
     StepReference out = double_step<Model>(model, r);
     std::vector<std::unique_ptr<Sample<Model>>> samples;
     LossPlanes planes;
-    for (int k = 0; k < kSamples; ++k) samples.push_back(std::make_unique<Sample<Model>>(model, r, std::uint64_t(k + 1), planes));
+    for (int k = 0; k < kSamples; ++k)
+        samples.push_back(std::make_unique<Sample<Model>>(model, r, std::uint64_t(k + 1), planes));
     const auto collect = [&](auto&& field) {
         std::vector<const double*> pointers;
         for (const auto& s : samples) pointers.push_back(field(*s));
         return pointers;
     };
-    for (int g = 0; g < kNumGroups; ++g) set_allowance(out.gradient[g], model.groups[g].width, collect([g](const auto& s) { return s.gradient[g].data(); }));
+    for (int g = 0; g < kNumGroups; ++g)
+        set_allowance(out.gradient[g], model.groups[g].width,
+                      collect([g](const auto& s) { return s.gradient[g].data(); }));
     set_allowance(out.statistic, 1, collect([](const auto& s) { return s.statistic.data(); }));
     std::vector<Rounded> scalar(1);
-    for (auto [value, field] : {std::pair{&out.l1, &Sample<Model>::l1}, {&out.ssim, &Sample<Model>::ssim}, {&out.loss, &Sample<Model>::loss}}) {
+    for (auto [value, field] : {std::pair{&out.l1, &Sample<Model>::l1},
+                                {&out.ssim, &Sample<Model>::ssim},
+                                {&out.loss, &Sample<Model>::loss}}) {
         scalar[0] = *value;
         set_allowance(scalar, 1, collect([field = field](const auto& s) { return &(s.*field); }));
         *value = scalar[0];
-        value->e += 64 * kRoundoff * std::abs(value->v); // floats are added along a row or in a block before doubles are
+        value->e +=
+            64 * kRoundoff * std::abs(value->v);  // floats are added along a row or in a block before doubles are
     }
     return out;
 }
@@ -462,11 +517,13 @@ template <class Model> StepReference step_with(const Gaussians& model, const Ste
 }  // namespace
 
 RenderReference reference_render(const Gaussians& model, const RenderRequest& request) {
-    return model.appearance.model == "none" ? bounded_render<appearance::None>(model, request) : bounded_render<appearance::Sh>(model, request);
+    return model.appearance.model == "none" ? bounded_render<appearance::None>(model, request)
+                                            : bounded_render<appearance::Sh>(model, request);
 }
 
 StepReference reference_step(const Gaussians& model, const StepRequest& request) {
-    return model.appearance.model == "none" ? step_with<appearance::None>(model, request) : step_with<appearance::Sh>(model, request);
+    return model.appearance.model == "none" ? step_with<appearance::None>(model, request)
+                                            : step_with<appearance::Sh>(model, request);
 }
 
 }  // namespace gs::test

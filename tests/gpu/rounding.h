@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scalar that knows how far single precision may be off: value in double, and a bound of the error that any fp32 evaluation
-// of the same formula has (running error analysis, Higham, Accuracy and Stability of Numerical Algorithms, section 3.3).
+// A scalar that knows how far single precision may be off: value in double, and a bound of the error that any fp32
+// evaluation of the same formula has (running error analysis, Higham, Accuracy and Stability of Numerical Algorithms,
+// section 3.3).
 //
-// The GS_HD templates of the kernels run on it unchanged, so the bound is that of the very formulas under test, with the
-// condition of each cancellation, exponential and quotient at the values at hand. Every operation adds
-//   u |result|        for + - * fma, which are rounded correctly (u = 2^-24); contracting two into an fma only saves one;
-//   4 u |result|      for what the device may evaluate to 2 ulp: division, exp, ex2.approx, log;
-//   6 u |result|      for sqrt.approx (3 ulp);  2 u |result| for rcp.approx (1 ulp);
-//   2^-126            for results flushed to zero,
+// The GS_HD templates of the kernels run on it unchanged, so the bound is that of the very formulas under test, with
+// the condition of each cancellation, exponential and quotient at the values at hand. Every operation adds
+//   u |result|        for + - * fma, which are rounded correctly (u = 2^-24); contracting two into an fma only saves
+//   one; 4 u |result|      for what the device may evaluate to 2 ulp: division, exp, ex2.approx, log; 6 u |result| for
+//   sqrt.approx (3 ulp);  2 u |result| for rcp.approx (1 ulp); 2^-126            for results flushed to zero,
 // to what the operands' errors are worth in the result. Constants that float cannot hold start with their rounding.
 #pragma once
 
@@ -24,14 +24,18 @@ struct Rounded {
     Rounded() = default;
     explicit Rounded(double x) : v(x), e(std::abs(x - double(float(x)))) {}
     Rounded(double value, double error) : v(value), e(error) {}
-    static Rounded of(double v, double propagated, double units) { return {v, propagated + units * kRoundoff * std::abs(v) + kFlushed}; }
+    static Rounded of(double v, double propagated, double units) {
+        return {v, propagated + units * kRoundoff * std::abs(v) + kFlushed};
+    }
 
     explicit operator int() const { return int(v); }
 
     Rounded operator-() const { return {-v, e}; }
     friend Rounded operator+(Rounded a, Rounded b) { return of(a.v + b.v, a.e + b.e, 1); }
     friend Rounded operator-(Rounded a, Rounded b) { return of(a.v - b.v, a.e + b.e, 1); }
-    friend Rounded operator*(Rounded a, Rounded b) { return of(a.v * b.v, std::abs(a.v) * b.e + std::abs(b.v) * a.e + a.e * b.e, 1); }
+    friend Rounded operator*(Rounded a, Rounded b) {
+        return of(a.v * b.v, std::abs(a.v) * b.e + std::abs(b.v) * a.e + a.e * b.e, 1);
+    }
     friend Rounded operator/(Rounded a, Rounded b) {
         const double q = a.v / b.v, least = std::abs(b.v) - b.e;
         return of(q, least > 0 ? (a.e + std::abs(q) * b.e) / least : INFINITY, 4);
@@ -63,7 +67,7 @@ inline Rounded gs_exp(Rounded x) {
 }
 inline Rounded exp2_nonpositive(Rounded x) {
     const double v = std::exp2(std::min(x.v, 0.0)), propagated = v * (std::exp2(x.e) - 1);
-    return Rounded::of(v, std::min(propagated, 1.0), 4); // neither result leaves [0, 1]
+    return Rounded::of(v, std::min(propagated, 1.0), 4);  // neither result leaves [0, 1]
 }
 inline Rounded gs_log(Rounded x) {
     const double least = x.v - x.e;
@@ -73,7 +77,9 @@ inline Rounded gs_sqrt(Rounded x) {
     const double v = std::sqrt(std::max(x.v, 0.0));
     return Rounded::of(v, v - std::sqrt(std::max(x.v - x.e, 0.0)) + (x.v < x.e ? std::sqrt(x.e) : 0.0), 6);
 }
-inline Rounded gs_log1p(Rounded x) { return Rounded::of(std::log1p(x.v), 1 + x.v > x.e ? x.e / (1 + x.v - x.e) : INFINITY, 4); }
+inline Rounded gs_log1p(Rounded x) {
+    return Rounded::of(std::log1p(x.v), 1 + x.v > x.e ? x.e / (1 + x.v - x.e) : INFINITY, 4);
+}
 // Only bounds of pixel rectangles are rounded to integers, and those never decide about a fragment.
 inline Rounded gs_floor(Rounded x) { return {std::floor(x.v), 0}; }
 inline Rounded gs_ceil(Rounded x) { return {std::ceil(x.v), 0}; }

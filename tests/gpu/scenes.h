@@ -17,7 +17,7 @@ struct TestScene {
     bool masked = false, floats = false;
     /// Half of the error bounds must lie below this share of the largest value, or they would not say anything.
     double informative = 2e-3;
-    bool round = false; ///< Gaussians are spheres: gradients of rotations are nothing but rounding
+    bool round = false;  ///< Gaussians are spheres: gradients of rotations are nothing but rounding
 };
 
 struct NamedScene {
@@ -26,9 +26,10 @@ struct NamedScene {
     friend std::ostream& operator<<(std::ostream& out, const NamedScene& s) { return out << s.name; }
 };
 
-/// Where a pixel position at a depth lies in the world.
+/// Returns the point in the world that a pixel shows at this depth.
 inline Vec3<double> unproject(const CameraParams<double>& c, double x, double y, double depth) {
-    return c.rotation.transposed_times(Vec3<double>{(x - c.cx) / c.fx * depth, (y - c.cy) / c.fy * depth, depth} - c.translation);
+    return c.rotation.transposed_times(Vec3<double>{(x - c.cx) / c.fx * depth, (y - c.cy) / c.fy * depth, depth} -
+                                       c.translation);
 }
 inline void place(GaussianState<double>& s, std::int64_t i, const Vec3<double>& p) {
     double* m = &s[Group::kMean].param[3 * i];
@@ -38,7 +39,10 @@ inline void place(GaussianState<double>& s, std::int64_t i, const Vec3<double>& 
 /// Moves Gaussians in front of the camera along its axis until their depths differ by 1e-5: ten times what the sort
 /// resolves and far above rounding, so that there is one order of blending.
 inline void separate_depths(GaussianState<double>& s, const CameraParams<double>& c) {
-    const auto mean = [&](std::int64_t i) { return Vec3<double>{s[Group::kMean].param[3 * i], s[Group::kMean].param[3 * i + 1], s[Group::kMean].param[3 * i + 2]}; };
+    const auto mean = [&](std::int64_t i) {
+        return Vec3<double>{s[Group::kMean].param[3 * i], s[Group::kMean].param[3 * i + 1],
+                            s[Group::kMean].param[3 * i + 2]};
+    };
     std::vector<std::pair<double, std::int64_t>> order;
     for (std::int64_t i = 0; i < s.count; ++i)
         if (const double z = dot(c.rotation.r2, mean(i)) + c.translation.z; z > 0) order.push_back({z, i});
@@ -58,14 +62,15 @@ inline TestScene finished(GaussianState<double> s, const CameraParams<double>& c
     return t;
 }
 
-/// Random Gaussians, all log scales moved by `size`.
+/// Returns random Gaussians whose log scales are moved by `size`.
 inline TestScene random_scene(std::int64_t n, int degree, int width, int height, double size, std::uint32_t seed) {
     auto s = random_gaussians(n, degree, seed);
     for (double& x : s[Group::kScale].param) x += size;
     return finished(std::move(s), test_camera(width, height));
 }
 
-/// Faint ones around one pixel (spread 0: exactly there): lists of many chunks in one tile, saved states included.
+/// Returns faint Gaussians around one pixel (spread 0: exactly there): one tile with a list of many chunks and saved
+/// states.
 inline TestScene one_tile_scene(double spread, double raw_opacity) {
     const auto camera = test_camera(30, 22);
     auto s = random_gaussians(5000, 1, 31);
@@ -73,21 +78,22 @@ inline TestScene one_tile_scene(double spread, double raw_opacity) {
     std::normal_distribution<double> normal;
     for (std::int64_t i = 0; i < s.count; ++i) {
         place(s, i, unproject(camera, 8.4 + spread * normal(rng), 5.7 + spread * normal(rng), 3 + 0.0004 * double(i)));
-        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.5 * k; // less than a pixel
+        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.5 * k;  // less than a pixel
         s[Group::kOpacity].param[i] = raw_opacity;
     }
     return finished(std::move(s), camera);
 }
 
-/// All behind the camera.
+/// Returns Gaussians behind the camera.
 inline TestScene behind_scene() {
     const auto camera = test_camera(50, 40);
     auto s = random_gaussians(300, 3, 41);
-    for (std::int64_t i = 0; i < s.count; ++i) place(s, i, unproject(camera, double(i % 50), double(i % 40), -0.5 - 0.01 * double(i)));
+    for (std::int64_t i = 0; i < s.count; ++i)
+        place(s, i, unproject(camera, double(i % 50), double(i % 40), -0.5 - 0.01 * double(i)));
     return finished(std::move(s), camera);
 }
 
-/// Each covers the whole image.
+/// Returns Gaussians that each cover the whole image.
 inline TestScene huge_scene() {
     const auto camera = test_camera(200, 150);
     auto s = random_gaussians(40, 3, 51);
@@ -96,7 +102,8 @@ inline TestScene huge_scene() {
     return finished(std::move(s), camera);
 }
 
-/// Scale ratio 1e4, at all angles: the longer they are, the more of the determinant cancels, and the bounds say so.
+/// Returns Gaussians of scale ratio 1e4 at all angles. The longer they are, the more of the determinant cancels, and
+/// the bounds say so.
 inline TestScene needle_scene(std::int64_t n, double log_length) {
     auto s = random_gaussians(n, 2, 61);
     for (std::int64_t i = 0; i < s.count; ++i)
@@ -104,7 +111,7 @@ inline TestScene needle_scene(std::int64_t n, double log_length) {
     return finished(std::move(s), test_camera(320, 240));
 }
 
-/// Means on corners and edges of tiles and sub-tiles, of sizes whose outlines end there, too.
+/// Returns Gaussians with means on corners and edges of tiles and sub-tiles, and with outlines that end there, too.
 inline TestScene border_scene() {
     CameraParams<double> camera = test_camera(100, 74);
     camera.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -115,8 +122,11 @@ inline TestScene border_scene() {
         place(s, i, unproject(camera, 8.0 * double(i % 13), 4.0 * double(i / 13), 4 + 0.01 * double(i)));
         s[Group::kOpacity].param[i] = i % 3 - 1.0;
         // The outline is reach sigma from the mean: 4, 8, 12 or 16 pixels.
-        const double reach = std::sqrt(2 * std::log(255 / (1 + std::exp(-s[Group::kOpacity].param[i])))), sigma = (4 + 4.0 * double(i % 4)) / reach;
-        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = 0.5 * std::log(sigma * sigma - 0.3) - std::log(64 / (4 + 0.01 * double(i)));
+        const double reach = std::sqrt(2 * std::log(255 / (1 + std::exp(-s[Group::kOpacity].param[i])))),
+                     sigma = (4 + 4.0 * double(i % 4)) / reach;
+        for (int k = 0; k < 3; ++k)
+            s[Group::kScale].param[3 * i + k] =
+                0.5 * std::log(sigma * sigma - 0.3) - std::log(64 / (4 + 0.01 * double(i)));
     }
     TestScene t = finished(std::move(s), camera);
     t.round = true;
@@ -139,9 +149,11 @@ inline std::vector<NamedScene> test_scenes() {
     };
     return {
         {"Empty", [] { return random_scene(0, 3, 33, 25, 0, 1); }},
-        {"OnePixelOneGaussian", [] { return with(random_scene(1, 3, 1, 1, 0, 1), [](TestScene& s) { s.informative = 0.1; }); }},
+        {"OnePixelOneGaussian",
+         [] { return with(random_scene(1, 3, 1, 1, 0, 1), [](TestScene& s) { s.informative = 0.1; }); }},
         {"OnePixelFortyGaussians", [] { return random_scene(40, 3, 1, 1, 0.5, 6); }},
-        {"OneGaussian", [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
+        {"OneGaussian",
+         [] { return with(random_scene(1, 3, 33, 25, 0, 3), [](TestScene& s) { s.informative = 0.1; }); }},
         {"SmallerThanTheWindow", [] { return random_scene(60, 3, 17, 13, 0, 2); }},
         {"Lego", [] { return random_scene(10000, 3, 800, 800, -2.5, 3); }},
         {"Large", [] { return random_scene(60, 3, 3840, 2160, -1, 4); }},
@@ -153,17 +165,20 @@ inline std::vector<NamedScene> test_scenes() {
         {"ShortNeedles", [] { return with(needle_scene(240, -2), [](TestScene& s) { s.informative = 0.02; }); }},
         {"LongNeedles", [] { return with(needle_scene(60, -0.8), [](TestScene& s) { s.informative = 0.3; }); }},
         {"Borders", [] { return border_scene(); }},
-        {"DegreeZero", [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
+        {"DegreeZero",
+         [=] { return with(target(0, 3, false, false), [](TestScene& s) { s.model.appearance.model = "sh"; }); }},
         {"DegreeOneAlpha", [=] { return target(1, 4, false, false); }},
         {"DegreeTwoMask", [=] { return target(2, 3, true, false); }},
         {"DegreeThreeFloatAlpha", [=] { return target(3, 4, false, true); }},
         {"FloatMask", [=] { return target(3, 3, true, true); }},
-        {"InactiveBands", [=] { return with(target(3, 4, true, false), [](TestScene& s) { s.model.active_degree = 1; }); }},
-        {"NoBandActive", [=] { return with(target(3, 3, false, true), [](TestScene& s) { s.model.active_degree = 0; }); }},
+        {"InactiveBands",
+         [=] { return with(target(3, 4, true, false), [](TestScene& s) { s.model.active_degree = 1; }); }},
+        {"NoBandActive",
+         [=] { return with(target(3, 3, false, true), [](TestScene& s) { s.model.active_degree = 0; }); }},
     };
 }
 
-/// For INSTANTIATE_TEST_SUITE_P.
+/// Names a parameter for INSTANTIATE_TEST_SUITE_P.
 inline std::string scene_name(const ::testing::TestParamInfo<NamedScene>& info) { return info.param.name; }
 
 }  // namespace gs::test

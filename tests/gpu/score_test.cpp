@@ -17,8 +17,9 @@ std::vector<RenderRequest> views_of(const TestScene& scene) {
     return views;
 }
 
-/// Both within rounding of the same sum: float exponentials and atomics differ in the last bits, and a fragment may lie on the
-/// other side of a threshold. `rounding`: TestScene::informative, what single precision is good for in a scene.
+/// Expects scores that differ by rounding only. Float exponentials and atomics differ in the last bits, and a fragment
+/// may lie on the other side of a threshold. `rounding` is TestScene::informative, what single precision is good for in
+/// a scene.
 void expect_near(const std::vector<float>& cpu, const std::vector<float>& gpu, double rounding) {
     ASSERT_EQ(cpu.size(), gpu.size());
     const float largest = cpu.empty() ? 0 : *std::max_element(cpu.begin(), cpu.end());
@@ -30,7 +31,8 @@ void expect_near(const std::vector<float>& cpu, const std::vector<float>& gpu, d
         beyond += error > bound;
         worst = std::max(worst, largest > 0 ? error / largest : error);
     }
-    std::printf("  worst difference %.1e of the largest score %.3g; %zu of %zu beyond their bounds\n", worst, double(largest), beyond, cpu.size());
+    std::printf("  worst difference %.1e of the largest score %.3g; %zu of %zu beyond their bounds\n", worst,
+                double(largest), beyond, cpu.size());
     EXPECT_LE(beyond, cpu.size() / 100);
     EXPECT_LE(worst, std::max(1e-2, rounding));
 }
@@ -53,7 +55,7 @@ TEST_P(GpuScoresOf, AreThoseOfTheCpu) {
 TEST_P(GpuScoresOf, PruneTheRowsOfTheCpu) {
     const TestScene scene = GetParam().make();
     for (const double ratio : {0.0, 0.3, 0.8, 1.0}) {
-        // With a fixed order the scores that are asked for are the very ones that it prunes by.
+        // Pruning uses the very scores that are asked for when the order is fixed.
         const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true});
         gpu->upload(scene.model);
         Gaussians expected = gpu->download(true);
@@ -78,7 +80,8 @@ TEST_F(GpuScores, RepeatThemselvesWithAFixedOrder) {
 /// The first view of a backend rarely fits (see capacity_test.cpp).
 TEST_F(GpuScores, OfViewsThatDoNotFitAreWhole) {
     const TestScene scene = random_scene(3000, 3, 640, 480, -0.5, 5);
-    const auto cold = make_cuda_backend(scene.model.appearance, {.deterministic = true}), warm = make_cuda_backend(scene.model.appearance, {.deterministic = true});
+    const auto cold = make_cuda_backend(scene.model.appearance, {.deterministic = true}),
+               warm = make_cuda_backend(scene.model.appearance, {.deterministic = true});
     cold->upload(scene.model), warm->upload(scene.model);
     RenderedImage image;
     warm->render(views_of(scene)[0], image);
@@ -107,7 +110,8 @@ TEST_F(GpuScores, OfBrokenColoursAreFinite) {
 /// Steps in flight are done first, residuals catch up, and training goes on with the rows that are left.
 TEST_F(GpuScores, ArePrunedByBetweenSteps) {
     const TestScene scene = random_scene(2000, 3, 160, 120, -1, 8);
-    const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true}), waiting = make_cuda_backend(scene.model.appearance, {.deterministic = true});
+    const auto gpu = make_cuda_backend(scene.model.appearance, {.deterministic = true}),
+               waiting = make_cuda_backend(scene.model.appearance, {.deterministic = true});
     const RandomTarget target(160, 120, 3);
     for (Backend* backend : {gpu.get(), waiting.get()}) {
         backend->upload(scene.model);

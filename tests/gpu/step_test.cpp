@@ -14,7 +14,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, GpuStep, ::testing::ValuesIn(test_scenes()), sc
 
 TEST_P(GpuStep, LiesWithinItsErrorBounds) {
     const TestScene scene = GetParam().make();
-    const auto fast = make_cuda_backend(scene.model.appearance), fixed_order = make_cuda_backend(scene.model.appearance, {.deterministic = true});
+    const auto fast = make_cuda_backend(scene.model.appearance),
+               fixed_order = make_cuda_backend(scene.model.appearance, {.deterministic = true});
     expect_step_within_bounds({fast.get(), fixed_order.get()}, scene);
 }
 
@@ -46,13 +47,14 @@ TEST_F(GpuSteps, UnderAMaskOfZerosOnlyRegularise) {
     gpu->synchronize();
     EXPECT_EQ(gpu->take_stats().loss, 0);
     const Gaussians after = gpu->download(true);
-    for (const Group g : {Group::kMean, Group::kRotation, Group::kBase, Group::kResidual}) EXPECT_EQ(after[g].param, scene.model[g].param) << kGroupNames[int(g)];
+    for (const Group g : {Group::kMean, Group::kRotation, Group::kBase, Group::kResidual})
+        EXPECT_EQ(after[g].param, scene.model[g].param) << kGroupNames[int(g)];
     for (const float m : after[Group::kScale].m) EXPECT_GT(m, 0);
     for (const float m : after[Group::kOpacity].m) EXPECT_GT(m, 0);
 }
 
-/// Five steps on two views, noise and rates per residual column included: float on both sides, so each may be a few roundings
-/// off per step, which Adam turns into parts of a rate where gradients are near zero.
+/// Takes five steps on two views with noise and rates per residual column. Both sides compute in float, so each may be
+/// a few roundings off per step, which Adam turns into parts of a rate where gradients are near zero.
 TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
     const TestScene scene = random_scene(2000, 3, 160, 120, -1.5, 8);
     const auto cpu = make_cpu_backend(scene.model.appearance), gpu = make_cuda_backend(scene.model.appearance);
@@ -70,16 +72,18 @@ TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
         double sum = 0, squares = 0;
         const auto& before = scene.model.groups[g].param;
         for (std::size_t i = 0; i < before.size(); ++i) {
-            const double moved = double(a.groups[g].param[i]) - before[i], difference = double(a.groups[g].param[i]) - b.groups[g].param[i];
+            const double moved = double(a.groups[g].param[i]) - before[i],
+                         difference = double(a.groups[g].param[i]) - b.groups[g].param[i];
             ASSERT_TRUE(std::isfinite(b.groups[g].param[i]));
             sum += difference * difference, squares += moved * moved;
         }
         std::printf("  %-14s difference after five steps: %.1e of the way\n", kGroupNames[g], std::sqrt(sum / squares));
-        EXPECT_LE(std::sqrt(sum), 0.05 * std::sqrt(squares)) << kGroupNames[g]; // parameters moved by an ulp give up to 7e-3
+        EXPECT_LE(std::sqrt(sum), 0.05 * std::sqrt(squares))
+            << kGroupNames[g];  // parameters moved by an ulp give up to 7e-3
     }
 }
 
-/// As for images: the CPU in float is the measure, and the root mean square tells about all Gaussians but those whose order
+/// The CPU in float is the measure, as for images. The root mean square tells about all Gaussians but those whose order
 /// rounding swapped.
 TEST_F(GpuSteps, OfAMillionGaussiansHaveTheGradientsOfTheCpu) {
     auto s = random_gaussians(1000000, 0, 22);
@@ -103,7 +107,7 @@ TEST_F(GpuSteps, OfAMillionGaussiansHaveTheGradientsOfTheCpu) {
         }
         if (squares == 0) continue;
         std::printf("  %-14s relative difference %.1e\n", kGroupNames[g], std::sqrt(sum / squares));
-        EXPECT_LE(std::sqrt(sum), 5e-3 * std::sqrt(squares)) // parameters moved by an ulp give up to 4e-4
+        EXPECT_LE(std::sqrt(sum), 5e-3 * std::sqrt(squares))  // parameters moved by an ulp give up to 4e-4
             << kGroupNames[g];
     }
 }

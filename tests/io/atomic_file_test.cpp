@@ -13,8 +13,7 @@ namespace gs::test {
 namespace {
 
 /// Runs `f` in a child process, where limits can be set that would not go away again. Returns the child's exit status.
-template <class F>
-int in_child(F&& f) {
+template <class F> int in_child(F&& f) {
     const pid_t child = ::fork();
     if (child == 0) ::_exit(f());
     int status = 0;
@@ -22,16 +21,15 @@ int in_child(F&& f) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/// From here on no file may grow beyond `bytes`: write() fails after a short write, as on a full disk.
+/// Lets no file grow beyond `bytes` from here on: write() fails after a short write, as on a full disk.
 void limit_file_size(std::size_t bytes) {
     ::signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{bytes, bytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
 }
 
-/// 0 when `f` throws a DataError that contains both parts, 1 when it throws nothing, 2 for another message.
-template <class F>
-int data_error_status(F&& f, const std::string& part, const std::string& other_part) {
+/// Returns 0 when `f` throws a DataError that contains both parts, 1 when it throws nothing, 2 for another message.
+template <class F> int data_error_status(F&& f, const std::string& part, const std::string& other_part) {
     try {
         f();
         return 1;
@@ -92,7 +90,8 @@ TEST(AtomicFile, TargetThatIsAFolderIsADataErrorAndLeavesNothing) {
 TEST(AtomicFile, ReadOnlyFolderIsADataError) {
     const TempFolder folder;
     using std::filesystem::perms;
-    std::filesystem::permissions(folder.path(), perms::owner_read | perms::owner_exec | perms::others_read | perms::others_exec);
+    std::filesystem::permissions(folder.path(),
+                                 perms::owner_read | perms::owner_exec | perms::others_read | perms::others_exec);
     const int status = in_child([&] {
         // root may write everywhere, so the child becomes somebody else.
         if (::geteuid() == 0 && ::seteuid(65534) != 0) return 3;
@@ -125,7 +124,8 @@ TEST(AtomicFile, FullDiskFoundOnlyAtCommitLeavesNothing) {
     const TempFolder folder;
     const int status = in_child([&] {
         limit_file_size(10);  // the text stays in the buffer until commit
-        return data_error_status([&] { write_text_atomic(folder / "a.txt", "twelve bytes"); }, "a.txt", "File too large");
+        return data_error_status([&] { write_text_atomic(folder / "a.txt", "twelve bytes"); }, "a.txt",
+                                 "File too large");
     });
     EXPECT_EQ(status, 0);
     EXPECT_EQ(folder.num_entries(), 0u);

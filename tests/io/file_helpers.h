@@ -18,7 +18,8 @@ class TempFolder : public TemporaryFolder {
   public:
     std::filesystem::path operator/(const std::string& name) const { return path() / name; }
     std::size_t num_entries() const {
-        return std::size_t(std::distance(std::filesystem::directory_iterator(path()), std::filesystem::directory_iterator()));
+        return std::size_t(
+            std::distance(std::filesystem::directory_iterator(path()), std::filesystem::directory_iterator()));
     }
 };
 
@@ -33,8 +34,7 @@ inline void spit(const std::filesystem::path& path, const std::string& bytes) {
 }
 
 /// Runs `f`, which must throw E, and returns the message.
-template <class E, class F>
-std::string message_of(F&& f) {
+template <class E, class F> std::string message_of(F&& f) {
     try {
         f();
     } catch (const E& e) {

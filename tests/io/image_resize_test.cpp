@@ -35,7 +35,8 @@ TEST(Resize, ShrinkingKeepsTheMean) {
     const auto mean = [](const Image& image) {
         return std::accumulate(image.f32.begin(), image.f32.end(), 0.0) / double(image.f32.size());
     };
-    for (const auto& [w, h] : {std::pair{50, 33}, {100, 66}, {7, 5}, {1, 1}}) EXPECT_NEAR(mean(resize_image(in, w, h)), mean(in), 1e-5);
+    for (const auto& [w, h] : {std::pair{50, 33}, {100, 66}, {7, 5}, {1, 1}})
+        EXPECT_NEAR(mean(resize_image(in, w, h)), mean(in), 1e-5);
 }
 
 TEST(Resize, InvisibleColourDoesNotBleed) {

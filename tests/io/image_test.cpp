@@ -29,7 +29,8 @@ Image make_image(int width, int height, int channels) {
 
 /// Writes raw samples through OpenImageIO, for layouts that write_image does not make.
 template <class T>
-void write_raw(const std::filesystem::path& path, int width, int height, int channels, OIIO::TypeDesc type, const std::vector<T>& samples) {
+void write_raw(const std::filesystem::path& path, int width, int height, int channels, OIIO::TypeDesc type,
+               const std::vector<T>& samples) {
     OIIO::ImageSpec spec(width, height, channels, type);
     if (channels == 2) {
         spec.channelnames = {"Y", "A"};
@@ -174,7 +175,8 @@ TEST(ImageErrors, AbsurdSizeIsRefusedFromTheHeader) {
 
 TEST(ImageErrors, NonFinitePixelsAreNamed) {
     TempFolder folder;
-    write_raw<float>(folder / "a.exr", 2, 1, 3, OIIO::TypeDesc::FLOAT, {0, 0, 0, 0, std::numeric_limits<float>::quiet_NaN(), 0});
+    write_raw<float>(folder / "a.exr", 2, 1, 3, OIIO::TypeDesc::FLOAT,
+                     {0, 0, 0, 0, std::numeric_limits<float>::quiet_NaN(), 0});
     EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "a.exr"); }), "pixel (1, 0)");
 }
 

@@ -28,9 +28,12 @@ TEST(PlyFile, ReadsEveryTypeAndIgnoresWhatFollows) {
         put(std::int32_t(-70000)), put(std::uint32_t(4000000000u)), put(1.5f), put(0.1 + i);
     }
     spit(folder / "a.ply",
-         std::string("ply\r\nformat binary_little_endian 1.0\r\ncomment hello world\r\nobj_info x\r\nelement vertex 2\r\n") +
-             "property char a\nproperty uint8 b\nproperty short c\nproperty uint16 d\nproperty int e\nproperty uint32 f\n"
-             "property float32 g\nproperty double h\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n" +
+         std::string(
+             "ply\r\nformat binary_little_endian 1.0\r\ncomment hello world\r\nobj_info x\r\nelement vertex 2\r\n") +
+             "property char a\nproperty uint8 b\nproperty short c\nproperty uint16 d\nproperty int e\nproperty uint32 "
+             "f\n"
+             "property float32 g\nproperty double h\nelement face 1\nproperty list uchar int "
+             "vertex_indices\nend_header\n" +
              rows + "faces");
     PlyReader file(folder / "a.ply");
     EXPECT_EQ(file.header().comments, std::vector<std::string>{"hello world"});
@@ -47,7 +50,8 @@ TEST(PlyFile, HeaderWritesAndReadsBack) {
     std::ostringstream out;
     write_ply_header(out, {{"one", "two"}, 0, {{"x", PlyType::kFloat}, {"red", PlyType::kUint8}}});
     EXPECT_EQ(out.str(),
-              std::string(kStart) + "comment one\ncomment two\nelement vertex 0\nproperty float x\nproperty uchar red\nend_header\n");
+              std::string(kStart) +
+                  "comment one\ncomment two\nelement vertex 0\nproperty float x\nproperty uchar red\nend_header\n");
     spit(folder / "a.ply", out.str());
     PlyReader file(folder / "a.ply");
     EXPECT_EQ(file.header().properties.size(), 2u);
@@ -65,15 +69,21 @@ TEST(PlyFile, DamagedHeadersAreNamedErrors) {
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element face 2\n"), "'face'");
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex -2\n"), "vertex count");
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 99999999999999999999\n"), "vertex count");
-    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1\nproperty list uchar int i\nend_header\n"), "list");
-    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1\nproperty half x\nend_header\n"), "half");
-    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1\nproperty float x\nproperty float x\nend_header\n"),
-                    "twice");
+    EXPECT_CONTAINS(
+        read_error(folder, std::string(kStart) + "element vertex 1\nproperty list uchar int i\nend_header\n"), "list");
+    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1\nproperty half x\nend_header\n"),
+                    "half");
+    EXPECT_CONTAINS(
+        read_error(folder, std::string(kStart) + "element vertex 1\nproperty float x\nproperty float x\nend_header\n"),
+        "twice");
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1\nproperty float x\n"), "end_header");
-    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 2\nproperty float x\nend_header\n1234567"), "truncated");
-    EXPECT_CONTAINS(read_error(folder, std::string(kStart) +
-                                           "element vertex 1152921504606846976\nproperty double x\nproperty double y\nend_header\n1234567"),
+    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 2\nproperty float x\nend_header\n1234567"),
                     "truncated");
+    EXPECT_CONTAINS(
+        read_error(folder,
+                   std::string(kStart) +
+                       "element vertex 1152921504606846976\nproperty double x\nproperty double y\nend_header\n1234567"),
+        "truncated");
     EXPECT_CONTAINS(message_of<DataError>([&] { PlyReader file(folder / "absent.ply"); }), "No such file");
     EXPECT_CONTAINS(message_of<DataError>([&] { PlyReader file(folder.path()); }), "directory");
 }

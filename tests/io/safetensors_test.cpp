@@ -79,17 +79,20 @@ TEST(Safetensors, DamagedFilesAreNamedErrors) {
     EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[1],"data_offsets":[4,0])"), "before");
     EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[2],"data_offsets":[0,4])"), "shape (2)");
     EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[4611686018427387905],"data_offsets":[0,4])"), "occupies 4 bytes");
-    EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[1152921504606846976],"data_offsets":[0,4611686018427387904])"), "truncated");
+    EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[1152921504606846976],"data_offsets":[0,4611686018427387904])"),
+                    "truncated");
     EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[1],"data_offsets":[0,4])", "abc"), "truncated");
     EXPECT_CONTAINS(tensor(R"("dtype":"F32","shape":[1],"data_offsets":[0,4])", "abcde"), "follow");
     EXPECT_CONTAINS(tensor(R"("dtype":"U8","shape":[2],"data_offsets":[2,4])"), "gap");
     EXPECT_CONTAINS(
         read_error(
             folder,
-            with_header(R"({"a":{"dtype":"U8","shape":[3],"data_offsets":[0,3]},"b":{"dtype":"U8","shape":[2],"data_offsets":[2,4]}})",
-                        "abcd")),
+            with_header(
+                R"({"a":{"dtype":"U8","shape":[3],"data_offsets":[0,3]},"b":{"dtype":"U8","shape":[2],"data_offsets":[2,4]}})",
+                "abcd")),
         "overlap");
-    EXPECT_CONTAINS(message_of<DataError>([&] { SafetensorsFile file(folder / "absent.safetensors"); }), "No such file");
+    EXPECT_CONTAINS(message_of<DataError>([&] { SafetensorsFile file(folder / "absent.safetensors"); }),
+                    "No such file");
 }
 
 TEST(Safetensors, MutatedHeadersNeverCrash) {

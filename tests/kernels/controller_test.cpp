@@ -26,8 +26,10 @@ template <class Real = double> std::vector<Real> random_controller(std::uint64_t
     return {state.controller.begin(), state.controller.end()};
 }
 
-/// docs/math/ppisp.md#controller as it stands there: every layer on the whole image, the 64 channels before the mean.
-std::vector<double> by_definition(const std::vector<double>& weights, const std::vector<double>& image, int w, int h, double prior) {
+/// Computes docs/math/ppisp.md#controller as it stands there: every layer on the whole image, the 64 channels before
+/// the mean.
+std::vector<double> by_definition(const std::vector<double>& weights, const std::vector<double>& image, int w, int h,
+                                  double prior) {
     std::size_t at = 0;
     const auto layer = [&](const std::vector<double>& in, int inputs, int outputs, std::size_t offset) {
         std::vector<double> out(outputs);
@@ -58,8 +60,8 @@ std::vector<double> by_definition(const std::vector<double>& weights, const std:
     std::vector<double> flat(1601);
     for (int by = 0; by < 5; ++by)
         for (int bx = 0; bx < 5; ++bx) {
-            const int y0 = int(std::floor(by * ph / 5.0)), y1 = int(std::ceil((by + 1) * ph / 5.0)), x0 = int(std::floor(bx * pw / 5.0)),
-                      x1 = int(std::ceil((bx + 1) * pw / 5.0));
+            const int y0 = int(std::floor(by * ph / 5.0)), y1 = int(std::ceil((by + 1) * ph / 5.0)),
+                      x0 = int(std::floor(bx * pw / 5.0)), x1 = int(std::ceil((bx + 1) * pw / 5.0));
             for (int c = 0; c < 64; ++c) {
                 double sum = 0;
                 for (int y = y0; y < y1; ++y)
@@ -121,16 +123,19 @@ TEST(Controller, GradientMatchesFiniteDifferences) {
             for (int i = begin; i < end; ++i) scale = std::max(scale, std::abs(gradient[i]));
             EXPECT_GT(scale, 0);
             for (int sample = 0; sample < 120; ++sample) {
-                const int i = sample < 20 ? end - 1 - sample % layer.outputs : begin + int(rng() % std::uint32_t(end - begin)); // biases, too
+                const int i = sample < 20 ? end - 1 - sample % layer.outputs
+                                          : begin + int(rng() % std::uint32_t(end - begin));  // biases, too
                 double error = 1e9;
-                for (const double step : {1e-5, 1e-6, 1e-7}) { // a unit or a maximum that switches in between is a kink
+                for (const double step :
+                     {1e-5, 1e-6, 1e-7}) {  // a unit or a maximum that switches in between is a kink
                     const double x = weights[i];
                     weights[i] = x + step;
                     const double up = loss();
                     weights[i] = x - step;
                     const double down = loss();
                     weights[i] = x;
-                    error = std::min(error, std::abs((up - down) / (2 * step) - gradient[i]) / std::max(std::abs(gradient[i]), 1e-2 * scale));
+                    error = std::min(error, std::abs((up - down) / (2 * step) - gradient[i]) /
+                                                std::max(std::abs(gradient[i]), 1e-2 * scale));
                     if (error <= 1e-6) break;
                 }
                 EXPECT_LE(error, 1e-6) << "layer " << k << " weight " << i - begin;
@@ -180,7 +185,9 @@ TEST(Controller, WeightsStartWithinTheirBounds) {
         const double bound = 1 / std::sqrt(double(layer.inputs));
         double largest = 0, sum = 0;
         const int n = layer.bias() + layer.outputs - layer.offset;
-        for (int i = 0; i < n; ++i) largest = std::max(largest, double(std::abs(state.controller[layer.offset + i]))), sum += state.controller[layer.offset + i];
+        for (int i = 0; i < n; ++i)
+            largest = std::max(largest, double(std::abs(state.controller[layer.offset + i]))),
+            sum += state.controller[layer.offset + i];
         EXPECT_LE(largest, bound * 1.000001);
         EXPECT_GT(largest, 0.9 * bound);
         EXPECT_NEAR(sum / n, 0, 4 * bound / std::sqrt(3.0 * n)) << k;

@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// Rows that can be recognised: every value of row i is i + a fraction of its group.
+/// Returns rows that can be recognised: every value of row i is i + a fraction of its group.
 Gaussians numbered(std::int64_t n) {
     Gaussians s;
     s.count = n;
@@ -39,14 +39,15 @@ TEST(Relocation, MatchesTheDoubleSumOfThePaper) {
             double sum = 0;
             for (int i = 1; i <= n; ++i)
                 for (int k = 0; k < i; ++k)
-                    sum += std::tgamma(i) / (std::tgamma(k + 1) * std::tgamma(i - k)) * (k % 2 ? -1 : 1) / std::sqrt(k + 1.0) * std::pow(shared, k + 1);
+                    sum += std::tgamma(i) / (std::tgamma(k + 1) * std::tgamma(i - k)) * (k % 2 ? -1 : 1) /
+                           std::sqrt(k + 1.0) * std::pow(shared, k + 1);
             const Relocated r = relocate(o, n);
             EXPECT_NEAR(r.opacity, shared, 1e-12);
             EXPECT_NEAR(r.scale_factor, o / sum, 1e-8 * o / sum) << "o " << o << " n " << n;
         }
     }
     EXPECT_NEAR(relocate(0.3, 1).scale_factor, 1, 1e-12);
-    EXPECT_GT(relocate(1.0, 50).scale_factor, 0.5); // 1/1.9814: the clamped limit, no cancellation
+    EXPECT_GT(relocate(1.0, 50).scale_factor, 0.5);  // 1/1.9814: the clamped limit, no cancellation
     EXPECT_LT(relocate(1.0, 50).opacity, 0.28);
     EXPECT_EQ(relocate(0.5, 500).opacity, relocate(0.5, 50).opacity);
 }
@@ -68,7 +69,8 @@ TEST(Mcmc, DrawsInProportionToTheWeightAndNeverTheWeightless) {
     constexpr int n = 100000;
     double times[6] = {};
     for (int k = 0; k < n; ++k) ++times[draw_row(sums, 6, 1, RngStream::kGrow, 600, std::uint32_t(k))];
-    for (int i = 0; i < 6; ++i) EXPECT_NEAR(times[i] / n, double(weights[i]) / double(total), weights[i] ? 0.005 : 0) << i;
+    for (int i = 0; i < 6; ++i)
+        EXPECT_NEAR(times[i] / n, double(weights[i]) / double(total), weights[i] ? 0.005 : 0) << i;
     // One row, and sums of any size: the product with the random number takes 128 bits.
     for (const std::uint64_t sum : {std::uint64_t(1), ~std::uint64_t(0)})
         for (std::uint32_t k = 0; k < 100; ++k) EXPECT_EQ(draw_row(&sum, 1, 2, RngStream::kGrow, 0, k), 0u);
@@ -97,7 +99,7 @@ TEST(Mcmc, DropsTheStatisticOfTheFormerRows) {
 
 TEST(Mcmc, DeadMoveOntoTheLivingAndSharesKeepTheOpacity) {
     Gaussians s = numbered(100);
-    for (int i = 0; i < 30; ++i) s[Group::kOpacity].param[i] = -8; // dead
+    for (int i = 0; i < 30; ++i) s[Group::kOpacity].param[i] = -8;  // dead
     s[Group::kRotation].param.assign(400, 0.0f);
     for (int i = 0; i < 100; ++i) s[Group::kRotation].param[4 * i] = 1;
     const Gaussians before = s;
@@ -115,12 +117,15 @@ TEST(Mcmc, DeadMoveOntoTheLivingAndSharesKeepTheOpacity) {
         ++copies[source];
         for (int g = 0; g < kNumGroups; ++g)
             for (int k = 0; k < s.groups[g].width; ++k)
-                EXPECT_EQ(s.groups[g].param[i * s.groups[g].width + k], s.groups[g].param[source * s.groups[g].width + k]) << kGroupNames[g];
+                EXPECT_EQ(s.groups[g].param[i * s.groups[g].width + k],
+                          s.groups[g].param[source * s.groups[g].width + k])
+                    << kGroupNames[g];
         EXPECT_EQ(s[Group::kMean].m[3 * i], 1) << "dead rows keep their moments";
     }
     for (int i = 30; i < 100; ++i) {
         const double o = sigmoid(double(s[Group::kOpacity].param[i]));
-        EXPECT_NEAR(1 - std::pow(1 - o, copies[i] + 1), 0.5, 1e-6) << "all copies together are as opaque as the one before";
+        EXPECT_NEAR(1 - std::pow(1 - o, copies[i] + 1), 0.5, 1e-6)
+            << "all copies together are as opaque as the one before";
         EXPECT_EQ(s[Group::kMean].m[3 * i], copies[i] ? 0 : 1) << "moments of sources are zeroed";
     }
 }
@@ -139,7 +144,7 @@ TEST(Mcmc, GrowsByFivePercentUpToTheCap) {
         EXPECT_EQ(g.m.size(), g.param.size());
         EXPECT_EQ(g.m.back(), 0) << "new rows start without momentum";
     }
-    p.cap = 50; // fewer than there are: nothing is removed
+    p.cap = 50;  // fewer than there are: nothing is removed
     EXPECT_EQ(mcmc_densify(s, p, 900, 1).count, 108);
     Gaussians few = numbered(3);
     p.cap = 100;
@@ -158,7 +163,8 @@ TEST(Mcmc, ExtremesAreSkippedNotPropagated) {
     bad[Group::kOpacity].param[3] = std::numeric_limits<float>::quiet_NaN();
     bad[Group::kOpacity].param[4] = 50;
     mcmc_densify(bad, p, 600, 1);
-    for (float x : bad[Group::kOpacity].param) EXPECT_TRUE(std::isfinite(x)) << "the NaN row was dead and got relocated";
+    for (float x : bad[Group::kOpacity].param)
+        EXPECT_TRUE(std::isfinite(x)) << "the NaN row was dead and got relocated";
     for (float x : bad[Group::kScale].param) EXPECT_TRUE(std::isfinite(x));
 }
 
@@ -180,9 +186,10 @@ TEST(Noise, FollowsTheCovarianceAndTheOpacityGate) {
         const Vec3<float> d = sgld_noise(g, 0.5f, 1, 2, i);
         xx += d.x * d.x, yy += d.y * d.y, zz += d.z * d.z;
     }
-    const double gate = 0.5 / (1 + std::exp(-0.5)); // opacity 0
+    const double gate = 0.5 / (1 + std::exp(-0.5));  // opacity 0
     EXPECT_NEAR(std::sqrt(xx / n), gate * 1, 0.02 * gate);
-    EXPECT_NEAR(std::sqrt(yy / n), gate * std::exp(-4), 0.02 * gate * std::exp(-4)) << "the covariance itself, not its root";
+    EXPECT_NEAR(std::sqrt(yy / n), gate * std::exp(-4), 0.02 * gate * std::exp(-4))
+        << "the covariance itself, not its root";
     EXPECT_NEAR(std::sqrt(zz / n), gate * std::exp(-8), 0.02 * gate * std::exp(-8));
     g.raw_opacity = 3;
     g.mean = {1, 1, 1};
@@ -191,7 +198,7 @@ TEST(Noise, FollowsTheCovarianceAndTheOpacityGate) {
     EXPECT_EQ(sgld_noise(g, 0.5f, 1, 2, 0).x, 0);
 }
 
-/// As if every Gaussian had been seen once with this gradient.
+/// Fills the statistic as if every Gaussian had been seen once with this gradient.
 void gather(Gaussians& s, float gradient) {
     s.gradient_sum.assign(s.count, gradient);
     s.gradient_count.assign(s.count, 1.0f);
@@ -206,16 +213,16 @@ Gaussians unit_rotations(Gaussians s) {
 TEST(Adc, ClonesTheSmallSplitsTheLargePrunesTheFaint) {
     Gaussians s = unit_rotations(numbered(4));
     gather(s, 0.001f);
-    s.gradient_sum[3] = 0;                                                     // does not grow
-    s[Group::kOpacity].param[2] = -6;                                     // faint: pruned with its clone
-    for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * 1 + k] = 0;    // large: split
+    s.gradient_sum[3] = 0;                                              // does not grow
+    s[Group::kOpacity].param[2] = -6;                                   // faint: pruned with its clone
+    for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * 1 + k] = 0;  // large: split
     AdcParams p;
-    p.extent = 10; // dense = 0.1, log -2.3
+    p.extent = 10;  // dense = 0.1, log -2.3
     const DensifyStats d = adc_densify(s, p, 600, 1);
     EXPECT_EQ(d.cloned, 2);
     EXPECT_EQ(d.split, 1);
     EXPECT_EQ(d.pruned, 2);
-    EXPECT_EQ(s.count, 5); // 0, 3, clone of 0, two children of 1
+    EXPECT_EQ(s.count, 5);  // 0, 3, clone of 0, two children of 1
     EXPECT_EQ(s[Group::kBase].param[3 * 2], s[Group::kBase].param[0]) << "clone";
     EXPECT_EQ(s[Group::kMean].param[3 * 2], s[Group::kMean].param[0]) << "a clone does not move";
     EXPECT_EQ(s[Group::kMean].m[3 * 2], 0);
@@ -267,9 +274,10 @@ TEST(Adc, OpacityResetCapsAtOnePercent) {
 
 TEST(Rows, MortonOrderIsAPermutationThatKeepsNeighboursTogether) {
     Gaussians s = numbered(512);
-    for (int i = 0; i < 512; ++i) { // a shuffled 8x8x8 grid
+    for (int i = 0; i < 512; ++i) {  // a shuffled 8x8x8 grid
         const int j = (i * 197) % 512;
-        s[Group::kMean].param[3 * i] = float(j % 8), s[Group::kMean].param[3 * i + 1] = float(j / 8 % 8), s[Group::kMean].param[3 * i + 2] = float(j / 64);
+        s[Group::kMean].param[3 * i] = float(j % 8), s[Group::kMean].param[3 * i + 1] = float(j / 8 % 8),
+                                  s[Group::kMean].param[3 * i + 2] = float(j / 64);
     }
     const auto order = morton_order(s);
     EXPECT_EQ(std::set<std::uint32_t>(order.begin(), order.end()).size(), 512u);
@@ -282,13 +290,14 @@ TEST(Rows, MortonOrderIsAPermutationThatKeepsNeighboursTogether) {
         EXPECT_EQ(s.gradient_sum[i], float(order[i]));
     }
     const float* m = s[Group::kMean].param.data();
-    for (int i = 0; i < 512; i += 8) // every eight in a row fill one 2x2x2 cell
+    for (int i = 0; i < 512; i += 8)  // every eight in a row fill one 2x2x2 cell
         for (int k = 0; k < 8; ++k)
             for (int c = 0; c < 3; ++c) EXPECT_EQ(int(m[3 * (i + k) + c]) / 2, int(m[3 * i + c]) / 2);
 }
 
 TEST(Rows, MortonOrderTakesAnyMean) {
-    for (const float x : {std::nanf(""), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(), 3e38f, -3e38f}) {
+    for (const float x : {std::nanf(""), std::numeric_limits<float>::infinity(),
+                          -std::numeric_limits<float>::infinity(), 3e38f, -3e38f}) {
         Gaussians s = numbered(20);
         s[Group::kMean].param[10] = x, s[Group::kMean].param[50] = -x;
         const auto order = morton_order(s);
@@ -318,9 +327,9 @@ TEST(Prune, NonFiniteRowsGoAndAreNamed) {
 
 TEST(Prune, RowsThatTrainingCannotHaveMadeGoWithThem) {
     Gaussians s = unit_rotations(numbered(4));
-    s[Group::kBase].param[3] = -1e4f;    // row 1
-    s[Group::kRotation].param[8] = 1e20f; // row 2
-    s[Group::kScale].param[9] = 900;     // row 3: odd, and kept
+    s[Group::kBase].param[3] = -1e4f;      // row 1
+    s[Group::kRotation].param[8] = 1e20f;  // row 2
+    s[Group::kScale].param[9] = 900;       // row 3: odd, and kept
     std::int64_t by_group[kNumGroups];
     EXPECT_EQ(remove_nonfinite(s, by_group), 2);
     EXPECT_EQ(by_group[int(Group::kBase)], 1);
@@ -330,8 +339,8 @@ TEST(Prune, RowsThatTrainingCannotHaveMadeGoWithThem) {
 
 TEST(Prune, InvisibleRowsGo) {
     Gaussians s = unit_rotations(numbered(4));
-    s[Group::kOpacity].param[1] = -6;    // sigmoid 0.0025 < 1/255
-    s[Group::kRotation].param[8] = 0;    // no rotation
+    s[Group::kOpacity].param[1] = -6;  // sigmoid 0.0025 < 1/255
+    s[Group::kRotation].param[8] = 0;  // no rotation
     s[Group::kOpacity].param[3] = std::nanf("");
     EXPECT_EQ(remove_invisible(s), 3);
     EXPECT_EQ(s[Group::kBase].param[0], numbered(4)[Group::kBase].param[0]);

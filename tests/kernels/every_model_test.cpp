@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows no
-// model by name, so that it runs on any registry.
+// Every registered model in the renderer: gradients through each colour activation, and the parts of a picture. Knows
+// no model by name, so that it runs on any registry.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -15,10 +15,10 @@
 namespace gs::test {
 namespace {
 
-constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
-                                            ColorActivation::kHardSigmoid};
+constexpr ColorActivation kActivations[] = {ColorActivation::kRelu, ColorActivation::kSoftplus,
+                                            ColorActivation::kSigmoid, ColorActivation::kHardSigmoid};
 
-/// Whether phi has a kink near y: closer than a parameter that is moved by a finite difference's step can carry it.
+/// Returns whether phi has a kink so near to y that the step of a finite difference may cross it.
 bool near_kink(ColorActivation activation, double y) {
     constexpr double kMargin = 1e-3;
     const bool low = activation == ColorActivation::kRelu || activation == ColorActivation::kHardSigmoid;
@@ -26,12 +26,11 @@ bool near_kink(ColorActivation activation, double y) {
     return (low && std::abs(y + 0.5) < kMargin) || (high && std::abs(y - 0.5) < kMargin);
 }
 
-template <class Model>
-class EveryModel : public ::testing::Test {
+template <class Model> class EveryModel : public ::testing::Test {
   protected:
     const ModelInfo& info = appearance_model(appearance_name(static_cast<const Model*>(nullptr)));
 
-    /// Random Gaussians with the whole residual active and no colour near a kink from `camera`.
+    /// Returns random Gaussians with the whole residual active and no colour near a kink from `camera`.
     GaussianState<double> random_model(std::int64_t n, ColorActivation activation, const CameraParams<double>& camera) {
         auto s = random_gaussians(n, 0, 31);
         s.appearance = {info.name, info.max_degree_limit, activation};
@@ -47,7 +46,8 @@ class EveryModel : public ::testing::Test {
         for (std::int64_t i = 0; i < n; ++i) {
             const double* mean = &s[Group::kMean].param[3 * i];
             const auto direction = view_direction(Vec3<double>{mean[0], mean[1], mean[2]}, camera.position);
-            const Vec3<double> r = model_residual<Model>(s.shared.param.data(), s[Group::kResidual].param.data() + i * width, direction.unit, s.active_degree);
+            const Vec3<double> r = model_residual<Model>(
+                s.shared.param.data(), s[Group::kResidual].param.data() + i * width, direction.unit, s.active_degree);
             const double residual[3] = {r.x, r.y, r.z};
             for (int c = 0; c < 3; ++c) {
                 double& base = s[Group::kBase].param[3 * i + c];
@@ -72,7 +72,7 @@ TYPED_TEST(EveryModel, RendersWithMatchingGradientsThroughEachActivation) {
     }
 }
 
-/// The picture of one mode; a residual, which is a difference, before black.
+/// Renders the picture of one mode. A residual is a difference and stands before black.
 std::vector<float> part(Backend& backend, const CameraParams<double>& camera, RenderMode mode) {
     RenderRequest request;
     request.camera = cast<float>(camera);
@@ -89,7 +89,8 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
     for (const ColorActivation activation : kActivations) {
         std::vector<std::unique_ptr<Backend>> backends;
         backends.push_back(make_cpu_backend({this->info.name, this->info.max_degree_limit, activation}));
-        if (cuda_available()) backends.push_back(make_cuda_backend({this->info.name, this->info.max_degree_limit, activation}));
+        if (cuda_available())
+            backends.push_back(make_cuda_backend({this->info.name, this->info.max_degree_limit, activation}));
         for (auto& backend : backends) {
             SCOPED_TRACE(backend->describe() + ", activation " + std::to_string(int(activation)));
             // One opaque Gaussian over the whole picture: the same weight everywhere, so equality.
@@ -104,7 +105,7 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
                 EXPECT_NEAR(std::abs(full[i] - base[i]), residual[i], 2e-6f);
                 moved += residual[i];
             }
-            // Of several the distances add up, while in the full picture opposite ones cancel.
+            // The distances of several Gaussians add up, while opposite ones cancel in the full picture.
             backend->upload(cast<float>(this->random_model(6, activation, camera)));
             full = part(*backend, camera, RenderMode::kFull), base = part(*backend, camera, RenderMode::kBaseOnly),
             residual = part(*backend, camera, RenderMode::kResidualOnly);
@@ -112,7 +113,8 @@ TYPED_TEST(EveryModel, ResidualPictureIsTheDistanceOfTheFullFromTheBase) {
             backend->set_active_degree(0);
             full = part(*backend, camera, RenderMode::kFull);
             for (std::size_t i = 0; i < full.size(); ++i) EXPECT_EQ(full[i], base[i]);
-            for (const float x : part(*backend, camera, RenderMode::kResidualOnly)) EXPECT_EQ(x, 0) << "degree 0 has no residual";
+            for (const float x : part(*backend, camera, RenderMode::kResidualOnly))
+                EXPECT_EQ(x, 0) << "degree 0 has no residual";
         }
     }
     EXPECT_EQ(moved > 0.01, TypeParam::kDirectional);
@@ -127,11 +129,11 @@ TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
     for (auto& backend : backends) {
         SCOPED_TRACE(backend->describe());
         Gaussians s = cast<float>(this->random_model(60, ColorActivation::kRelu, camera));
-        s.gradient_sum.assign(60, 1.0f), s.gradient_count.assign(60, 1.0f); // all grow
+        s.gradient_sum.assign(60, 1.0f), s.gradient_count.assign(60, 1.0f);  // all grow
         for (float& x : s[Group::kOpacity].param) x = std::abs(x);
         backend->upload(s);
         AdcParams p;
-        p.extent = 40; // clones and splits, about as many
+        p.extent = 40;  // clones and splits, about as many
         const DensifyStats stats = backend->densify({p, 600, 1});
         EXPECT_GT(stats.cloned, 0);
         EXPECT_GT(stats.split, 0);
@@ -141,12 +143,13 @@ TYPED_TEST(EveryModel, AdcCopiesResidualsAndPruningByScoreMovesThem) {
         EXPECT_GE(backend->prune(LowestScores{{view}, 0.3}).removed, 36);
         const Gaussians after = backend->download(false);
         const int width = s[Group::kResidual].width;
-        for (std::int64_t i = 0; i < after.count; ++i) { // the base colour names the parent
+        for (std::int64_t i = 0; i < after.count; ++i) {  // the base colour names the parent
             std::int64_t parent = 0;
             while (parent < 60 && after[Group::kBase].param[3 * i] != s[Group::kBase].param[3 * parent]) ++parent;
             ASSERT_LT(parent, 60) << i;
             for (int c = 0; c < width; ++c)
-                EXPECT_EQ(after[Group::kResidual].param[i * width + c], s[Group::kResidual].param[parent * width + c]) << "row " << i << " column " << c;
+                EXPECT_EQ(after[Group::kResidual].param[i * width + c], s[Group::kResidual].param[parent * width + c])
+                    << "row " << i << " column " << c;
         }
         EXPECT_EQ(after.shared.param, s.shared.param);
     }

@@ -8,14 +8,16 @@
 
 namespace gs::test {
 
-/// Relative to the largest gradient of the same group: entries that cancel to nearly nothing carry its rounding.
+/// Compares gradients. Errors are relative to the largest gradient of the same group, whose rounding is in entries that
+/// cancel to nearly nothing.
 struct GradientCheck {
     double tolerance = 1e-6;
     int checked = 0, nonzero = 0;
     double worst = 0;
 
     template <class Model>
-    void run(GaussianState<double> s, const CameraParams<double>& camera, const Vec3<double>& background, const std::vector<double>& weights) {
+    void run(GaussianState<double> s, const CameraParams<double>& camera, const Vec3<double>& background,
+             const std::vector<double>& weights) {
         Pipeline<double, Model> pipe;
         pipe.render(s, camera, background);
         const GaussianState<double> analytic = pipe.gradients(s, weights);
@@ -36,7 +38,8 @@ struct GradientCheck {
                     const double down = pipe.weighted_sum(weights);
                     values[k] = x;
                     const double fd = (up - down) / (2 * h);
-                    error = std::min(error, std::abs(fd - expected[k]) / std::max({std::abs(expected[k]), 1e-2 * scale, 1e-4}));
+                    error = std::min(
+                        error, std::abs(fd - expected[k]) / std::max({std::abs(expected[k]), 1e-2 * scale, 1e-4}));
                     if (error <= tolerance) break;
                 }
                 EXPECT_LE(error, tolerance) << name << "[" << k << "] analytic " << expected[k];

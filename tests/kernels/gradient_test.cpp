@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every analytic gradient of the renderer against central differences in double. The models one by one: every_model_test.cpp.
+// Every analytic gradient of the renderer against central differences in double. The models one by one:
+// every_model_test.cpp.
 #include <gtest/gtest.h>
 
 #include "appearance/none/none.h"
@@ -12,7 +13,8 @@ TEST(RenderGradient, MatchesFiniteDifferencesForEveryParameter) {
     const auto camera = test_camera(33, 25);
     for (std::uint32_t seed = 1; seed <= 3; ++seed) {
         GradientCheck check;
-        check.run<appearance::Sh>(random_gaussians(16, 3, seed), camera, {0.2, 0.7, 0.4}, random_weights(3 * 33 * 25, seed));
+        check.run<appearance::Sh>(random_gaussians(16, 3, seed), camera, {0.2, 0.7, 0.4},
+                                  random_weights(3 * 33 * 25, seed));
         EXPECT_EQ(check.checked, 16 * (11 + 3 + 45));
         std::printf("seed %u: worst relative error %.2e over %d parameters\n", seed, check.worst, check.checked);
     }
@@ -21,7 +23,8 @@ TEST(RenderGradient, MatchesFiniteDifferencesForEveryParameter) {
 TEST(RenderGradient, MatchesForEachShDegreeAndActivation) {
     const auto camera = test_camera(20, 18);
     for (int degree = 0; degree <= 3; ++degree)
-        for (const auto activation : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid, ColorActivation::kHardSigmoid}) {
+        for (const auto activation : {ColorActivation::kRelu, ColorActivation::kSoftplus, ColorActivation::kSigmoid,
+                                      ColorActivation::kHardSigmoid}) {
             auto s = random_gaussians(6, degree, 7 + degree);
             s.appearance.activation = activation;
             GradientCheck check;
@@ -59,7 +62,8 @@ TEST(RenderGradient, MatchesAtTheExtremes) {
     const auto camera = test_camera(33, 25);
     const auto weights = random_weights(3 * 33 * 25, 9);
     const auto position = [&](double depth, double u, double v) {
-        const Vec3<double> p = camera.rotation.transposed_times(Vec3<double>{u * depth, v * depth, depth} - camera.translation);
+        const Vec3<double> p =
+            camera.rotation.transposed_times(Vec3<double>{u * depth, v * depth, depth} - camera.translation);
         return std::array<double, 3>{p.x, p.y, p.z};
     };
     struct Case {
@@ -99,7 +103,7 @@ TEST(RenderGradient, ColourPartOfTheMeanGradientIsTangential) {
     Pipeline<double, appearance::Sh> pipe;
     pipe.render(s, camera, {0, 0, 0});
     const auto full = pipe.gradients(s, weights);
-    auto frozen = s; // base colours that show the same from this camera, no residual: same image, no direction term
+    auto frozen = s;  // base colours that show the same from this camera, no residual: same image, no direction term
     for (std::int64_t i = 0; i < s.count; ++i) {
         const double* m = &s[Group::kMean].param[3 * i];
         const auto d = view_direction(Vec3<double>{m[0], m[1], m[2]}, camera.position);
@@ -113,7 +117,8 @@ TEST(RenderGradient, ColourPartOfTheMeanGradientIsTangential) {
     double norm = 0;
     for (std::int64_t i = 0; i < s.count; ++i) {
         Vec3<double> g;
-        const double *a = &full[Group::kMean].param[3 * i], *b = &geometry[Group::kMean].param[3 * i], *m = &s[Group::kMean].param[3 * i];
+        const double *a = &full[Group::kMean].param[3 * i], *b = &geometry[Group::kMean].param[3 * i],
+                     *m = &s[Group::kMean].param[3 * i];
         g = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
         const auto d = view_direction(Vec3<double>{m[0], m[1], m[2]}, camera.position);
         EXPECT_NEAR(dot(g, d.unit), 0, 1e-10 * (1 + std::sqrt(dot(g, g))));

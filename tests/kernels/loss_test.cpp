@@ -33,7 +33,7 @@ struct Fixture {
     }
 };
 
-/// SSIM and L1 straight from the definition: 2-D window, zero padding.
+/// Computes SSIM and L1 straight from the definition: 2-D window, zero padding.
 std::pair<double, double> brute_force(const Fixture& f) {
     double taps[11], sum = 0, l1 = 0, ssim = 0, weights = 0;
     for (int k = 0; k < 11; ++k) sum += taps[k] = std::exp(-(k - 5) * (k - 5) / 4.5);
@@ -46,7 +46,8 @@ std::pair<double, double> brute_force(const Fixture& f) {
                     for (int i = -5; i <= 5; ++i) {
                         if (x + i < 0 || y + j < 0 || x + i >= f.w || y + j >= f.h) continue;
                         const double g = taps[i + 5] * taps[j + 5] / (sum * sum);
-                        const double a = m(x + i, y + j) * f.image[(c * f.h + y + j) * f.w + x + i], b = m(x + i, y + j) * f.target_value(x + i, y + j, c);
+                        const double a = m(x + i, y + j) * f.image[(c * f.h + y + j) * f.w + x + i],
+                                     b = m(x + i, y + j) * f.target_value(x + i, y + j, c);
                         e[0] += g * a, e[1] += g * b, e[2] += g * a * a, e[3] += g * b * b, e[4] += g * a * b;
                     }
                 const double C1 = 1e-4, C2 = 9e-4;
@@ -64,7 +65,7 @@ void check_values(const Fixture& f) {
     std::vector<double> gradient(f.image.size());
     const LossValues v = loss.compute(f.image.data(), f.view(), f.background, 0.2, gradient.data());
     const auto [l1, ssim] = brute_force(f);
-    EXPECT_NEAR(v.l1, l1, 1e-7); // the background is float
+    EXPECT_NEAR(v.l1, l1, 1e-7);  // the background is float
     EXPECT_NEAR(v.ssim, ssim, 1e-7);
     EXPECT_NEAR(v.loss, 0.8 * l1 + 0.2 * (1 - ssim), 1e-7);
 }
@@ -117,7 +118,8 @@ TEST(Loss, FloatAgreesWithDouble) {
     const LossValues b = loss.compute(image.data(), f.view(), f.background, 0.2, got.data());
     EXPECT_NEAR(a.loss, b.loss, 1e-6);
     double scale = 0, worst = 0;
-    for (std::size_t i = 0; i < want.size(); ++i) scale = std::max(scale, std::abs(want[i])), worst = std::max(worst, std::abs(want[i] - got[i]));
+    for (std::size_t i = 0; i < want.size(); ++i)
+        scale = std::max(scale, std::abs(want[i])), worst = std::max(worst, std::abs(want[i] - got[i]));
     // The variance E[x^2]-mu^2 loses about 1e-7 of values near 1 against C2 = 9e-4: relative 1e-4 of the largest.
     EXPECT_LT(worst, 2e-4 * scale);
 }

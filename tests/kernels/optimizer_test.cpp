@@ -57,7 +57,8 @@ TEST(Opacity, ComesBackFromWhereItsSlopeIsZero) {
     float parameter[kNumGroups][8] = {}, moment[kNumGroups][8] = {}, second[kNumGroups][8] = {};
     const int widths[kNumGroups] = {3, 3, 4, 1, 3, 0};
     ModelArrays arrays{};
-    for (int g = 0; g < kNumGroups; ++g) arrays.param[g] = parameter[g], arrays.m[g] = moment[g], arrays.v[g] = second[g], arrays.width[g] = widths[g];
+    for (int g = 0; g < kNumGroups; ++g)
+        arrays.param[g] = parameter[g], arrays.m[g] = moment[g], arrays.v[g] = second[g], arrays.width[g] = widths[g];
     parameter[int(Group::kOpacity)][0] = 50;
     GaussianGradient<float> gradient{};
     update_gaussian(arrays, UpdateArgs{}, 0, gradient);
@@ -66,19 +67,30 @@ TEST(Opacity, ComesBackFromWhereItsSlopeIsZero) {
 }
 
 TEST(Rotation, WithoutADirectionIsCulled) {
-    for (const float length : {0.0f, 1e-20f, 1e-5f, 1e9f, 1e20f, std::nanf("")}) EXPECT_FALSE(usable_rotation(Vec4<float>{length, 0, 0, 0})) << length;
+    for (const float length : {0.0f, 1e-20f, 1e-5f, 1e9f, 1e20f, std::nanf("")})
+        EXPECT_FALSE(usable_rotation(Vec4<float>{length, 0, 0, 0})) << length;
     for (const float length : {1e-3f, 1.0f, 1e3f}) EXPECT_TRUE(usable_rotation(Vec4<float>{length, 0, 0, 0})) << length;
 }
 
 TEST(Schedule, MatchesThePublishedTable) {
-    const Schedule cosine = Schedule::cosine(1, 7000, 37000, 0, 1), delayed = Schedule::cosine(1, 1000, 27000, 0.1, 0, true), warm = Schedule::warm_up(1);
+    const Schedule cosine = Schedule::cosine(1, 7000, 37000, 0, 1),
+                   delayed = Schedule::cosine(1, 1000, 27000, 0.1, 0, true), warm = Schedule::warm_up(1);
     struct Row {
         double it, cosine, delayed, warm;
     };
-    for (const Row& r : {Row{1, 1, 0, 5.2356856e-4}, {1000, 1, 1, 0.463059369}, {1001, 1, 0.999999997, 0.463443682}, {1500, 1, 0.999178999, 0.630209585},
-                         {3000, 1, 0.986923818, 0.794328235}, {7000, 1, 0.886829837, 0.584341413}, {10000, 0.975528258, 0.759125427, 0.464158883},
-                         {14000, 0.871572413, 0.55, 0.341454887}, {15000, 0.834565303, 0.495758494, 0.316227766}, {22000, 0.5, 0.179657260, 0.184784980},
-                         {27000, 0.25, 0.1, 0.125892541}, {27001, 0.249954656, 0, 0.125882879}, {30000, 0.128427587, 0, 0.1}}) {
+    for (const Row& r : {Row{1, 1, 0, 5.2356856e-4},
+                         {1000, 1, 1, 0.463059369},
+                         {1001, 1, 0.999999997, 0.463443682},
+                         {1500, 1, 0.999178999, 0.630209585},
+                         {3000, 1, 0.986923818, 0.794328235},
+                         {7000, 1, 0.886829837, 0.584341413},
+                         {10000, 0.975528258, 0.759125427, 0.464158883},
+                         {14000, 0.871572413, 0.55, 0.341454887},
+                         {15000, 0.834565303, 0.495758494, 0.316227766},
+                         {22000, 0.5, 0.179657260, 0.184784980},
+                         {27000, 0.25, 0.1, 0.125892541},
+                         {27001, 0.249954656, 0, 0.125882879},
+                         {30000, 0.128427587, 0, 0.1}}) {
         EXPECT_NEAR(cosine.at(r.it), r.cosine, 1e-7) << r.it;
         EXPECT_NEAR(delayed.at(r.it), r.delayed, 1e-7) << r.it;
         EXPECT_NEAR(warm.at(r.it), r.warm, 1e-7) << r.it;

@@ -37,17 +37,20 @@ TEST(PackedMoments, WordsAreKeptAsTheyAre) {
     }
 }
 
-/// The second moment of a gradient that stays the same: each step adds a thousandth of what is missing, less than the last bit.
+/// The second moment of a gradient that stays the same: each step adds a thousandth of what is missing, less than the
+/// last bit.
 TEST(PackedMoments, SecondMomentFollowsSmallSteps) {
     constexpr double kSquare = 3.3e-7;
     double mean = 0, nearest = 1e-7;
     constexpr int kRows = 200, kSteps = 3000;
     for (int row = 0; row < kRows; ++row) {
         float v = 1e-7f;
-        for (int step = 0; step < kSteps; ++step) v = through_a_word(0, float(v + 1e-3 * (kSquare - v)), mix_bits(row ^ mix_bits(step))).v;
+        for (int step = 0; step < kSteps; ++step)
+            v = through_a_word(0, float(v + 1e-3 * (kSquare - v)), mix_bits(row ^ mix_bits(step))).v;
         mean += double(v) / kRows;
     }
-    for (int step = 0; step < kSteps; ++step) nearest = through_a_word(0, float(nearest + 1e-3 * (kSquare - nearest)), 0x8000).v;
+    for (int step = 0; step < kSteps; ++step)
+        nearest = through_a_word(0, float(nearest + 1e-3 * (kSquare - nearest)), 0x8000).v;
     const double plain = kSquare + (1e-7 - kSquare) * std::pow(0.999, kSteps);
     EXPECT_NEAR(mean, plain, 0.02 * plain);
     EXPECT_LT(nearest, 0.9 * plain) << "rounding to nearest would do as well";

@@ -17,12 +17,13 @@ constexpr int kWidth = 48, kHeight = 36, kFrames = 4;
 struct Frames {
     Gaussians model = test::cast<float>(test::random_gaussians(60, 1, 3));
     std::vector<CameraParams<float>> cameras;
-    std::vector<std::vector<float>> targets; ///< (H,W,3)
+    std::vector<std::vector<float>> targets;  ///< (H,W,3)
     const float exposures[kFrames] = {0.5f, -0.4f, -0.3f, 0.2f};
 
     Frames() {
-        for (auto& group : model.groups) group.m.assign(group.param.size(), 0.0f), group.v.assign(group.param.size(), 0.0f);
-        for (float& x : model[Group::kBase].param) x -= 0.2f; // below white, where an exposure shows
+        for (auto& group : model.groups)
+            group.m.assign(group.param.size(), 0.0f), group.v.assign(group.param.size(), 0.0f);
+        for (float& x : model[Group::kBase].param) x -= 0.2f;  // below white, where an exposure shows
         model.ppisp = identity_ppisp(kFrames, 1);
         for (int f = 0; f < kFrames; ++f) model.ppisp.param[kIspFrameValues * f] = exposures[f];
         const auto backend = make_cpu_backend(model.appearance);
@@ -72,10 +73,12 @@ TEST(PpispBackend, FindsTheExposuresOfItsFrames) {
     const Frames frames;
     const auto backend = frames.backend();
     constexpr int kSteps = 1200;
-    for (int i = 0; i < kSteps; ++i) backend->step(frames.step(i % kFrames, IspMode::kFrame, 0.02 * std::pow(0.005, i / double(kSteps))));
+    for (int i = 0; i < kSteps; ++i)
+        backend->step(frames.step(i % kFrames, IspMode::kFrame, 0.02 * std::pow(0.005, i / double(kSteps))));
     EXPECT_LT(backend->take_stats().loss, 2e-3);
     const Gaussians after = backend->download(true);
-    for (int f = 0; f < kFrames; ++f) EXPECT_NEAR(after.ppisp.param[kIspFrameValues * f], frames.exposures[f], 1e-3) << f; // off by 5e-5 as measured
+    for (int f = 0; f < kFrames; ++f)
+        EXPECT_NEAR(after.ppisp.param[kIspFrameValues * f], frames.exposures[f], 1e-3) << f;  // off by 5e-5 as measured
     EXPECT_EQ(after.ppisp.step, kSteps);
     EXPECT_EQ(after[Group::kBase].param, frames.model[Group::kBase].param);
 }
@@ -94,7 +97,7 @@ TEST(PpispBackend, ControllerLearnsTheExposuresFromTheImages) {
     };
     const double before = mean_loss();
     for (int i = 0; i < 300; ++i) backend->distill(frames.step(i % kFrames, IspMode::kController, 0.001));
-    EXPECT_LT(mean_loss(), 0.5 * before); // 0.29 as measured, and falling
+    EXPECT_LT(mean_loss(), 0.5 * before);  // 0.29 as measured, and falling
     const Gaussians after = backend->download(true);
     EXPECT_EQ(after.ppisp.param, frames.model.ppisp.param) << "frozen";
     EXPECT_EQ(after[Group::kMean].param, frames.model[Group::kMean].param);
@@ -110,8 +113,10 @@ TEST(PpispBackend, IsLeftOutWhereItIsNotAskedForOrNotThere) {
     const auto raw = frames.image(*with, 0, IspMode::kNone);
     EXPECT_NE(frames.image(*with, 0, IspMode::kFrame), raw);
     // A residual is no colour; the base is.
-    EXPECT_EQ(frames.image(*with, 0, IspMode::kFrame, RenderMode::kResidualOnly), frames.image(*with, 0, IspMode::kNone, RenderMode::kResidualOnly));
-    EXPECT_NE(frames.image(*with, 0, IspMode::kFrame, RenderMode::kBaseOnly), frames.image(*with, 0, IspMode::kNone, RenderMode::kBaseOnly));
+    EXPECT_EQ(frames.image(*with, 0, IspMode::kFrame, RenderMode::kResidualOnly),
+              frames.image(*with, 0, IspMode::kNone, RenderMode::kResidualOnly));
+    EXPECT_NE(frames.image(*with, 0, IspMode::kFrame, RenderMode::kBaseOnly),
+              frames.image(*with, 0, IspMode::kNone, RenderMode::kBaseOnly));
     with->step(frames.step(0, IspMode::kNone, 0.01));
     EXPECT_EQ(with->download(true).ppisp.param, frames.model.ppisp.param);
     for (const StageCost& cost : with->timer().take_stage_costs()) EXPECT_NE(cost.stage, "PPISP");
@@ -127,7 +132,7 @@ TEST(PpispBackend, IsLeftOutWhereItIsNotAskedForOrNotThere) {
 TEST(PpispBackend, KnownAndUnknownFramesAndControllers) {
     Frames frames;
     frames.model.ppisp.param[0] = 1;
-    frames.model.ppisp.param[frames.model.ppisp.camera_offset(0) + 2] = -0.5f; // vignetting
+    frames.model.ppisp.param[frames.model.ppisp.camera_offset(0) + 2] = -0.5f;  // vignetting
     const auto backend = frames.backend();
     // Without a controller: neutral, as an unknown frame, with the camera's vignetting.
     RenderRequest unknown = frames.request(0, IspMode::kFrame);
@@ -199,7 +204,8 @@ TEST(ViewCorrection, ANonFiniteGradientLeavesEverythingAsItIs) {
         auto g = gradient;
         correction.backward(image.data(), g.data());
         ++state.step, ++state.controller_step;
-        EXPECT_FALSE(mode == IspMode::kFrame ? correction.step_parameters(state, 0.1) : correction.step_controller(state, image.data(), 0.1));
+        EXPECT_FALSE(mode == IspMode::kFrame ? correction.step_parameters(state, 0.1)
+                                             : correction.step_controller(state, image.data(), 0.1));
     }
     EXPECT_EQ(state.param, before.param);
     EXPECT_EQ(state.m, before.m);
@@ -212,7 +218,7 @@ TEST(ViewCorrection, AnImageTooSmallLeavesTheController) {
     PpispState state = identity_ppisp(1, 1);
     initialize_controller(state, 1);
     allocate_moments(state);
-    state.controller_m.assign(state.controller.size(), 0.5f); // Adam would move with it
+    state.controller_m.assign(state.controller.size(), 0.5f);  // Adam would move with it
     const auto before = state.controller;
     std::vector<float> image(3 * 2 * 9, 0.5f), out(image.size()), gradient(image.size(), 0.1f);
     ViewCorrection correction;

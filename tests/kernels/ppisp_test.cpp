@@ -11,10 +11,10 @@ namespace {
 
 constexpr int kRaw = kIspFrameValues + kIspCameraValues;
 
-/// A small image with all it takes to correct it, and weights that make a loss of it.
+/// A small image, the parameters of its correction, and the weights of a loss.
 template <class Real> struct Isp {
     int w = 7, h = 5;
-    std::vector<Real> raw; ///< one frame, then one camera
+    std::vector<Real> raw;  ///< one frame, then one camera
     std::vector<Vec3<Real>> image, weights;
 
     Vec2<Real> uv(int i) const { return isp_uv<Real>(i % w, i / w, w, h); }
@@ -31,7 +31,7 @@ template <class Real> struct Isp {
         for (std::size_t i = 0; i < out.size(); ++i) sum += dot(out[i], weights[i]);
         return sum;
     }
-    /// dL/draw, then dL/dimage.
+    /// Returns dL/draw, then dL/dimage.
     std::vector<Real> gradient() const {
         const IspFrame<Real> frame = isp_frame(raw.data());
         const IspCamera<Real> camera = isp_camera(raw.data() + kIspFrameValues);
@@ -51,7 +51,7 @@ template <class Real = double> std::vector<Real> identity() {
     return {state.param.begin(), state.param.end()};
 }
 
-/// Which parameters are moved away from the identity.
+/// The parameters that are moved away from the identity.
 struct Stages {
     bool exposure = true, colour = true, vignetting = true, response = true;
 };
@@ -65,7 +65,7 @@ Isp<double> random_isp(std::uint32_t seed, double brightest, const Stages& stage
     for (int k = 1; stages.colour && k < 9; ++k) isp.raw[k] = u(rng);
     for (int c = 0; c < 3; ++c) {
         double* v = isp.raw.data() + kIspFrameValues + c * kIspVignetting;
-        v[2] = -0.1; // away from the kink at no vignetting at all
+        v[2] = -0.1;  // away from the kink at no vignetting at all
         if (!stages.vignetting) continue;
         v[0] = 0.1 * u(rng), v[1] = 0.1 * u(rng), v[2] = -0.8 + 0.2 * u(rng), v[3] = 0.2 * u(rng), v[4] = 0.2 * u(rng);
     }
@@ -78,7 +78,7 @@ Isp<double> random_isp(std::uint32_t seed, double brightest, const Stages& stage
     return isp;
 }
 
-/// Analytic gradients against central differences. Returns how many were not zero.
+/// Compares analytic gradients with central differences. Returns how many were not zero.
 int check_gradient(Isp<double> isp) {
     const std::vector<double> analytic = isp.gradient();
     std::vector<double*> value;
@@ -89,10 +89,13 @@ int check_gradient(Isp<double> isp) {
     int nonzero = 0;
     for (std::size_t k = 0; k < value.size(); ++k) {
         double error = 1e9, fd = 0;
-        for (const double h : {1e-5, 1e-6, 1e-7}) { // a kink that lies between is avoided by another step
+        for (const double h : {1e-5, 1e-6, 1e-7}) {  // a kink that lies between is avoided by another step
             const double x = *value[k];
             // Fourth order: between it and rounding there is room for 1e-6 of small gradients.
-            const auto at = [&](double d) { *value[k] = x + d; return isp.loss(); };
+            const auto at = [&](double d) {
+                *value[k] = x + d;
+                return isp.loss();
+            };
             fd = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h);
             *value[k] = x;
             error = std::min(error, std::abs(fd - analytic[k]) / std::max({std::abs(analytic[k]), 1e-3 * scale, 1e-4}));
@@ -133,8 +136,9 @@ TEST(Ppisp, IdentityChangesNothing) {
     const IspCamera<float> camera = isp_camera(raw.data() + kIspFrameValues);
     for (int i = 0; i < 200000; ++i) {
         const float scale = i % 4 ? 1 : 1e-3f;
-        const Vec3<float> in{scale * u(rng), scale * u(rng), scale * u(rng)}, out = isp_forward(frame, camera, in, {u(rng) - 0.5f, u(rng) - 0.5f});
-        EXPECT_NEAR(out.x, in.x, 1e-15); // to the last bit, but for what other channels leave beside values below 1e-8
+        const Vec3<float> in{scale * u(rng), scale * u(rng), scale * u(rng)},
+            out = isp_forward(frame, camera, in, {u(rng) - 0.5f, u(rng) - 0.5f});
+        EXPECT_NEAR(out.x, in.x, 1e-15);  // to the last bit, but for what other channels leave beside values below 1e-8
         EXPECT_NEAR(out.y, in.y, 1e-15);
         EXPECT_NEAR(out.z, in.z, 1e-15);
     }
@@ -178,13 +182,14 @@ TEST(Ppisp, ColourMovesTheFourPointsToTheirTargets) {
     }
 }
 
-/// Everything that comes out of one image, forward and backward.
+/// Expects finite results for one image, forward and backward.
 template <class Real> void expect_finite(const Isp<Real>& isp, const std::string& what) {
     for (const Vec3<Real>& p : isp.correct()) {
         for (const Real x : {p.x, p.y, p.z}) EXPECT_TRUE(x >= 0 && x <= Real(1.000001)) << what << " " << x;
     }
     const auto gradient = isp.gradient();
-    for (std::size_t k = 0; k < gradient.size(); ++k) EXPECT_TRUE(std::isfinite(gradient[k])) << what << " " << k << " " << gradient[k];
+    for (std::size_t k = 0; k < gradient.size(); ++k)
+        EXPECT_TRUE(std::isfinite(gradient[k])) << what << " " << k << " " << gradient[k];
 }
 
 TEST(Ppisp, ExtremesStayFinite) {
@@ -199,7 +204,8 @@ TEST(Ppisp, ExtremesStayFinite) {
         if (rng() % 2) isp.raw[0] = rng() % 2 ? any() : (rng() % 2 ? 1e4f : -1e4f);
         for (int k = 1; k < 9; ++k) isp.raw[k] = trial % 5 ? any() : (rng() % 2 ? 1e4f : -1e4f);
         for (int k = 0; k < 15; ++k) isp.raw[9 + k] = k % 5 < 2 ? u(rng) : (rng() % 2 ? any() : 1e6f * u(rng));
-        for (int k = 0; k < 12; ++k) isp.raw[24 + k] += rng() % 2 ? std::max(-200.0f, std::min(200.0f, any())) : (rng() % 2 ? 200.0f : -200.0f);
+        for (int k = 0; k < 12; ++k)
+            isp.raw[24 + k] += rng() % 2 ? std::max(-200.0f, std::min(200.0f, any())) : (rng() % 2 ? 200.0f : -200.0f);
         for (int i = 0; i < isp.w * isp.h; ++i) {
             const auto colour = [&] {
                 const float choices[] = {0, 1, 255, u(rng), std::abs(u(rng)), 1e-6f, 1e-20f, 1e-38f, 1e-42f, 0.999999f};
@@ -218,7 +224,8 @@ TEST(Ppisp, CentreAtTheEndsKeepsOneBranch) {
     isp.raw = identity<float>();
     isp.image.assign(35, {0.0f, 0.5f, 1.0f}), isp.weights.assign(35, {1, 1, 1});
     for (const float raw : {-200.0f, -104.0f, -100.0f, -88.0f, -20.0f, 17.0f, 18.0f, 88.0f, 104.0f, 200.0f}) {
-        for (int c = 0; c < 3; ++c) isp.raw[24 + 4 * c + 3] = raw, isp.raw[24 + 4 * c] = 2, isp.raw[24 + 4 * c + 1] = -1;
+        for (int c = 0; c < 3; ++c)
+            isp.raw[24 + 4 * c + 3] = raw, isp.raw[24 + 4 * c] = 2, isp.raw[24 + 4 * c + 1] = -1;
         expect_finite(isp, "centre " + std::to_string(raw));
         const Vec3<float> out = isp.correct()[17];
         EXPECT_EQ(out.x, 0);
@@ -251,11 +258,16 @@ TEST(Ppisp, NanIsNotHidden) {
     EXPECT_TRUE(std::isnan(isp.correct()[0].x));
 }
 
-/// docs/math/ppisp.md#regularizers, term by term.
+/// Computes docs/math/ppisp.md#regularizers term by term.
 double regularizer(const std::vector<double>& raw, int frames, int cameras) {
-    const auto smooth_l1 = [](double x, double beta) { return std::abs(x) < beta ? x * x / (2 * beta) : std::abs(x) - beta / 2; };
+    const auto smooth_l1 = [](double x, double beta) {
+        return std::abs(x) < beta ? x * x / (2 * beta) : std::abs(x) - beta / 2;
+    };
     double mean[9] = {}, loss = 0;
-    const double P[4][3] = {{0.0480542, -0.0043631, 0.0481283}, {0.0580570, -0.0179872, 0.0431061}, {0.0433336, -0.0180537, 0.0580500}, {0.0128369, -0.0034654, 0.0128158}};
+    const double P[4][3] = {{0.0480542, -0.0043631, 0.0481283},
+                            {0.0580570, -0.0179872, 0.0431061},
+                            {0.0433336, -0.0180537, 0.0580500},
+                            {0.0128369, -0.0034654, 0.0128158}};
     for (int f = 0; f < frames; ++f) {
         const double* r = &raw[9 * f];
         mean[0] += r[0] / frames;
@@ -285,7 +297,7 @@ double regularizer(const std::vector<double>& raw, int frames, int cameras) {
 TEST(Ppisp, RegularizerGradientMatchesFiniteDifferences) {
     std::mt19937 rng(8);
     std::uniform_real_distribution<double> u(-1, 1);
-    for (const double size : {0.03, 0.3, 3.0}) { // on both sides of the bends
+    for (const double size : {0.03, 0.3, 3.0}) {  // on both sides of the bends
         const int frames = 5, cameras = 2;
         std::vector<double> raw(9 * frames + 27 * cameras);
         for (double& x : raw) x = size * u(rng);
@@ -295,7 +307,9 @@ TEST(Ppisp, RegularizerGradientMatchesFiniteDifferences) {
         isp_frame_regularizer(means, frames, frame_gradient);
         for (std::size_t k = 0; k < raw.size(); ++k) {
             const int camera = (int(k) - 9 * frames) / 27;
-            const double got = int(k) < 9 * frames ? frame_gradient[k % 9] : isp_camera_regularizer(&raw[9 * frames + 27 * camera], cameras, (int(k) - 9 * frames) % 27);
+            const double got = int(k) < 9 * frames ? frame_gradient[k % 9]
+                                                   : isp_camera_regularizer(&raw[9 * frames + 27 * camera], cameras,
+                                                                            (int(k) - 9 * frames) % 27);
             const double x = raw[k], h = 1e-5;
             raw[k] = x + h;
             const double up = regularizer(raw, frames, cameras);

@@ -44,7 +44,7 @@ template <class T, class U> GaussianState<T> cast(const GaussianState<U>& s) {
     return o;
 }
 
-/// n Gaussians around the point the test camera looks at, of 0.05 to 1 units size.
+/// Returns n Gaussians of 0.05 to 1 units size around the point that the test camera looks at.
 inline GaussianState<double> random_gaussians(std::int64_t n, int degree, std::uint32_t seed) {
     std::mt19937 rng(seed);
     std::normal_distribution<double> normal;
@@ -65,7 +65,7 @@ inline GaussianState<double> random_gaussians(std::int64_t n, int degree, std::u
     return s;
 }
 
-/// Image and gradients of sum(weights * image).
+/// Computes the image and the gradients of sum(weights * image).
 template <class Real, class Model> struct Pipeline {
     CpuRasterizer<Real, Model> raster;
     std::vector<Real> image, transmittance;
@@ -74,11 +74,14 @@ template <class Real, class Model> struct Pipeline {
                 RenderMode mode = RenderMode::kFull) {
         image.assign(3 * std::size_t(camera.width) * camera.height, Real(0));
         transmittance.assign(std::size_t(camera.width) * camera.height, Real(0));
-        raster.forward(ParameterView<Real>::of(s), camera, background, s.active_degree, mode, image.data(), transmittance.data());
+        raster.forward(ParameterView<Real>::of(s), camera, background, s.active_degree, mode, image.data(),
+                       transmittance.data());
     }
-    Real weighted_sum(const std::vector<Real>& weights) const { return std::inner_product(image.begin(), image.end(), weights.begin(), Real(0)); }
+    Real weighted_sum(const std::vector<Real>& weights) const {
+        return std::inner_product(image.begin(), image.end(), weights.begin(), Real(0));
+    }
 
-    /// Gradients in the layout of GaussianState.
+    /// Returns the gradients in the layout of GaussianState.
     GaussianState<Real> gradients(const GaussianState<Real>& s, const std::vector<Real>& dL_dimage) {
         raster.backward(image.data(), transmittance.data(), dL_dimage.data());
         GaussianState<Real> out = s;
@@ -92,7 +95,8 @@ template <class Real, class Model> struct Pipeline {
             };
             put(Group::kMean, {g.geometry.mean.x, g.geometry.mean.y, g.geometry.mean.z});
             put(Group::kScale, {g.geometry.log_scale.x, g.geometry.log_scale.y, g.geometry.log_scale.z});
-            put(Group::kRotation, {g.geometry.rotation.x, g.geometry.rotation.y, g.geometry.rotation.z, g.geometry.rotation.w});
+            put(Group::kRotation,
+                {g.geometry.rotation.x, g.geometry.rotation.y, g.geometry.rotation.z, g.geometry.rotation.w});
             put(Group::kOpacity, {g.geometry.raw_opacity});
             put(Group::kBase, {g.base.x, g.base.y, g.base.z});
             const int w = s[Group::kResidual].width;
@@ -110,20 +114,20 @@ inline std::vector<double> random_weights(std::size_t n, std::uint32_t seed) {
     return w;
 }
 
-/// What a renderer without tiles, and on request without truncation, shows at one pixel.
+/// One pixel of a renderer without tiles and, on request, without truncation.
 struct BruteForcePixel {
     Vec3<double> color;
-    double dropped_alpha = 0;        ///< sum of alphas below 1/255
-    double threshold_distance = 1e9; ///< nearest relative distance of an alpha to 1/255 or of T to 1e-4
+    double dropped_alpha = 0;         ///< sum of alphas below 1/255
+    double threshold_distance = 1e9;  ///< nearest relative distance of an alpha to 1/255 or of T to 1e-4
 };
 
-/// Added to the value of one Gaussian at a pixel.
+/// An amount that is added to the value of one Gaussian at a pixel.
 struct Bump {
     std::int64_t gaussian = -1;
     double value = 0;
 };
 
-/// All Gaussians at every pixel in depth order, in double, straight from the definitions (matrix inverse and all).
+/// Blends all Gaussians at every pixel in depth order, in double, straight from the definitions.
 class BruteForce {
   public:
     BruteForce(const GaussianState<double>& s, const CameraParams<double>& camera) {
@@ -140,10 +144,12 @@ class BruteForce {
                                     {2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)},
                                     {2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z}};
             const Vec3<double> rows[3] = {camera.rotation.r0, camera.rotation.r1, camera.rotation.r2};
-            const double u = std::clamp(p.x / p.z, (-0.15 * camera.width - camera.cx) / camera.fx, (1.15 * camera.width - camera.cx) / camera.fx);
-            const double v = std::clamp(p.y / p.z, (-0.15 * camera.height - camera.cy) / camera.fy, (1.15 * camera.height - camera.cy) / camera.fy);
+            const double u = std::clamp(p.x / p.z, (-0.15 * camera.width - camera.cx) / camera.fx,
+                                        (1.15 * camera.width - camera.cx) / camera.fx);
+            const double v = std::clamp(p.y / p.z, (-0.15 * camera.height - camera.cy) / camera.fy,
+                                        (1.15 * camera.height - camera.cy) / camera.fy);
             double cov[2][2] = {};
-            for (int k = 0; k < 3; ++k) { // one principal axis at a time: cov += (J W r_k s_k)(...)^T
+            for (int k = 0; k < 3; ++k) {  // one principal axis at a time: cov += (J W r_k s_k)(...)^T
                 const Vec3<double> axis = Vec3<double>{r[0][k], r[1][k], r[2][k]} * std::exp(l[k]);
                 const double cx = dot(rows[0], axis), cy = dot(rows[1], axis), cz = dot(rows[2], axis);
                 const double jx = camera.fx / p.z * (cx - u * cz), jy = camera.fy / p.z * (cy - v * cz);
@@ -151,13 +157,22 @@ class BruteForce {
             }
             cov[0][0] += 0.3, cov[1][1] += 0.3;
             const double det = cov[0][0] * cov[1][1] - cov[0][1] * cov[0][1];
-            Item item{p.z, camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy, cov[1][1] / det, -cov[0][1] / det, cov[0][0] / det,
-                      1 / (1 + std::exp(-s[Group::kOpacity].param[i])), {}, i};
+            Item item{p.z,
+                      camera.fx * p.x / p.z + camera.cx,
+                      camera.fy * p.y / p.z + camera.cy,
+                      cov[1][1] / det,
+                      -cov[0][1] / det,
+                      cov[0][0] / det,
+                      1 / (1 + std::exp(-s[Group::kOpacity].param[i])),
+                      {},
+                      i};
             const Vec3<double> d = Vec3<double>{m[0], m[1], m[2]} - camera.position;
-            const Vec3<double> res = appearance::Sh::residual(s[Group::kResidual].param.data() + i * s[Group::kResidual].width,
-                                                              d * (1 / std::sqrt(dot(d, d))), s.active_degree);
+            const Vec3<double> res =
+                appearance::Sh::residual(s[Group::kResidual].param.data() + i * s[Group::kResidual].width,
+                                         d * (1 / std::sqrt(dot(d, d))), s.active_degree);
             const double* b = &s[Group::kBase].param[3 * i];
-            item.color = {std::max(b[0] + res.x + 0.5, 0.0), std::max(b[1] + res.y + 0.5, 0.0), std::max(b[2] + res.z + 0.5, 0.0)};
+            item.color = {std::max(b[0] + res.x + 0.5, 0.0), std::max(b[1] + res.y + 0.5, 0.0),
+                          std::max(b[2] + res.z + 0.5, 0.0)};
             max_color_ = std::max({max_color_, item.color.x, item.color.y, item.color.z});
             items_.push_back(item);
         }

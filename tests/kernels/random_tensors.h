@@ -11,7 +11,7 @@ inline Tensor random_tensor(const TensorEngine& engine, int channels, int height
     return engine.upload(channels, height, width, random_values(std::size_t(channels) * height * width, seed, -1, 1));
 }
 
-/// Weights and biases for a layer whose sizes are filled in.
+/// Fills in random weights and biases of a layer whose sizes are given.
 inline ConvLayer random_layer(const TensorEngine& engine, ConvLayer layer, std::uint64_t seed) {
     layer.weights = random_tensor(engine, layer.out, layer.in, layer.kernel * layer.kernel, seed);
     layer.bias = random_tensor(engine, layer.out, 1, 1, seed + 1);

@@ -43,8 +43,8 @@ template <class Real> void compare_with_brute_force(int width, int height, std::
         }
     EXPECT_LE(worst, tolerance);
     EXPECT_GE(compared, width * height * 9 / 10);
-    std::printf("%dx%d, %d Gaussians: max error %.2e (bound %.0e); truncation uses %.0f %% of its bound\n", width, height, int(n), worst, tolerance,
-                100 * worst_share);
+    std::printf("%dx%d, %d Gaussians: max error %.2e (bound %.0e); truncation uses %.0f %% of its bound\n", width,
+                height, int(n), worst, tolerance, 100 * worst_share);
 }
 
 TEST(Render, EqualsBruteForceInDouble) {
@@ -61,7 +61,7 @@ TEST(Render, EqualsBruteForceInFloat) {
 }
 
 TEST(Render, LanesAndScalarAgree) {
-    // The same fragment through sixteen float lanes and through a plain float.
+    // Evaluates one fragment through sixteen float lanes and through a plain float.
     for (const float alpha_raw : {-3.0f, 0.0f, 4.0f}) {
         Splat<float> s{};
         s.mean = {3.2f, 1.7f}, s.a = 0.4f, s.b = 0.1f, s.c = 0.3f, s.opacity = sigmoid(alpha_raw);
@@ -94,11 +94,13 @@ TEST(TileTest, NeverMissesAVisiblePixel) {
     for (int trial = 0; trial < 20000; ++trial) {
         Splat<float> s{};
         const float l1 = std::exp(8 * u(rng) - 2), l2 = std::exp(8 * u(rng) - 2), angle = 6.3f * u(rng);
-        const float c = std::cos(angle), n = std::sin(angle), xx = c * c * l1 + n * n * l2 + 0.3f, yy = n * n * l1 + c * c * l2 + 0.3f, xy = c * n * (l1 - l2);
+        const float c = std::cos(angle), n = std::sin(angle), xx = c * c * l1 + n * n * l2 + 0.3f,
+                    yy = n * n * l1 + c * c * l2 + 0.3f, xy = c * n * (l1 - l2);
         const float det = xx * yy - xy * xy;
         s.a = yy / det, s.b = -xy / det, s.c = xx / det;
         s.mean = {60 * u(rng) - 22, 60 * u(rng) - 22};
-        if (trial % 10 == 0) s.mean = {std::floor(s.mean.x) + 0.5f, std::floor(s.mean.y) + 0.5f}; // exactly on a pixel centre
+        if (trial % 10 == 0)
+            s.mean = {std::floor(s.mean.x) + 0.5f, std::floor(s.mean.y) + 0.5f};  // exactly on a pixel centre
         s.opacity = 0.004f + u(rng) * 0.996f;
         s.threshold = std::max(std::log(255 * s.opacity), 0.0f);
         const unsigned mask = BlockGeometry<float>(0, 0).touched(s);
@@ -106,12 +108,13 @@ TEST(TileTest, NeverMissesAVisiblePixel) {
         unsigned needed = 0;
         for (int y = 0; y < 16; ++y)
             for (int x = 0; x < 16; ++x)
-                if (fragment_alpha(FragmentShape<float>::from(s), x + 0.5f, y + 0.5f).alpha >= float(kMinAlpha)) needed |= 1u << (block_order(x, y) / 16);
+                if (fragment_alpha(FragmentShape<float>::from(s), x + 0.5f, y + 0.5f).alpha >= float(kMinAlpha))
+                    needed |= 1u << (block_order(x, y) / 16);
         EXPECT_EQ(needed & ~mask, 0u) << "trial " << trial;
         EXPECT_TRUE(tile || !needed);
         touched += __builtin_popcount(mask), wasted += __builtin_popcount(mask & ~needed);
     }
-    EXPECT_LT(wasted, touched / 10); // exact up to pixel centres that the ellipse passes between
+    EXPECT_LT(wasted, touched / 10);  // exact up to pixel centres that the ellipse passes between
 }
 
 GaussianState<double> one_gaussian() {
@@ -155,7 +158,8 @@ TEST(RenderExtremes, NothingToShowIsTheBackground) {
     EXPECT_EQ(with(Group::kMean, {nan, 0, 0}), 0);
     EXPECT_EQ(with(Group::kMean, {inf, 0, 0}), 0);
     const auto camera = test_camera(17, 13);
-    EXPECT_EQ(with(Group::kMean, {camera.position.x, camera.position.y, camera.position.z}), 0) << "at the camera centre";
+    EXPECT_EQ(with(Group::kMean, {camera.position.x, camera.position.y, camera.position.z}), 0)
+        << "at the camera centre";
     const Vec3<double> on_plane = camera.rotation.transposed_times(Vec3<double>{1, 1, 0} - camera.translation);
     EXPECT_EQ(with(Group::kMean, {on_plane.x, on_plane.y, on_plane.z}), 0) << "on the camera plane";
     EXPECT_EQ(with(Group::kScale, {nan, 0, 0}), 0);
@@ -170,9 +174,9 @@ TEST(RenderExtremes, NothingToShowIsTheBackground) {
 
 TEST(RenderExtremes, ReachesTheRightLimits) {
     auto s = one_gaussian();
-    s[Group::kOpacity].param[0] = 50; // alpha 1 at the centre
+    s[Group::kOpacity].param[0] = 50;  // alpha 1 at the centre
     EXPECT_GT(deviation_from_background(s), 0.2);
-    for (double& x : s[Group::kScale].param) x = -30; // a dot of the size of the reconstruction filter
+    for (double& x : s[Group::kScale].param) x = -30;  // a dot of the size of the reconstruction filter
     EXPECT_GT(deviation_from_background(s), 1e-3);
     EXPECT_GT(deviation_from_background(s, 1, 1), -1);
     // A Gaussian much larger than the image paints its colour everywhere: e^9 units = far beyond 17 pixels.
@@ -199,7 +203,9 @@ TEST(RenderExtremes, TooManyInstancesAreRefused) {
     const auto camera = cast<float>(test_camera(320, 320));
     CpuRasterizer<float, appearance::None> raster(10000);
     std::vector<float> image(3 * 320 * 320), t(320 * 320);
-    EXPECT_THROW(raster.forward(ParameterView<float>::of(s), camera, {0, 0, 0}, 0, RenderMode::kFull, image.data(), t.data()), DeviceError);
+    EXPECT_THROW(
+        raster.forward(ParameterView<float>::of(s), camera, {0, 0, 0}, 0, RenderMode::kFull, image.data(), t.data()),
+        DeviceError);
     EXPECT_LE(default_max_instances(), (std::int64_t(1) << 31) - 1);
 }
 

@@ -13,12 +13,13 @@
 namespace gs::test {
 namespace {
 
-constexpr int kWidth = 33, kHeight = 25; // no whole number of tiles
+constexpr int kWidth = 33, kHeight = 25;  // no whole number of tiles
 const Vec3<double> kBackground{0.2, 0.7, 0.4};
 
 /// The sum over pixels of (dI/dG)^2, each by a central difference of the image at that pixel.
-std::vector<double> brute_force_scores(const GaussianState<double>& s, const CameraParams<double>& camera, const Vec3<double>& background) {
-    constexpr double kStep = 1e-8; // I is linear in G; small, so that no alpha crosses 1/255
+std::vector<double> brute_force_scores(const GaussianState<double>& s, const CameraParams<double>& camera,
+                                       const Vec3<double>& background) {
+    constexpr double kStep = 1e-8;  // I is linear in G; small, so that no alpha crosses 1/255
     const BruteForce reference(s, camera);
     std::vector<double> scores(s.count, 0.0);
     const auto sum = [&](int x, int y, Bump bump) {
@@ -34,7 +35,8 @@ std::vector<double> brute_force_scores(const GaussianState<double>& s, const Cam
     return scores;
 }
 
-std::vector<double> double_scores(const GaussianState<double>& s, const CameraParams<double>& camera, const Vec3<double>& background) {
+std::vector<double> double_scores(const GaussianState<double>& s, const CameraParams<double>& camera,
+                                  const Vec3<double>& background) {
     Pipeline<double, appearance::Sh> pipe;
     pipe.render(s, camera, background);
     std::vector<double> scores(s.count, 0.0);
@@ -65,9 +67,10 @@ TEST(Scores, AreTheSquaredSlopesOfTheImage) {
     const auto camera = test_camera(kWidth, kHeight);
     for (std::uint32_t seed = 1; seed <= 4; ++seed) {
         auto s = random_gaussians(24, 3, seed);
-        if (seed == 4) // opaque: pixels are finished, and 1 - alpha is close to nothing
+        if (seed == 4)  // opaque: pixels are finished, and 1 - alpha is close to nothing
             for (double& x : s[Group::kOpacity].param) x = 6 + x;
-        const auto expected = brute_force_scores(s, camera, kBackground), scores = double_scores(s, camera, kBackground);
+        const auto expected = brute_force_scores(s, camera, kBackground),
+                   scores = double_scores(s, camera, kBackground);
         const double largest = *std::max_element(expected.begin(), expected.end());
         ASSERT_GT(largest, 1);
         double worst = 0;
@@ -82,7 +85,8 @@ TEST(Scores, OfFloatsFollowThoseOfDoubles) {
     const auto scores = cpu_scores(s, {view(kWidth, kHeight)});
     const auto expected = double_scores(cast<double>(s), test_camera(kWidth, kHeight), kBackground);
     const double largest = *std::max_element(expected.begin(), expected.end());
-    for (std::int64_t i = 0; i < s.count; ++i) EXPECT_NEAR(scores[i], expected[i], 1e-3 * expected[i] + 1e-5 * largest) << i;
+    for (std::int64_t i = 0; i < s.count; ++i)
+        EXPECT_NEAR(scores[i], expected[i], 1e-3 * expected[i] + 1e-5 * largest) << i;
 }
 
 TEST(Scores, OfViewsAddUp) {
@@ -109,8 +113,9 @@ TEST(Scores, ExtremesAreZeroOrFinite) {
     EXPECT_TRUE(cpu_scores(float_scene(0, 1), {view(kWidth, kHeight)}).empty());
     Gaussians s = float_scene(40, 10);
     for (float x : cpu_scores(s, {view(1, 1)})) EXPECT_TRUE(std::isfinite(x));
-    Gaussians hidden = s; // behind the camera
-    for (std::int64_t i = 0; i < s.count; ++i) std::fill_n(&hidden[Group::kMean].param[3 * i], 3, 1e5f * (i % 2 ? 1.0f : -1.0f));
+    Gaussians hidden = s;  // behind the camera
+    for (std::int64_t i = 0; i < s.count; ++i)
+        std::fill_n(&hidden[Group::kMean].param[3 * i], 3, 1e5f * (i % 2 ? 1.0f : -1.0f));
     RenderRequest narrow = view(kWidth, kHeight);
     narrow.camera.far_plane = 100;
     EXPECT_EQ(cpu_scores(hidden, {narrow}), std::vector<float>(40, 0.0f));
@@ -121,7 +126,7 @@ TEST(Scores, ExtremesAreZeroOrFinite) {
     }
 }
 
-/// Rows that tell their number.
+/// Returns rows whose values tell their number.
 Gaussians rows(std::int64_t n) {
     Gaussians s = float_scene(n, 3);
     for (std::int64_t i = 0; i < n; ++i) s[Group::kMean].param[3 * i] = float(i);
@@ -145,7 +150,7 @@ std::vector<int> kept_rows(const std::vector<float>& scores, double ratio) {
 }
 
 TEST(ScoreRule, RankIsTheOneOfTheSpec) {
-    EXPECT_EQ(score_rank(0.8, 11), 9); // floor(0.8 * 10) + 1
+    EXPECT_EQ(score_rank(0.8, 11), 9);  // floor(0.8 * 10) + 1
     EXPECT_EQ(score_rank(0.3, 5), 2);
     EXPECT_EQ(score_rank(0.8, 1), 1);
     EXPECT_EQ(score_rank(0, 7), 1);
@@ -162,7 +167,8 @@ TEST(ScoreRule, TheLowestGoAndTheRestKeepsItsOrder) {
 
 TEST(ScoreRule, WhatScoresLikeTheThresholdGoesToo) {
     EXPECT_EQ(kept_rows({7, 2, 9, 2, 2, 2, 8, 1}, 0.3), (std::vector<int>{0, 2, 6}));
-    EXPECT_EQ(kept_rows({0, 3, 0, 0, 0, 0, 2, 0}, 0.1), (std::vector<int>{1, 6})) << "the never seen go whatever the ratio";
+    EXPECT_EQ(kept_rows({0, 3, 0, 0, 0, 0, 2, 0}, 0.1), (std::vector<int>{1, 6}))
+        << "the never seen go whatever the ratio";
 }
 
 TEST(ScoreRule, AHundredthStays) {

@@ -22,12 +22,16 @@ const TensorEngine& engine() {
     return *cpu;
 }
 
-Tensor tensor_of(int height, int width, const std::vector<float>& values) { return engine().upload(int(values.size()) / (height * width), height, width, values); }
+Tensor tensor_of(int height, int width, const std::vector<float>& values) {
+    return engine().upload(int(values.size()) / (height * width), height, width, values);
+}
 std::vector<float> values_of(const Tensor& tensor) { return engine().download(tensor); }
 
 /// The value at (c, y, x), 0 outside.
 double at(const Tensor& t, int c, int y, int x) {
-    return y < 0 || x < 0 || y >= t.height || x >= t.width ? 0.0 : double(t.values[std::size_t(c) * t.pixels() + std::size_t(y) * t.width + x]);
+    return y < 0 || x < 0 || y >= t.height || x >= t.width
+               ? 0.0
+               : double(t.values[std::size_t(c) * t.pixels() + std::size_t(y) * t.width + x]);
 }
 
 /// A layer of the given weights and biases.
@@ -56,8 +60,13 @@ TEST(Convolution, EqualsPlainLoops) {
         int in, out, kernel, stride, padding, height, width;
     };
     // Sizes with several blocks of pixels, blocks that end within a row, and windows wider than the map.
-    for (const Case& c : {Case{3, 5, 3, 1, 1, 71, 67}, {7, 4, 1, 1, 0, 40, 33}, {2, 3, 11, 4, 2, 63, 90}, {4, 6, 5, 1, 2, 3, 2},
-                          {2, 2, 3, 2, 0, 9, 10}, {150, 8, 3, 1, 1, 33, 35}, {1, 1, 3, 1, 1, 1, 1}}) {
+    for (const Case& c : {Case{3, 5, 3, 1, 1, 71, 67},
+                          {7, 4, 1, 1, 0, 40, 33},
+                          {2, 3, 11, 4, 2, 63, 90},
+                          {4, 6, 5, 1, 2, 3, 2},
+                          {2, 2, 3, 2, 0, 9, 10},
+                          {150, 8, 3, 1, 1, 33, 35},
+                          {1, 1, 3, 1, 1, 1, 1}}) {
         const Tensor in = random_tensor(engine(), c.in, c.height, c.width, 1);
         const ConvLayer layer = random_layer(engine(), {c.in, c.out, c.kernel, c.stride, c.padding}, 2);
         const Tensor plain = engine().convolve(in, layer, false), rectified = engine().convolve(in, layer, true);
@@ -71,8 +80,10 @@ TEST(Convolution, EqualsPlainLoops) {
                     for (int i = 0; i < c.in; ++i) {
                         for (int ky = 0; ky < c.kernel; ++ky) {
                             for (int kx = 0; kx < c.kernel; ++kx) {
-                                const double term = double(layer.weights.values[((std::size_t(o) * c.in + i) * c.kernel + ky) * c.kernel + kx]) *
-                                                    at(in, i, y * c.stride - c.padding + ky, x * c.stride - c.padding + kx);
+                                const double term =
+                                    double(layer.weights
+                                               .values[((std::size_t(o) * c.in + i) * c.kernel + ky) * c.kernel + kx]) *
+                                    at(in, i, y * c.stride - c.padding + ky, x * c.stride - c.padding + kx);
                                 sum += term;
                                 size += std::abs(term);
                             }
@@ -83,15 +94,18 @@ TEST(Convolution, EqualsPlainLoops) {
                 }
             }
         }
-        EXPECT_LT(worst, 1e-6) << c.in << " -> " << c.out << ", kernel " << c.kernel << ", " << c.width << "x" << c.height;
+        EXPECT_LT(worst, 1e-6) << c.in << " -> " << c.out << ", kernel " << c.kernel << ", " << c.width << "x"
+                               << c.height;
     }
 }
 
 TEST(TensorEngine, TheNumberOfThreadsChangesNoBit) {
-    const Tensor in = random_tensor(engine(), 16, 150, 61, 4), other = random_tensor(engine(), 16, 150, 61, 5), heads = random_tensor(engine(), 16, 1, 1, 6);
+    const Tensor in = random_tensor(engine(), 16, 150, 61, 4), other = random_tensor(engine(), 16, 150, 61, 5),
+                 heads = random_tensor(engine(), 16, 1, 1, 6);
     const ConvLayer layer = random_layer(engine(), {16, 24, 3, 1, 1}, 7);
     const auto numbers = [&] {
-        std::vector<double> all = {engine().direction_distance(in, other, heads), engine().compare_channels(in, other)[7].difference};
+        std::vector<double> all = {engine().direction_distance(in, other, heads),
+                                   engine().compare_channels(in, other)[7].difference};
         for (const float v : values_of(engine().convolve(in, layer, true))) all.push_back(v);
         return all;
     };
@@ -131,7 +145,8 @@ TEST(Pooling, LargestAndMeanDropWhatIsLeftOver) {
             for (int y = 0; y < out.height; ++y) {
                 for (int x = 0; x < out.width; ++x) {
                     double largest = -9;
-                    for (int i = 0; i < size * size; ++i) largest = std::max(largest, at(in, c, y * stride + i / size, x * stride + i % size));
+                    for (int i = 0; i < size * size; ++i)
+                        largest = std::max(largest, at(in, c, y * stride + i / size, x * stride + i % size));
                     EXPECT_EQ(at(out, c, y, x), largest);
                 }
             }
@@ -142,7 +157,9 @@ TEST(Pooling, LargestAndMeanDropWhatIsLeftOver) {
     ASSERT_EQ(mean.width, 7);
     for (int y = 0; y < 5; ++y) {
         for (int x = 0; x < 7; ++x) {
-            const double expected = (at(in, 2, 2 * y, 2 * x) + at(in, 2, 2 * y, 2 * x + 1) + at(in, 2, 2 * y + 1, 2 * x) + at(in, 2, 2 * y + 1, 2 * x + 1)) / 4;
+            const double expected = (at(in, 2, 2 * y, 2 * x) + at(in, 2, 2 * y, 2 * x + 1) +
+                                     at(in, 2, 2 * y + 1, 2 * x) + at(in, 2, 2 * y + 1, 2 * x + 1)) /
+                                    4;
             EXPECT_NEAR(at(mean, 2, y, x), expected, 1e-6);
         }
     }
@@ -154,7 +171,8 @@ TEST(Pooling, L2IsTheRootOfTheHanningMeanOfSquares) {
         ASSERT_EQ(out.height, (height + 1) / 2);
         ASSERT_EQ(out.width, (width + 1) / 2);
         double total = 0;
-        for (int j = 1; j <= 3; ++j) total += std::pow(std::sin(M_PI * j / 4), 2);  // Hanning window of 5 without its zeros
+        for (int j = 1; j <= 3; ++j)
+            total += std::pow(std::sin(M_PI * j / 4), 2);  // Hanning window of 5 without its zeros
         for (int c = 0; c < 2; ++c) {
             for (int y = 0; y < out.height; ++y) {
                 for (int x = 0; x < out.width; ++x) {
@@ -180,11 +198,13 @@ TEST(Upsampling, CornersStayAndTheLastRowIsRepeated) {
         for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(values[i], expected[i], 1e-5) << i;
     };
     expect_near(engine().upsample_aligned(tensor_of(1, 2, {0, 3}), 2, 5), {0, 1, 2, 3, 3, 0, 1, 2, 3, 3});
-    expect_near(engine().upsample_aligned(tensor_of(2, 2, {0, 3, 9, 12}), 5, 4), {0, 1, 2, 3, 3, 4, 5, 6, 6, 7, 8, 9, 9, 10, 11, 12, 9, 10, 11, 12});
+    expect_near(engine().upsample_aligned(tensor_of(2, 2, {0, 3, 9, 12}), 5, 4),
+                {0, 1, 2, 3, 3, 4, 5, 6, 6, 7, 8, 9, 9, 10, 11, 12, 9, 10, 11, 12});
 }
 
 TEST(Sums, ByHand) {
-    const Tensor a = tensor_of(1, 2, {3, 0, 4, 0}), b = tensor_of(1, 2, {0, 0, 2, 5});  // pixels (3,4) and (0,0); (0,2) and (0,5)
+    const Tensor a = tensor_of(1, 2, {3, 0, 4, 0}),
+                 b = tensor_of(1, 2, {0, 0, 2, 5});  // pixels (3,4) and (0,0); (0,2) and (0,5)
     EXPECT_EQ(values_of(engine().stacked({a, b})), (std::vector<float>{3, 0, 4, 0, 0, 0, 2, 5}));
     // Directions (0.6,0.8) and none; (0,1) twice.
     EXPECT_NEAR(engine().direction_distance(a, b, tensor_of(1, 1, {2, 10})), (2 * 0.36 + 10 * 0.04 + 10 * 1) / 2, 1e-8);
@@ -195,7 +215,8 @@ TEST(Sums, ByHand) {
     EXPECT_EQ(c.variance_b, 2.25);
     EXPECT_EQ(c.difference, 12.25);
     EXPECT_EQ(engine().masked_difference(tensor_of(1, 2, {1, 2}), a, b), (1 * (3 + 2) + 2 * 5) / 4.0);
-    EXPECT_EQ(values_of(engine().add_logistic(tensor_of(1, 2, {0, -100}), tensor_of(1, 2, {3, 4}))), (std::vector<float>{3.5f, 4}));
+    EXPECT_EQ(values_of(engine().add_logistic(tensor_of(1, 2, {0, -100}), tensor_of(1, 2, {3, 4}))),
+              (std::vector<float>{3.5f, 4}));
 }
 
 }  // namespace

@@ -67,7 +67,8 @@ TEST(Checkpoint, NonFiniteValueIsNamedByTensorAndRow) {
     c = sample(true);
     c.state[Group::kScale].v[3 * 6 + 2] = INFINITY;
     write_checkpoint(folder / "c.safetensors", c);
-    EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "c.safetensors"); }), "'adam_v.raw_scales' holds inf in row 6");
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "c.safetensors"); }),
+                    "'adam_v.raw_scales' holds inf in row 6");
 }
 
 TEST(Checkpoint, WrongContentIsNamed) {
@@ -98,7 +99,7 @@ TEST(Checkpoint, WrongContentIsNamed) {
     EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }), "truncated");
 }
 
-/// With PPISP of 3 frames and 2 cameras.
+/// Returns a checkpoint with PPISP of 3 frames and 2 cameras.
 Checkpoint corrected(bool with_moments, bool with_controller) {
     Checkpoint c = sample(with_moments);
     PpispState& p = c.state.ppisp = identity_ppisp(3, 2);
@@ -109,7 +110,9 @@ Checkpoint corrected(bool with_moments, bool with_controller) {
         for (std::size_t i = 0; i < n; ++i) values[i] = 0.5f + float(i % 1000);
     };
     fill(p.param, p.size());
-    if (with_moments) fill(p.m, p.size()), fill(p.v, p.size()), fill(p.controller_m, p.controller.size()), fill(p.controller_v, p.controller.size());
+    if (with_moments)
+        fill(p.m, p.size()), fill(p.v, p.size()), fill(p.controller_m, p.controller.size()),
+            fill(p.controller_v, p.controller.size());
     return c;
 }
 
@@ -152,8 +155,10 @@ TEST(Checkpoint, WrongPpispIsNamed) {
         return message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); });
     };
     const Checkpoint good = corrected(true, true);
-    EXPECT_CONTAINS(error_of(good, "\"ppisp_frames\":\"3\"", "\"ppisp_frames\":\"4\""), "tensor 'ppisp' does not have the shape (1, 90)");
-    EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"1\""), "tensor 'ppisp' does not have the shape (1, 54)");
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_frames\":\"3\"", "\"ppisp_frames\":\"4\""),
+                    "tensor 'ppisp' does not have the shape (1, 90)");
+    EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"1\""),
+                    "tensor 'ppisp' does not have the shape (1, 54)");
     EXPECT_CONTAINS(error_of(good, "\"ppisp_cameras\":\"2\"", "\"ppisp_cameras\":\"0\""), "has no cameras");
     EXPECT_CONTAINS(error_of(good, "\"ppisp_step\":\"777\"", "\"ppisp_step\":\"-77\""), "'ppisp_step' is '-77'");
     EXPECT_CONTAINS(error_of(good, "\"adam_v.ppisp\"", "\"adam_w.ppisp\""), "'adam_v.ppisp' is missing");
@@ -164,7 +169,7 @@ TEST(Checkpoint, WrongPpispIsNamed) {
     bad.state.ppisp.controller_v[7] = std::nanf("");
     EXPECT_CONTAINS(error_of(bad), "'adam_v.controller' holds nan");
     bad = good;
-    bad.state.ppisp.controller.resize(kControllerWeights); // of one camera only
+    bad.state.ppisp.controller.resize(kControllerWeights);  // of one camera only
     EXPECT_CONTAINS(error_of(bad), "tensor 'controller' does not have the shape (1, 483922)");
     write_checkpoint(folder / "c.safetensors", good);
     const std::string bytes = slurp(folder / "c.safetensors");
@@ -175,9 +180,11 @@ TEST(Checkpoint, WrongPpispIsNamed) {
 TEST(Checkpoint, AnotherAppearanceIsAUsageError) {
     const AppearanceSpec sh3{"sh", 3, ColorActivation::kRelu};
     EXPECT_NO_THROW(require_same_appearance(sh3, sh3, "f"));
-    for (const AppearanceSpec& other : {AppearanceSpec{"none", 3, ColorActivation::kRelu}, AppearanceSpec{"sh", 2, ColorActivation::kRelu},
-                                        AppearanceSpec{"sh", 3, ColorActivation::kSigmoid}}) {
-        const std::string message = message_of<UsageError>([&] { require_same_appearance(sh3, other, "c.safetensors"); });
+    for (const AppearanceSpec& other :
+         {AppearanceSpec{"none", 3, ColorActivation::kRelu}, AppearanceSpec{"sh", 2, ColorActivation::kRelu},
+          AppearanceSpec{"sh", 3, ColorActivation::kSigmoid}}) {
+        const std::string message =
+            message_of<UsageError>([&] { require_same_appearance(sh3, other, "c.safetensors"); });
         EXPECT_CONTAINS(message, "c.safetensors");
         EXPECT_CONTAINS(message, "(sh, max degree 3, relu)");
         EXPECT_CONTAINS(message, "(" + describe(other) + ")");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every registered model through the files: PLY and checkpoint. Knows no model by name, so that it runs on any registry.
+// Every registered model through the files: PLY and checkpoint. Knows no model by name, so that it runs on any
+// registry.
 #include <cmath>
 
 #include "appearance/model_info.h"
@@ -39,8 +40,7 @@ void expect_same_model(const Gaussians& back, const Gaussians& g) {
 }
 
 /// Calls `check` with every model, degree and activation.
-template <class Check>
-void for_every_appearance(Check&& check) {
+template <class Check> void for_every_appearance(Check&& check) {
     for (const ModelInfo* model : appearance_models()) {
         for (int degree = 0; degree <= model->max_degree_limit; ++degree) {
             for (int activation = 0; activation < 4; ++activation) {

@@ -17,14 +17,16 @@ Gaussians ordinary(std::int64_t count) {
     g.count = count;
     g.appearance = {"nasg", 1, ColorActivation::kRelu};
     const int widths[kNumGroups] = {3, 3, 4, 1, 3, 8};
-    for (int k = 0; k < kNumGroups; ++k) g.groups[k].width = widths[k], g.groups[k].param.assign(std::size_t(count) * widths[k], 0.25f);
+    for (int k = 0; k < kNumGroups; ++k)
+        g.groups[k].width = widths[k], g.groups[k].param.assign(std::size_t(count) * widths[k], 0.25f);
     return g;
 }
 
 bool changed(const Gaussians& g, Group group, std::int64_t i) {
     const auto& values = g[group];
     bool all = true, none = true;
-    for (int k = 0; k < values.width; ++k) (values.param[std::size_t(i) * values.width + k] == 0.25f ? all : none) = false;
+    for (int k = 0; k < values.width; ++k)
+        (values.param[std::size_t(i) * values.width + k] == 0.25f ? all : none) = false;
     EXPECT_NE(all, none) << "the whole row or nothing of it";
     return all;
 }
@@ -37,7 +39,8 @@ TEST(HostileStart, ChangesItsShareAndAllButTheMean) {
     for (std::int64_t i = 0; i < g.count; ++i) {
         EXPECT_FALSE(changed(g, Group::kMean, i));
         const bool base = changed(g, Group::kBase, i);
-        for (const Group group : {Group::kScale, Group::kRotation, Group::kOpacity, Group::kResidual}) EXPECT_EQ(changed(g, group, i), base) << i;
+        for (const Group group : {Group::kScale, Group::kRotation, Group::kOpacity, Group::kResidual})
+            EXPECT_EQ(changed(g, group, i), base) << i;
         found += base;
     }
     EXPECT_EQ(found, count);

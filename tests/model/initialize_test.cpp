@@ -48,7 +48,8 @@ TEST(Initialize, NeighborDistancesEqualBruteForce) {
     for (const int n : {1, 2, 3, 4, 5, 700}) {
         std::vector<Eigen::Vector3f> points = random_cloud(n, unsigned(n));
         if (n == 700) {
-            for (int i = 0; i < 40; ++i) points[std::size_t(100 + i)] = points[5];  // more duplicates than neighbours asked for
+            for (int i = 0; i < 40; ++i)
+                points[std::size_t(100 + i)] = points[5];  // more duplicates than neighbours asked for
             points[600] = points[601];
             points[602] *= 1e6f;
         }
@@ -102,7 +103,8 @@ TEST(Initialize, GuardsAgainstDuplicatesLonePointsAndNonFiniteOnes) {
     const Gaussians lone = initialize_gaussians(scene_of({Eigen::Vector3f(1, 2, 3)}), kSh3, {});
     EXPECT_NEAR(lone[Group::kScale].param[2], std::log(0.02), 1e-6);
     const float nan = std::numeric_limits<float>::quiet_NaN();
-    const Gaussians kept = initialize_gaussians(scene_of({{0, 0, 0}, {nan, 0, 0}, {0, INFINITY, 0}, {1, 0, 0}}), kSh3, {.mcmc = false});
+    const Gaussians kept =
+        initialize_gaussians(scene_of({{0, 0, 0}, {nan, 0, 0}, {0, INFINITY, 0}, {1, 0, 0}}), kSh3, {.mcmc = false});
     ASSERT_EQ(kept.count, 2);
     EXPECT_NEAR(kept[Group::kScale].param[0], 0, 1e-6);
     EXPECT_THROW(initialize_gaussians(scene_of({{nan, nan, nan}}), kSh3, {}), DataError);
@@ -124,7 +126,8 @@ TEST(Initialize, RandomPointsLieInTheBoxAndInAFrustum) {
     // x/z and y/z limits of a camera at (x, 0, z): half the image over the focal length.
     const auto inside = [](const Eigen::Vector3f& p, double slack) {
         const auto by = [&](double x, double z) {
-            return std::abs(p.x() - x) <= (0.32 + slack) * (p.z() - z) && std::abs(p.y()) <= (0.24 + slack) * (p.z() - z);
+            return std::abs(p.x() - x) <= (0.32 + slack) * (p.z() - z) &&
+                   std::abs(p.y()) <= (0.24 + slack) * (p.z() - z);
         };
         return by(0, -4) || by(0.5, -3);
     };
@@ -149,7 +152,8 @@ TEST(Initialize, RandomPointsLieInTheBoxAndInAFrustum) {
     EXPECT_GT(high.z() - low.z(), 2.9f);
     EXPECT_EQ(initial_points(scene, {.random_points = 20000, .seed = 3}).positions, cloud.positions);
     EXPECT_NE(initial_points(scene, {.random_points = 20000, .seed = 4}).positions, cloud.positions);
-    EXPECT_EQ(initialize_gaussians(scene, kSh3, {.random_points = 20000, .seed = 3}).count, std::int64_t(cloud.positions.size()));
+    EXPECT_EQ(initialize_gaussians(scene, kSh3, {.random_points = 20000, .seed = 3}).count,
+              std::int64_t(cloud.positions.size()));
 }
 
 TEST(Initialize, RealScenesWithoutPointsUseTheCameras) {

@@ -19,7 +19,8 @@ inline bool has_model(const std::string& name) {
 }
 
 /// Gaussians with standard-normal parameters (and moments on request); the rotations are not normalised.
-inline Gaussians random_gaussians(std::int64_t count, const AppearanceSpec& appearance, bool with_moments = false, unsigned seed = 1) {
+inline Gaussians random_gaussians(std::int64_t count, const AppearanceSpec& appearance, bool with_moments = false,
+                                  unsigned seed = 1) {
     std::mt19937 random(seed);
     std::normal_distribution<float> normal;
     Gaussians g;

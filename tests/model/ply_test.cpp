@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Gaussian PLY: the layout other programs rely on, round trips, and files that are damaged.
-#include "kernels/core/spherical_harmonics.h"
 #include "lib/model/ply.h"
+#include "kernels/core/spherical_harmonics.h"
 
 #include <cmath>
 #include <cstring>
@@ -15,8 +15,7 @@
 namespace gs::test {
 namespace {
 
-
-/// Header text and the packed floats after it.
+/// The header of a PLY file and the packed floats after it.
 struct RawPly {
     std::string header;
     std::vector<float> values;
@@ -30,7 +29,7 @@ RawPly raw_ply(const std::filesystem::path& path) {
     return raw;
 }
 
-/// Property names of a header, blank-separated.
+/// Returns the property names of a header, separated by blanks.
 std::string property_names(const std::string& header) {
     std::istringstream in(header);
     std::string line, names;
@@ -70,7 +69,8 @@ TEST(GaussianPly, Degree3MeetsTheFixedLayoutOfSibr) {
         RichPoint p;
         std::memcpy(&p, raw.values.data() + 62 * i, sizeof p);
         const float* q = &g[Group::kRotation].param[4 * i];
-        const double norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
+        const double norm =
+            std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
         for (int c = 0; c < 3; ++c) {
             EXPECT_EQ(p.position[c], g[Group::kMean].param[3 * i + c]);
             EXPECT_EQ(p.normal[c], 0);
@@ -89,9 +89,9 @@ TEST(GaussianPly, OtherActivationsExportTheVisibleBaseColor) {
     g[Group::kBase].param = {0.3f, 0, -2};
     write_ply(folder / "p.ply", g, {});
     const RawPly raw = raw_ply(folder / "p.ply");
-    EXPECT_EQ(
-        property_names(raw.header),
-        "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 app_base_0 app_base_1 app_base_2");
+    EXPECT_EQ(property_names(raw.header),
+              "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 app_base_0 "
+              "app_base_1 app_base_2");
     EXPECT_CONTAINS(raw.header, "gsapp appearance none max_degree 0 active_degree 0 activation sigmoid");
     // sigmoid(4b) - 1/2, over Y0
     EXPECT_NEAR(raw.values[6], (1 / (1 + std::exp(-1.2)) - 0.5) / kY0, 1e-6);
@@ -126,7 +126,8 @@ TEST(GaussianPly, RefusesToExportNonFiniteValues) {
 }
 
 /// A file of another program: any properties, one row, value = 1, 2, 3, ... in file order.
-std::string foreign_ply(const std::string& names, const std::string& type = "float", std::int64_t count = 1, int rows = 1) {
+std::string foreign_ply(const std::string& names, const std::string& type = "float", std::int64_t count = 1,
+                        int rows = 1) {
     std::string text = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(count) + "\n", row;
     std::istringstream in(names);
     std::string name;
@@ -134,7 +135,8 @@ std::string foreign_ply(const std::string& names, const std::string& type = "flo
         text += "property " + type + " " + name + "\n";
         const float f = float(k);
         const double d = k;
-        row += type == "double" ? std::string(reinterpret_cast<const char*>(&d), 8) : std::string(reinterpret_cast<const char*>(&f), 4);
+        row += type == "double" ? std::string(reinterpret_cast<const char*>(&d), 8)
+                                : std::string(reinterpret_cast<const char*>(&f), 4);
     }
     text += "end_header\n";
     for (int r = 0; r < rows; ++r) text += row;
@@ -146,7 +148,9 @@ const std::string kMinimal = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1
 TEST(GaussianPly, ReadsPropertiesByNameInAnyOrderAndDoubles) {
     const TempFolder folder;
     spit(folder / "p.ply",
-         foreign_ply("rot_3 rot_2 rot_1 rot_0 extra z y x opacity f_dc_2 f_dc_1 f_dc_0 scale_0 scale_1 scale_2", "double") + "tail");
+         foreign_ply("rot_3 rot_2 rot_1 rot_0 extra z y x opacity f_dc_2 f_dc_1 f_dc_0 scale_0 scale_1 scale_2",
+                     "double") +
+             "tail");
     const Gaussians g = read_ply(folder / "p.ply");
     EXPECT_EQ(g.appearance.model, "none");
     EXPECT_EQ(g[Group::kMean].param, (std::vector<float>{8, 7, 6}));
@@ -184,7 +188,8 @@ TEST(GaussianPly, DamagedFilesAreNamedErrors) {
         EXPECT_CONTAINS(error(foreign_ply(without)), "'" + name + "' is missing");
     }
     for (const int n : {1, 8, 10, 23, 44, 46}) {
-        EXPECT_CONTAINS(error(foreign_ply(kMinimal + numbered_names("f_rest_", n))), std::to_string(n) + " properties f_rest_*");
+        EXPECT_CONTAINS(error(foreign_ply(kMinimal + numbered_names("f_rest_", n))),
+                        std::to_string(n) + " properties f_rest_*");
     }
     EXPECT_CONTAINS(error(foreign_ply(kMinimal + " f_rest_7")), "f_rest_*");
     EXPECT_CONTAINS(error(foreign_ply(kMinimal, "float", 0, 0)), "no Gaussians");
@@ -205,11 +210,15 @@ TEST(GaussianPly, DamagedFilesAreNamedErrors) {
         const std::size_t begin = bytes.find("gsapp appearance"), end = bytes.find('\n', begin);
         return bytes.replace(begin, end - begin, text);
     };
-    EXPECT_CONTAINS(error(with_comment("gsapp appearance velvet max_degree 1 active_degree 1 activation relu")), "velvet");
-    EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 9 active_degree 1 activation relu")), "max_degree 9");
-    EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 2 active_degree 1 activation relu")), "9 properties");
+    EXPECT_CONTAINS(error(with_comment("gsapp appearance velvet max_degree 1 active_degree 1 activation relu")),
+                    "velvet");
+    EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 9 active_degree 1 activation relu")),
+                    "max_degree 9");
+    EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 2 active_degree 1 activation relu")),
+                    "9 properties");
     EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 1 active_degree 1 activation shiny")), "shiny");
-    EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 1 active_degree 1 activation softplus")), "app_base_0");
+    EXPECT_CONTAINS(error(with_comment("gsapp appearance sh max_degree 1 active_degree 1 activation softplus")),
+                    "app_base_0");
     EXPECT_CONTAINS(error(with_comment("gsapp appearance sh nonsense")), "cannot understand");
 }
 

@@ -15,7 +15,7 @@
 namespace gs {
 namespace {
 
-/// 3 frames of 2 cameras, all numbers random, some of them extreme.
+/// Returns PPISP of 3 frames and 2 cameras; all numbers are random, some of them extreme.
 PpispFile sample(bool controllers) {
     PpispFile file;
     file.iteration = 30000;
@@ -85,7 +85,8 @@ class Damage : public ::testing::Test {
 
 TEST_F(Damage, TruncatedFilesAreNeverRead) {
     EXPECT_EQ(error_of(text_), "");
-    for (std::size_t length = 0; length + 3 < text_.size(); length += 41) EXPECT_NE(error_of(text_.substr(0, length)).find("truncated"), std::string::npos) << length;
+    for (std::size_t length = 0; length + 3 < text_.size(); length += 41)
+        EXPECT_NE(error_of(text_.substr(0, length)).find("truncated"), std::string::npos) << length;
     EXPECT_THROW(read_ppisp_json(folder_.path() / "missing.json"), DataError);
 }
 

@@ -15,10 +15,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Files below `root`, relative, sorted, blank-separated.
+/// Lists the files below `root`: relative, sorted, separated by blanks.
 std::string listing(const fs::path& root) {
     std::vector<std::string> names;
-    for (const auto& entry : fs::recursive_directory_iterator(root)) names.push_back(fs::relative(entry.path(), root).string());
+    for (const auto& entry : fs::recursive_directory_iterator(root))
+        names.push_back(fs::relative(entry.path(), root).string());
     std::sort(names.begin(), names.end());
     std::string text;
     for (const auto& name : names) text += (text.empty() ? "" : " ") + name;
@@ -26,10 +27,11 @@ std::string listing(const fs::path& root) {
 }
 
 void write_run(const RunFolder& run, std::int64_t iteration) {
-    for (const fs::path& path : {run.config(), run.cfg_args(), run.cameras(), run.input_points(), run.results(), run.per_view(),
-                                 run.train_log(), run.point_cloud(iteration), run.checkpoint(iteration), run.preview(iteration),
-                                 run.render("test", iteration, 3), run.ground_truth("test", iteration, 3), run.picture_part("test", iteration, "base", 3),
-                                 run.picture_part("test", iteration, "residual", 3)}) {
+    for (const fs::path& path :
+         {run.config(), run.cfg_args(), run.cameras(), run.input_points(), run.results(), run.per_view(),
+          run.train_log(), run.point_cloud(iteration), run.checkpoint(iteration), run.preview(iteration),
+          run.render("test", iteration, 3), run.ground_truth("test", iteration, 3),
+          run.picture_part("test", iteration, "base", 3), run.picture_part("test", iteration, "residual", 3)}) {
         spit(path, "x");
     }
 }
@@ -56,7 +58,8 @@ TEST(RunFolder, NewAndEmptyFoldersAreAccepted) {
 
 TEST(RunFolder, FolderWithARunIsRefused) {
     const TempFolder folder;
-    for (const char* file : {"config.yaml", "point_cloud/iteration_30/point_cloud.ply", "checkpoints/iteration_30.safetensors"}) {
+    for (const char* file :
+         {"config.yaml", "point_cloud/iteration_30/point_cloud.ply", "checkpoints/iteration_30.safetensors"}) {
         const RunFolder run{folder / std::to_string(std::hash<std::string>()(file))};
         spit(run.root / file, "x");
         const std::string before = listing(run.root);
@@ -77,10 +80,11 @@ TEST(RunFolder, OverwriteRemovesTheRunAndKeepsUserFiles) {
     spit(run.root / "checkpoints/iteration_.safetensors", "mine");
     spit(run.root / "checkpoints/iteration_3a.safetensors", "mine");
     prepare_run_folder(run, true);
-    EXPECT_EQ(listing(run.root),
-              "checkpoints checkpoints/iteration_.safetensors checkpoints/iteration_3a.safetensors notes.txt point_cloud "
-              "point_cloud/iteration_30 "
-              "point_cloud/iteration_30/edited.ply test test/ours_30 test/ours_30/renders test/ours_30/renders/best.png");
+    EXPECT_EQ(
+        listing(run.root),
+        "checkpoints checkpoints/iteration_.safetensors checkpoints/iteration_3a.safetensors notes.txt point_cloud "
+        "point_cloud/iteration_30 "
+        "point_cloud/iteration_30/edited.ply test test/ours_30 test/ours_30/renders test/ours_30/renders/best.png");
 }
 
 TEST(RunFolder, OverwriteLeavesNothingOfARunAlone) {
@@ -115,7 +119,8 @@ TEST(RunFolder, FolderThatCannotBeMadeIsADataError) {
     const TempFolder folder;
     spit(folder / "plain", "x");
     EXPECT_CONTAINS(message_of<DataError>([&] { prepare_run_folder({folder / "plain"}, false); }), "plain");
-    EXPECT_CONTAINS(message_of<DataError>([&] { prepare_run_folder({folder / "plain/run"}, false); }), "Not a directory");
+    EXPECT_CONTAINS(message_of<DataError>([&] { prepare_run_folder({folder / "plain/run"}, false); }),
+                    "Not a directory");
 }
 
 TEST(RunFolder, LatestIsTheHighestNumber) {
@@ -140,8 +145,9 @@ TEST(RunFolder, CfgArgsIsThePythonNamespace) {
     options.model_options["sh-degree"] = 2;
     options.background = Background::white();
     write_cfg_args(run, options);
-    EXPECT_EQ(slurp(run.cfg_args()), "Namespace(data_device='cuda', eval=True, images='images_4', model_path='" + folder.path().string() +
-                                         "', resolution=4, sh_degree=2, source_path='/data/it\\'s', white_background=True)");
+    EXPECT_EQ(slurp(run.cfg_args()),
+              "Namespace(data_device='cuda', eval=True, images='images_4', model_path='" + folder.path().string() +
+                  "', resolution=4, sh_degree=2, source_path='/data/it\\'s', white_background=True)");
     options.appearance = "none";
     options.source = "builtin:glossy";
     write_cfg_args(run, options);

@@ -19,7 +19,7 @@ struct Case {
     std::vector<double> params;
 };
 
-/// One strongly but sensibly distorted 640x480 camera per model.
+/// Returns one strongly but sensibly distorted 640x480 camera per model.
 const std::vector<Case>& cases() {
     static const std::vector<Case> list = {
         {M::kSimplePinhole, {500, 310, 245}},
@@ -34,7 +34,8 @@ const std::vector<Case>& cases() {
         {M::kRadialFisheye, {300, 310, 245, 0.05, -0.01}},
         {M::kThinPrismFisheye, {300, 310, 310, 245, 0.02, -0.01, 0.001, -0.002, 0.003, -0.0005, 0.002, -0.001}},
         {M::kRadTanThinPrismFisheye,
-         {300, 310, 310, 245, 0.02, -0.01, 0.003, -0.001, 0.0002, 0.00001, 0.001, -0.002, 0.002, -0.001, 0.0015, 0.0005}},
+         {300, 310, 310, 245, 0.02, -0.01, 0.003, -0.001, 0.0002, 0.00001, 0.001, -0.002, 0.002, -0.001, 0.0015,
+          0.0005}},
         {M::kSimpleDivision, {500, 310, 245, -0.15}},
         {M::kDivision, {500, 520, 310, 245, 0.1}},
         {M::kSimpleFisheye, {300, 310, 245}},
@@ -91,7 +92,7 @@ TEST(CameraModels, RaysSurviveTheWayToAPixelAndBack) {
     }
 }
 
-/// Straight from the definitions of COLMAP's models, written once more without the library's helpers.
+/// Compares with the definitions of COLMAP's models, written once more without the library's helpers.
 TEST(CameraModels, KnownValues) {
     const double u = 0.3, v = -0.2, r2 = u * u + v * v, r = std::sqrt(r2), theta = std::atan(r);
     const auto at = [&](M model, std::vector<double> params) {
@@ -105,9 +106,11 @@ TEST(CameraModels, KnownValues) {
     const double radial = 1 + 0.1 * r2 + 0.2 * r2 * r2;
     expect(at(M::kOpenCV, {1, 1, 0, 0, 0.1, 0.2, 0.01, 0.02}), u * radial + 2 * 0.01 * u * v + 0.02 * (r2 + 2 * u * u),
            v * radial + 2 * 0.02 * u * v + 0.01 * (r2 + 2 * v * v));
-    const double full = (1 + 0.1 * r2 + 0.2 * r2 * r2 + 0.3 * r2 * r2 * r2) / (1 + 0.4 * r2 + 0.5 * r2 * r2 + 0.6 * r2 * r2 * r2);
+    const double full =
+        (1 + 0.1 * r2 + 0.2 * r2 * r2 + 0.3 * r2 * r2 * r2) / (1 + 0.4 * r2 + 0.5 * r2 * r2 + 0.6 * r2 * r2 * r2);
     expect(at(M::kFullOpenCV, {1, 1, 0, 0, 0.1, 0.2, 0, 0, 0.3, 0.4, 0.5, 0.6}), u * full, v * full);
-    const double t2 = theta * theta, fish = theta / r * (1 + 0.1 * t2 + 0.2 * t2 * t2 + 0.3 * t2 * t2 * t2 + 0.4 * t2 * t2 * t2 * t2);
+    const double t2 = theta * theta,
+                 fish = theta / r * (1 + 0.1 * t2 + 0.2 * t2 * t2 + 0.3 * t2 * t2 * t2 + 0.4 * t2 * t2 * t2 * t2);
     expect(at(M::kOpenCVFisheye, {1, 1, 0, 0, 0.1, 0.2, 0.3, 0.4}), u * fish, v * fish);
     expect(at(M::kFov, {1, 1, 0, 0, 0.8}), u * std::atan(2 * r * std::tan(0.4)) / (r * 0.8),
            v * std::atan(2 * r * std::tan(0.4)) / (r * 0.8));
@@ -162,7 +165,8 @@ TEST(CameraModels, ScalingMovesPixelsPerAxis) {
 }
 
 TEST(CameraModels, OnlyUndistortedPerspectiveIsPinhole) {
-    for (const Case& c : cases()) EXPECT_EQ(is_pinhole(lens_of(c)), c.model == M::kSimplePinhole || c.model == M::kPinhole);
+    for (const Case& c : cases())
+        EXPECT_EQ(is_pinhole(lens_of(c)), c.model == M::kSimplePinhole || c.model == M::kPinhole);
     EXPECT_TRUE(is_pinhole(make_lens_camera(M::kOpenCV, 9, 9, std::vector<double>{5, 5, 4, 4, 0, 0, 0, 0})));
     EXPECT_FALSE(is_pinhole(make_lens_camera(M::kOpenCVFisheye, 9, 9, std::vector<double>{5, 5, 4, 4, 0, 0, 0, 0})));
 }

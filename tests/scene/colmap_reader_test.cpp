@@ -20,14 +20,17 @@ std::string error_of(const std::filesystem::path& folder) {
 
 TEST(ColmapReader, BinaryAndTextAreEqual) {
     TempFolder folder;
-    write_model(folder / "bin", {{3, 4, 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.002}}, {9, 0, 16, 12, {20, 8, 6}}},
-                {{1, {0.5, 0.5, -0.5, 0.5, 1, 2, 3}, 3, "sub dir/a b.jpg", 2}, {5, {2, 0, 0, 0, -1, 0.25, 1e-3}, 9, "z.png", 0}},
+    write_model(folder / "bin",
+                {{3, 4, 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.002}}, {9, 0, 16, 12, {20, 8, 6}}},
+                {{1, {0.5, 0.5, -0.5, 0.5, 1, 2, 3}, 3, "sub dir/a b.jpg", 2},
+                 {5, {2, 0, 0, 0, -1, 0.25, 1e-3}, 9, "z.png", 0}},
                 {{4, 0.1, -2, 3e5, 1, 2, 3, 2}, {6, 1, 1, 1, 255, 0, 9, 0}});
     spit(folder / "txt/cameras.txt",
          "# comment\n\n3 OPENCV 640 480 500 510 320 240 0.1 -0.2 0.001 0.002\r\n9\tSIMPLE_PINHOLE 16  12 20 8 6\n");
     // The image without 2D points has an empty second line; names may hold blanks.
     spit(folder / "txt/images.txt",
-         "# Image list\n1 0.5 0.5 -0.5 0.5 1 2 3 3 sub dir/a b.jpg\n1.5 2.5 -1 3 4 7\r\n5 2 0 0 0 -1 0.25 1e-3 9 z.png\r\n\n");
+         "# Image list\n1 0.5 0.5 -0.5 0.5 1 2 3 3 sub dir/a b.jpg\n1.5 2.5 -1 3 4 7\r\n5 2 0 0 0 -1 0.25 1e-3 9 "
+         "z.png\r\n\n");
     spit(folder / "txt/points3D.txt", "4 0.1 -2 3e5 1 2 3 0.5 1 0 5 7\n6 1 1 1 255 0 9 0.1\n");
     const ColmapModel a = read_colmap_model(folder / "bin"), b = read_colmap_model(folder / "txt");
     ASSERT_EQ(a.cameras.size(), 2u);
@@ -77,10 +80,12 @@ TEST(ColmapReader, AllModelsHaveTheirParameterCountInBothForms) {
 TEST(ColmapReader, TruncationAtEveryByteIsAnErrorNamingTheFile) {
     TempFolder folder;
     const std::vector<TestCamera> cameras = {TestCamera{}};
-    const std::vector<TestImage> images = {{1, {1, 0, 0, 0, 0, 0, 4}, 1, "a.png", 2}, {2, {1, 0, 0, 0, 0, 0, 4}, 1, "b.png", 1}};
+    const std::vector<TestImage> images = {{1, {1, 0, 0, 0, 0, 0, 4}, 1, "a.png", 2},
+                                           {2, {1, 0, 0, 0, 0, 0, 4}, 1, "b.png", 1}};
     const std::vector<TestPoint> points = {{1, 0, 0, 0, 1, 2, 3, 2}, {2, 0, 0, 0, 1, 2, 3, 0}};
-    const std::pair<const char*, std::string> files[] = {
-        {"cameras.bin", cameras_bin(cameras)}, {"images.bin", images_bin(images)}, {"points3D.bin", points_bin(points)}};
+    const std::pair<const char*, std::string> files[] = {{"cameras.bin", cameras_bin(cameras)},
+                                                         {"images.bin", images_bin(images)},
+                                                         {"points3D.bin", points_bin(points)}};
     for (const auto& [name, bytes] : files)
         for (std::size_t size = 0; size < bytes.size(); ++size) {
             write_model(folder.path(), cameras, images, points);
@@ -151,9 +156,10 @@ TEST(ColmapReader, DuplicateIdsAndMissingCamerasAreErrors) {
 
 TEST(ColmapReader, NonFinitePosesAndPointsAreSkippedAndNoted) {
     TempFolder folder;
-    write_model(folder.path(), {TestCamera{}},
-                {{1, {1, 0, 0, 0, kNan, 0, 0}, 1, "a"}, {2, {0, 0, 0, 0, 0, 0, 0}, 1, "b"}, {3, {1, 0, 0, 0, 0, 0, 0}, 1, "c"}},
-                {{1, kNan, 0, 0}, {2, 1, 1, 1}, {3, 0, 1e300, 0}});
+    write_model(
+        folder.path(), {TestCamera{}},
+        {{1, {1, 0, 0, 0, kNan, 0, 0}, 1, "a"}, {2, {0, 0, 0, 0, 0, 0, 0}, 1, "b"}, {3, {1, 0, 0, 0, 0, 0, 0}, 1, "c"}},
+        {{1, kNan, 0, 0}, {2, 1, 1, 1}, {3, 0, 1e300, 0}});
     const ColmapModel model = read_colmap_model(folder.path());
     ASSERT_EQ(model.images.size(), 1u);
     EXPECT_EQ(model.images[0].name, "c");

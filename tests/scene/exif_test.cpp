@@ -24,7 +24,8 @@ void write_photograph(const std::filesystem::path& path, float seconds, int iso,
     if (f_number > 0) spec.attribute("FNumber", f_number);
     const std::vector<std::uint8_t> pixels(16 * 12 * 3, 100);
     const auto output = OIIO::ImageOutput::create(path.string());
-    ASSERT_TRUE(output && output->open(path.string(), spec) && output->write_image(OIIO::TypeDesc::UINT8, pixels.data()) && output->close());
+    ASSERT_TRUE(output && output->open(path.string(), spec) &&
+                output->write_image(OIIO::TypeDesc::UINT8, pixels.data()) && output->close());
 }
 
 TEST(Exif, SettingsOfAFile) {
@@ -72,7 +73,7 @@ TEST(Exif, ReachesTheViewsOfBothSetsWhereItIsAskedFor) {
     options.eval = true;
     EXPECT_FALSE(load_scene(options).train[0].exif_exposure);
     options.exif = true;
-    const Scene scene = load_scene(options); // a is the test view
+    const Scene scene = load_scene(options);  // a is the test view
     ASSERT_EQ(scene.train.size(), 2u);
     EXPECT_NEAR(*scene.train[0].exif_exposure - *scene.test[0].exif_exposure, 2, 1e-3);
     EXPECT_FALSE(scene.train[1].exif_exposure);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Damaged datasets: whatever is in the files, loading ends in a scene or in a gs::Error, and allocates no more than they justify.
+// Damaged datasets: whatever is in the files, loading ends in a scene or in a gs::Error, and allocates no more than
+// they justify.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -25,8 +26,8 @@ void watch(std::size_t size) {
 
 }  // namespace
 
-// The whole test program allocates through these, so that the largest request during a load is known. Not inlined, or the
-// compiler sees malloc and delete meet and warns.
+// The whole test program allocates through these, so that the largest request during a load is known. Not inlined, or
+// the compiler sees malloc and delete meet and warns.
 [[gnu::noinline]] void* operator new(std::size_t size) {
     watch(size);
     if (void* memory = std::malloc(size ? size : 1)) return memory;
@@ -50,7 +51,9 @@ constexpr std::size_t kLargestWhileLoading = 1 << 20;
 constexpr std::size_t kLargestWhileDecoding = 65 << 20;
 
 std::string mutate(std::string bytes, std::mt19937& random) {
-    const auto below = [&](std::size_t n) { return n == 0 ? 0 : std::uniform_int_distribution<std::size_t>(0, n - 1)(random); };
+    const auto below = [&](std::size_t n) {
+        return n == 0 ? 0 : std::uniform_int_distribution<std::size_t>(0, n - 1)(random);
+    };
     const auto overwrite = [&](std::size_t at, const void* data, std::size_t size) {
         if (at + size <= bytes.size()) std::memcpy(bytes.data() + at, data, size);
     };
@@ -65,7 +68,8 @@ std::string mutate(std::string bytes, std::mt19937& random) {
                 bytes.resize(below(bytes.size() + 1));
                 break;  // truncated
             case 3: {   // a huge count
-                const std::uint64_t counts[] = {std::uint64_t(1) << 60, ~std::uint64_t(0), std::uint64_t(1) << 32, 1000000};
+                const std::uint64_t counts[] = {std::uint64_t(1) << 60, ~std::uint64_t(0), std::uint64_t(1) << 32,
+                                                1000000};
                 overwrite(below(4) == 0 ? 0 : below(bytes.size() + 1), &counts[below(4)], 8);
                 break;
             }
@@ -75,13 +79,15 @@ std::string mutate(std::string bytes, std::mt19937& random) {
                 break;
             }
             case 5: {  // text that numbers, names and JSON may stumble over
-                const char* pieces[] = {"nan", "-",    "1e400",   "\"",  "{", "]", "null", "\n", " ", "99999999999999999999",
+                const char* pieces[] = {"nan", "-",    "1e400",   "\"",  "{",
+                                        "]",   "null", "\n",      " ",   "99999999999999999999",
                                         "-1",  "true", "\\u0000", "\xff"};
                 bytes.insert(below(bytes.size() + 1), pieces[below(14)]);
                 break;
             }
             default: {  // a piece repeated or removed
-                const std::size_t at = below(bytes.size() + 1), size = below(std::min<std::size_t>(bytes.size() - at, 40) + 1);
+                const std::size_t at = below(bytes.size() + 1),
+                                  size = below(std::min<std::size_t>(bytes.size() - at, 40) + 1);
                 if (below(2))
                     bytes.insert(at, bytes.substr(at, size));
                 else
@@ -91,7 +97,7 @@ std::string mutate(std::string bytes, std::mt19937& random) {
     return bytes;
 }
 
-/// Loads, and decodes one view of what loads. Returns whether there was a scene.
+/// Loads a scene and decodes one of its views. Returns whether there was a scene.
 bool survives(const std::filesystem::path& source, bool& decoded) {
     SceneOptions options;
     options.source = source.string();
@@ -103,7 +109,8 @@ bool survives(const std::filesystem::path& source, bool& decoded) {
     try {
         const Scene scene = load_scene(options);
         loaded = true;
-        if (largest_request > kLargestWhileLoading) trouble = "loading allocated " + std::to_string(largest_request) + " bytes at once";
+        if (largest_request > kLargestWhileLoading)
+            trouble = "loading allocated " + std::to_string(largest_request) + " bytes at once";
         if (scene.train.empty()) trouble = "a scene without training views";
         if (!(scene.extent > 0)) trouble = "extent is not positive";
         scene.train.at(0).load();
@@ -145,7 +152,9 @@ void fuzz(const TempFolder& folder, const std::vector<std::string>& files, int r
 void write_fuzz_model(const TempFolder& folder) {
     // A pinhole, a distorted and a fisheye camera, so that damaged parameters reach every kind of lens code.
     write_model(folder / "sparse/0",
-                {TestCamera{}, {2, 4, 16, 12, {20, 20, 8, 6, -0.1, 0.01, 0.001, 0.001}}, {3, 5, 16, 12, {20, 20, 8, 6, 0.01, 0, 0, 0}}},
+                {TestCamera{},
+                 {2, 4, 16, 12, {20, 20, 8, 6, -0.1, 0.01, 0.001, 0.001}},
+                 {3, 5, 16, 12, {20, 20, 8, 6, 0.01, 0, 0, 0}}},
                 {{1, {1, 0, 0, 0, 0, 0, 4}, 1, "a.png", 1},
                  {2, {1, 0, 0.1, 0, 0, 0, 4}, 2, "b.png", 2},
                  {3, {1, 0, 0, 0.1, 0, 1, 4}, 3, "c.png", 0}},
@@ -162,10 +171,12 @@ TEST(Fuzz, ColmapBinary) {
 TEST(Fuzz, ColmapText) {
     TempFolder folder;
     spit(folder / "sparse/0/cameras.txt",
-         "# cameras\n1 PINHOLE 16 12 20 20 8 6\n2 OPENCV 16 12 20 20 8 6 -0.1 0.01 0.001 0.001\n3 OPENCV_FISHEYE 16 12 20 20 8 6 0.01 0 0 "
+         "# cameras\n1 PINHOLE 16 12 20 20 8 6\n2 OPENCV 16 12 20 20 8 6 -0.1 0.01 0.001 0.001\n3 OPENCV_FISHEYE 16 12 "
+         "20 20 8 6 0.01 0 0 "
          "0\n");
     spit(folder / "sparse/0/images.txt",
-         "# images\n1 1 0 0 0 0 0 4 1 a.png\n1 2 -1 3 4 5\n2 1 0 0.1 0 0 0 4 2 b.png\n\n3 1 0 0 0.1 0 1 4 3 c.png\n1 2 3\n");
+         "# images\n1 1 0 0 0 0 0 4 1 a.png\n1 2 -1 3 4 5\n2 1 0 0.1 0 0 0 4 2 b.png\n\n3 1 0 0 0.1 0 1 4 3 c.png\n1 2 "
+         "3\n");
     spit(folder / "sparse/0/points3D.txt",
          "# points\n1 0 0 0 255 128 0 0.5 1 0 2 0\n2 0.5 0.2 0 0 0 255 0.1\n7 -0.5 -0.2 0.3 9 9 9 1e-3 1 1\n");
     for (const char* name : {"a.png", "b.png", "c.png"}) write_png(folder / "images" / name);
@@ -175,7 +186,8 @@ TEST(Fuzz, ColmapText) {
 TEST(Fuzz, TransformsJson) {
     TempFolder folder;
     spit(folder / "transforms.json",
-         "{\"fl_x\": 20.0, \"fl_y\": 21, \"cx\": 8, \"cy\": 6.5, \"w\": 16, \"h\": 12, \"k1\": -0.1, \"k2\": 0.01, \"p1\": 0.001, \"p2\": "
+         "{\"fl_x\": 20.0, \"fl_y\": 21, \"cx\": 8, \"cy\": 6.5, \"w\": 16, \"h\": 12, \"k1\": -0.1, \"k2\": 0.01, "
+         "\"p1\": 0.001, \"p2\": "
          "0, "
          "\"camera_model\": \"OPENCV\",\n \"frames\": [\n"
          "{\"file_path\": \"images/a.png\", \"transform_matrix\": [[1,0,0,0.5],[0,1,0,0],[0,0,1,4],[0,0,0,1]]},\n"

@@ -35,7 +35,8 @@ struct Views {
 
 /// Waits until the background threads have made `count` decodes, or 10 s.
 void wait_for_decodes(const ImageCache& cache, std::uint64_t count) {
-    for (int i = 0; i < 10000 && cache.num_decodes() < count; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    for (int i = 0; i < 10000 && cache.num_decodes() < count; ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ASSERT_GE(cache.num_decodes(), count);
 }
 
@@ -148,7 +149,8 @@ TEST(ParseBytes, UnitsAndFractions) {
 }
 
 TEST(ParseBytes, NonsenseIsAUsageErrorNamingIt) {
-    for (const char* text : {"", "GiB", "-1", "4 apples", "4GiBs", "1e9999", "nan", "inf", "1,5G", "99999999999TiB", "4kb5"}) {
+    for (const char* text :
+         {"", "GiB", "-1", "4 apples", "4GiBs", "1e9999", "nan", "inf", "1,5G", "99999999999TiB", "4kb5"}) {
         try {
             parse_bytes(text);
             ADD_FAILURE() << text << " was accepted";

@@ -224,10 +224,11 @@ TEST(LoadScene, PlyPointsReplaceAMissingPointFile) {
     Bytes rows;
     for (const float v : {0.5f, 0.25f, 0.0f}) rows.put(v);
     for (const int v : {255, 0, 51}) rows.put(std::uint8_t(v));
-    spit(folder / "sparse/0/points3D.ply",
-         "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
-         "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n" +
-             rows.data());
+    spit(
+        folder / "sparse/0/points3D.ply",
+        "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n" +
+            rows.data());
     const Scene scene = load_scene(at(folder.path()));
     ASSERT_EQ(scene.points.positions.size(), 1u);
     EXPECT_EQ(scene.points.positions[0], Eigen::Vector3f(0.5f, 0.25f, 0));
@@ -270,7 +271,8 @@ TEST(LoadScene, RgbaPhotographsFollowTheAlphaMode) {
 }
 
 std::string frame(const std::string& path, double x = 0) {
-    return "{\"file_path\": \"" + path + "\", \"transform_matrix\": [[1,0,0," + std::to_string(x) + "],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}";
+    return "{\"file_path\": \"" + path + "\", \"transform_matrix\": [[1,0,0," + std::to_string(x) +
+           "],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}";
 }
 
 void write_nerf_synthetic(const TempFolder& folder) {
@@ -300,8 +302,8 @@ TEST(LoadScene, NerfSyntheticKeepsItsSplitAndOrder) {
 
 TEST(LoadScene, TransformsFileIsSortedSplitAndScaled) {
     TempFolder folder;
-    spit(folder / "transforms.json", "{\"fl_x\": 40, \"w\": 32, \"h\": 24, \"frames\": [" + frame("images/c.png") + "," +
-                                         frame("images/a") + "," + frame("images/b.png", 3) + "]}");
+    spit(folder / "transforms.json", "{\"fl_x\": 40, \"w\": 32, \"h\": 24, \"frames\": [" + frame("images/c.png") +
+                                         "," + frame("images/a") + "," + frame("images/b.png", 3) + "]}");
     for (const char* name : {"a.jpg", "b.png", "c.png"}) write_png(folder / "images" / name);
     const Scene scene = load_scene(at(folder.path(), true));
     EXPECT_EQ(scene.kind, "transforms");
@@ -315,8 +317,8 @@ TEST(LoadScene, TransformsFileIsSortedSplitAndScaled) {
 
 TEST(LoadScene, TransformsWithExplicitSplit) {
     TempFolder folder;
-    spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_filenames\": [\"images/b.png\"], \"frames\": [" + frame("images/a.png") + "," +
-                                         frame("images/b.png") + "]}");
+    spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_filenames\": [\"images/b.png\"], \"frames\": [" +
+                                         frame("images/a.png") + "," + frame("images/b.png") + "]}");
     for (const char* name : {"a.png", "b.png"}) write_png(folder / "images" / name);
     const Scene scene = load_scene(at(folder.path(), true));
     EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images/b.png"}));
@@ -348,7 +350,7 @@ TEST(CameraExtent, IsElevenTenthsOfTheLargestDistance) {
     EXPECT_GT(camera_extent({}, {}), 0);
 }
 
-/// Names a.png, b.png, ...; the camera ids of the model for each.
+/// Loads a scene of images a.png, b.png, ... whose cameras have the given ids.
 Scene scene_with_cameras(const std::vector<std::uint32_t>& ids, bool eval) {
     TempFolder folder;
     const auto names = numbered(int(ids.size()));
@@ -356,7 +358,8 @@ Scene scene_with_cameras(const std::vector<std::uint32_t>& ids, bool eval) {
     std::vector<TestCamera> cameras;
     for (std::size_t i = 0; i < ids.size(); ++i) {
         images[i].camera_id = ids[i];
-        if (std::none_of(cameras.begin(), cameras.end(), [&](const TestCamera& c) { return c.id == ids[i]; })) cameras.push_back({.id = ids[i]});
+        if (std::none_of(cameras.begin(), cameras.end(), [&](const TestCamera& c) { return c.id == ids[i]; }))
+            cameras.push_back({.id = ids[i]});
         write_png(folder.path() / "images" / names[i]);
     }
     write_model(folder.path() / "sparse/0", cameras, images, {{1, 0, 0, 0, 255, 128, 0, 2}});
@@ -370,7 +373,7 @@ TEST(LoadScene, CamerasAreNumberedByTheirIds) {
 }
 
 TEST(LoadScene, ACameraWithoutTrainingImagesIsUnknown) {
-    const Scene scene = scene_with_cameras({9, 4, 4}, true); // the first is the test view
+    const Scene scene = scene_with_cameras({9, 4, 4}, true);  // the first is the test view
     EXPECT_EQ(scene.num_cameras, 1);
     EXPECT_EQ(scene.train[0].camera_id, 0);
     EXPECT_EQ(scene.test[0].camera_id, -1);

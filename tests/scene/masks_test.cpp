@@ -10,15 +10,16 @@ namespace {
 using namespace test;
 
 TEST(FindMask, EveryPlaceAndNamingIsFound) {
-    for (const char* place : {"masks/left/a.jpg.png", "masks/left/a.jpg", "masks/left/a.png", "masks/left/a.mask.png", "masks/left/a.tif",
-                              "mask/left/a.png", "sfm_masks/left/a.jpg.png"}) {
+    for (const char* place : {"masks/left/a.jpg.png", "masks/left/a.jpg", "masks/left/a.png", "masks/left/a.mask.png",
+                              "masks/left/a.tif", "mask/left/a.png", "sfm_masks/left/a.jpg.png"}) {
         TempFolder folder;
         spit(folder / place, "x");
         const auto mask = find_mask(folder.path(), "left/a.jpg", folder / "images/left/a.jpg", 1);
         ASSERT_TRUE(mask) << place;
         EXPECT_EQ(mask->path, folder / place);
         EXPECT_FALSE(mask->inverted);
-        EXPECT_FALSE(find_mask(folder.path(), "right/a.jpg", folder / "images/right/a.jpg", 1)) << "sub-folders must match";
+        EXPECT_FALSE(find_mask(folder.path(), "right/a.jpg", folder / "images/right/a.jpg", 1))
+            << "sub-folders must match";
     }
 }
 
@@ -62,12 +63,15 @@ TEST(Combine, IgnoreKeepsTheMaskAsWeight) {
 
 TEST(Combine, TransparentMultipliesTheAlpha) {
     const Image mask{2, 1, 1, {0, 128}, {}};
-    const ViewImage rgb = combine(Image{2, 1, 3, {1, 2, 3, 4, 5, 6}, {}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
+    const ViewImage rgb =
+        combine(Image{2, 1, 3, {1, 2, 3, 4, 5, 6}, {}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
     EXPECT_EQ(rgb.color.u8, (std::vector<std::uint8_t>{1, 2, 3, 0, 4, 5, 6, 128}));
     EXPECT_FALSE(rgb.mask);
-    const ViewImage rgba = combine(Image{2, 1, 4, {1, 2, 3, 255, 4, 5, 6, 128}, {}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
+    const ViewImage rgba = combine(Image{2, 1, 4, {1, 2, 3, 255, 4, 5, 6, 128}, {}}, mask, AlphaMode::kTransparent,
+                                   MaskMode::kTransparent);
     EXPECT_EQ(rgba.color.u8, (std::vector<std::uint8_t>{1, 2, 3, 0, 4, 5, 6, 64}));
-    const ViewImage real = combine(Image{2, 1, 3, {}, {1, 2, 3, 4, 5, 6}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
+    const ViewImage real =
+        combine(Image{2, 1, 3, {}, {1, 2, 3, 4, 5, 6}}, mask, AlphaMode::kTransparent, MaskMode::kTransparent);
     EXPECT_FLOAT_EQ(real.color.f32[7], 128 / 255.0f);
 }
 
@@ -76,7 +80,8 @@ TEST(Combine, AlphaModeMaskMovesAlphaIntoTheWeight) {
     const ViewImage alone = combine(rgba, {}, AlphaMode::kMask, MaskMode::kIgnore);
     EXPECT_EQ(alone.color.u8, (std::vector<std::uint8_t>{1, 2, 3, 4, 5, 6}));
     EXPECT_EQ(alone.mask->u8, (std::vector<std::uint8_t>{255, 128}));
-    EXPECT_EQ(combine(rgba, Image{2, 1, 1, {0, 128}, {}}, AlphaMode::kMask, MaskMode::kIgnore).mask->u8, (std::vector<std::uint8_t>{0, 64}));
+    EXPECT_EQ(combine(rgba, Image{2, 1, 1, {0, 128}, {}}, AlphaMode::kMask, MaskMode::kIgnore).mask->u8,
+              (std::vector<std::uint8_t>{0, 64}));
 }
 
 }  // namespace

@@ -106,16 +106,20 @@ TEST_F(Prepare, MakesASceneFromFourStages) {
     EXPECT_TRUE(fs::exists(options_.scene / "sparse" / "0" / "images.bin"));
     EXPECT_NE(text_of(options_.scene / "sparse" / "0" / "cameras.bin").find("/models/1"), std::string::npos)
         << "the model with more images";
-    EXPECT_EQ(std::distance(fs::directory_iterator(options_.scene), fs::directory_iterator()), 2) << "images and sparse only";
-    EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1) << "no temporary folder left";
+    EXPECT_EQ(std::distance(fs::directory_iterator(options_.scene), fs::directory_iterator()), 2)
+        << "images and sparse only";
+    EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1)
+        << "no temporary folder left";
     const std::string said = calls();
     EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 4);
     EXPECT_EQ(said.find("offscreen feature_extractor"), 0u);
-    EXPECT_NE(said.find("--ImageReader.camera_model SIMPLE_RADIAL --ImageReader.single_camera 1 --SiftExtraction.use_gpu 0"),
-              std::string::npos);
+    EXPECT_NE(
+        said.find("--ImageReader.camera_model SIMPLE_RADIAL --ImageReader.single_camera 1 --SiftExtraction.use_gpu 0"),
+        std::string::npos);
     EXPECT_NE(said.find("offscreen sequential_matcher"), std::string::npos);
     EXPECT_NE(said.find("--output_type COLMAP"), std::string::npos);
-    EXPECT_EQ(shown_, "1/4 features \n1/4 features 1/2\n1/4 features 2/2\n2/4 matches \n3/4 cameras \n4/4 undistortion \n");
+    EXPECT_EQ(shown_,
+              "1/4 features \n1/4 features 1/2\n1/4 features 2/2\n2/4 matches \n3/4 cameras \n4/4 undistortion \n");
 }
 
 TEST_F(Prepare, PhotographsOfDifferentSizesGetTheirOwnCameras) {
@@ -129,7 +133,8 @@ TEST_F(Prepare, FailuresCarryColmapsWordsAndLeaveNothing) {
     for (const char* stage : {"feature_extractor", "exhaustive_matcher", "mapper", "image_undistorter"}) {
         ::setenv("COLMAP_FAILS_AT", stage, 1);
         const std::string message = failure();
-        EXPECT_NE(message.find(std::string("colmap ") + stage + " ended with exit code 3"), std::string::npos) << message;
+        EXPECT_NE(message.find(std::string("colmap ") + stage + " ended with exit code 3"), std::string::npos)
+            << message;
         EXPECT_NE(message.find("Something specific is broken"), std::string::npos);
         EXPECT_TRUE(nothing_left()) << stage;
     }
@@ -177,7 +182,8 @@ TEST_F(Prepare, AFolderWithoutPhotographsIsADataError) {
 TEST(Process, TellsExitCodesSignalsAndLastLines) {
     std::vector<std::string> lines;
     const auto run = [&](const std::string& script) {
-        return run_process({"sh", "-c", script}, {{"GREETING", "hello"}}, [&](const std::string& l) { lines.push_back(l); });
+        return run_process({"sh", "-c", script}, {{"GREETING", "hello"}},
+                           [&](const std::string& l) { lines.push_back(l); });
     };
     EXPECT_EQ(run("echo $GREETING; printf '1\\r2\\nlast'; exit 4").exit_code, 4);
     EXPECT_EQ(lines, (std::vector<std::string>{"hello", "1", "2", "last"}));

@@ -59,7 +59,8 @@ int different_pixels(const Image& a, const Image& b) {
 
 TEST(RayCaster, SphereHitIsTheSmallerRootOfTheQuadratic) {
     const Vector3d center(0.3, -0.2, 5), direction = Vector3d(0.05, -0.02, 1).normalized();
-    const double radius = 1.5, b = center.dot(direction), root = std::sqrt(b * b - center.squaredNorm() + radius * radius);
+    const double radius = 1.5, b = center.dot(direction),
+                 root = std::sqrt(b * b - center.squaredNorm() + radius * radius);
     const World world = world_with(sphere(center, radius));
     const auto hit = intersect(world, {Vector3d::Zero(), direction});
     ASSERT_TRUE(hit);
@@ -112,7 +113,8 @@ TEST(RayCaster, SphereCentreLandsWhereTheCameraProjectsIt) {
         EXPECT_NEAR((camera.center() - rig.look_at).norm(), rig.radius, 1e-12);
         EXPECT_GT((camera.rotation * Vector3d(0, 0, -1)).y(), 0) << "world down points down in the picture";
         const Vector3d center(0.4, 0.3, 0.5), local = camera.rotation * center + camera.translation;
-        const double u = camera.fx * local.x() / local.z() + camera.cx, v = camera.fy * local.y() / local.z() + camera.cy;
+        const double u = camera.fx * local.x() / local.z() + camera.cx,
+                     v = camera.fy * local.y() / local.z() + camera.cy;
         const auto hit = intersect(world_with(sphere(center, 1e-4)), camera_ray(camera, u, v));
         ASSERT_TRUE(hit) << "the ray of the projection misses a tiny sphere";
         EXPECT_NEAR(hit->t, local.norm() - 1e-4, 1e-9);
@@ -162,7 +164,7 @@ TEST(RayCaster, ShadingFollowsItsFormula) {
     EXPECT_NEAR((seen.specular - 0.5 * lobe * light.color).norm(), 0, 1e-12);
 
     world.shapes.push_back(sphere(hit->position + 2 * light.direction, 0.5));
-    const auto again = intersect(world, {Vector3d(0, 0, 2), eye}); // a hit points into the shapes, which have moved
+    const auto again = intersect(world, {Vector3d(0, 0, 2), eye});  // a hit points into the shapes, which have moved
     ASSERT_TRUE(again);
     const Radiance shadowed = shade(world, *again, eye);
     EXPECT_EQ(shadowed.diffuse.norm() + shadowed.specular.norm(), 0);
@@ -352,7 +354,8 @@ TEST(BuiltinScenes, ExposureIsTheBaseSceneTimesKnownFactors) {
     EXPECT_LE(*std::max_element(stops.begin(), stops.end()), 1);
     EXPECT_GT(*std::max_element(stops.begin(), stops.end()) - *std::min_element(stops.begin(), stops.end()), 1.5);
     EXPECT_NE(photography(d, true, 0).stops, photography(d, false, 0).stops);
-    EXPECT_NEAR(exposure_factor(d, {}, 0, 0).x() / exposure_factor(d, {}, 8, 6).x(), 0.85, 0.05) << "corner against centre";
+    EXPECT_NEAR(exposure_factor(d, {}, 0, 0).x() / exposure_factor(d, {}, 8, 6).x(), 0.85, 0.05)
+        << "corner against centre";
     EXPECT_EQ(photography(load_description("glossy"), false, 3).stops, 0);
 }
 
@@ -362,7 +365,8 @@ TEST(BuiltinScenes, MistakesAreNamed) {
     const auto message = [](const std::string& yaml) { return message_of([&] { parse_description(yaml, "x.yaml"); }); };
     EXPECT_EQ(message("base: diffuse"), "");
     EXPECT_NE(message("base: diffuse\nambiemt: 1").find("did you mean 'ambient'"), std::string::npos);
-    EXPECT_NE(message("shapes: [{kind: sphere, material: {sharpnes: 3}}]").find("x.yaml.shapes[0].material: unknown key 'sharpnes'"),
+    EXPECT_NE(message("shapes: [{kind: sphere, material: {sharpnes: 3}}]")
+                  .find("x.yaml.shapes[0].material: unknown key 'sharpnes'"),
               std::string::npos);
     EXPECT_NE(message("shapes: [{radius: -1}]").find("x.yaml.shapes[0].radius"), std::string::npos);
     EXPECT_NE(message("shapes: [{radius: .nan}]").find("outside"), std::string::npos);
@@ -374,7 +378,8 @@ TEST(BuiltinScenes, MistakesAreNamed) {
     EXPECT_NE(message("shapes: [").find("line 1"), std::string::npos);
     EXPECT_NE(message("base: [diffuse]").find("expected text"), std::string::npos);
     EXPECT_NE(message("base: nothing").find("no such scene"), std::string::npos);
-    EXPECT_NE(message("base: diffuse\nviolations: {moved: {shape: ghost}}").find("no shape is named 'ghost'"), std::string::npos);
+    EXPECT_NE(message("base: diffuse\nviolations: {moved: {shape: ghost}}").find("no shape is named 'ghost'"),
+              std::string::npos);
     EXPECT_NE(message("base: diffuse\nlights: [{direction: [0, 0, 0]}]").find("no direction"), std::string::npos);
 }
 

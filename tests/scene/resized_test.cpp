@@ -14,7 +14,8 @@ View view(int width, int height) {
     v.load = [width, height] {
         ViewImage image;
         image.color.width = width, image.color.height = height, image.color.channels = 3;
-        for (int i = 0; i < width * height; ++i) image.color.u8.insert(image.color.u8.end(), 3, std::uint8_t(i % width < width / 2 ? 200 : 40));
+        for (int i = 0; i < width * height; ++i)
+            image.color.u8.insert(image.color.u8.end(), 3, std::uint8_t(i % width < width / 2 ? 200 : 40));
         image.mask.emplace();
         image.mask->width = width, image.mask->height = height, image.mask->channels = 1;
         image.mask->u8.assign(std::size_t(width * height), 255);

@@ -16,8 +16,7 @@ namespace gs::test {
 /// Appends values as they lie in memory.
 class Bytes {
   public:
-    template <class T>
-    Bytes& put(T value) {
+    template <class T> Bytes& put(T value) {
         data_.append(reinterpret_cast<const char*>(&value), sizeof(T));
         return *this;
     }
@@ -86,20 +85,23 @@ inline std::string points_bin(const std::vector<TestPoint>& points) {
     return out.data();
 }
 
-inline void write_model(const std::filesystem::path& folder, const std::vector<TestCamera>& cameras, const std::vector<TestImage>& images,
-                        const std::vector<TestPoint>& points) {
+inline void write_model(const std::filesystem::path& folder, const std::vector<TestCamera>& cameras,
+                        const std::vector<TestImage>& images, const std::vector<TestPoint>& points) {
     spit(folder / "cameras.bin", cameras_bin(cameras));
     spit(folder / "images.bin", images_bin(images));
     spit(folder / "points3D.bin", points_bin(points));
 }
 
-/// A gradient, so that geometry mistakes show.
+/// Returns an image with a gradient, so that mistakes of geometry show.
 inline Image gradient_image(int width, int height, int channels = 3) {
     Image image{width, height, channels, {}, {}};
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x)
             for (int c = 0; c < channels; ++c)
-                image.u8.push_back(static_cast<std::uint8_t>(c == 3 ? 255 : (c == 0 ? x * 255 / width : c == 1 ? y * 255 / height : 90)));
+                image.u8.push_back(static_cast<std::uint8_t>(c == 3 ? 255
+                                                                    : (c == 0   ? x * 255 / width
+                                                                       : c == 1 ? y * 255 / height
+                                                                                : 90)));
     return image;
 }
 
@@ -108,7 +110,7 @@ inline void write_png(const std::filesystem::path& path, int width = 16, int hei
     write_image(path, gradient_image(width, height, channels));
 }
 
-/// Images named NAME on a line, all looking along +z at points around the origin.
+/// Returns images with these names on a line, all looking along +z at points around the origin.
 inline std::vector<TestImage> row_of_images(const std::vector<std::string>& names) {
     std::vector<TestImage> images;
     for (std::size_t i = 0; i < names.size(); ++i)
@@ -116,7 +118,7 @@ inline std::vector<TestImage> row_of_images(const std::vector<std::string>& name
     return images;
 }
 
-/// A complete COLMAP scene with these images (16x12) and three points.
+/// Writes a complete COLMAP scene with these images (16x12) and three points.
 inline void write_colmap_scene(const std::filesystem::path& scene, const std::vector<std::string>& names) {
     write_model(scene / "sparse/0", {TestCamera{}}, row_of_images(names),
                 {{1, 0, 0, 0, 255, 128, 0, 2}, {2, 0.5, 0.2, 0, 0, 0, 255, 1}, {7, -0.5, -0.2, 0.3, 9, 9, 9, 0}});

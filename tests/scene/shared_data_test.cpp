@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// The dataset folder, or nothing if it is not there.
+/// Returns the dataset folder, or an empty path if it is not there.
 std::string data(const std::string& name) {
     const char* root = std::getenv("GSAPP_TEST_DATA");
     const std::filesystem::path path =
@@ -29,7 +29,7 @@ Scene load(const std::string& source, bool eval) {
     return load_scene(options);
 }
 
-/// Share of the points that project into a view.
+/// Returns the share of the points that project into a view.
 double visible_share(const Scene& scene, const Camera& camera) {
     int inside = 0;
     for (const Eigen::Vector3f& point : scene.points.positions) {
@@ -40,8 +40,8 @@ double visible_share(const Scene& scene, const Camera& camera) {
     return double(inside) / double(scene.points.positions.size());
 }
 
-/// Mean absolute difference between the colours of points and the pixels they project to, over all views. Points hidden
-/// behind others are included, so it is no small number; but it is a much smaller one than for wrong poses.
+/// Returns the mean absolute difference between the colours of points and the pixels they project to, over all views.
+/// Points hidden behind others are included, so it is no small number, but a much smaller one than for wrong poses.
 double color_error(const Scene& scene, double shift) {
     double sum = 0;
     std::int64_t count = 0;
@@ -49,7 +49,8 @@ double color_error(const Scene& scene, double shift) {
         const View& view = scene.train[v];
         const Image image = view.load().color;
         for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
-            const Eigen::Vector3d p = view.camera.rotation * scene.points.positions[i].cast<double>() + view.camera.translation;
+            const Eigen::Vector3d p =
+                view.camera.rotation * scene.points.positions[i].cast<double>() + view.camera.translation;
             if (p.z() <= 0) continue;
             const int x = int(std::floor(view.camera.fx * p.x() / p.z() + view.camera.cx + shift)),
                       y = int(std::floor(view.camera.fy * p.y() / p.z() + view.camera.cy));
@@ -126,13 +127,15 @@ TEST(SharedData, FoxDistortedBecomesTheSamePinholeAsColmapMadeOfIt) {
     EXPECT_EQ(image.color.width, camera.width);
     EXPECT_FALSE(image.mask);
     bool told = false;
-    for (const std::string& note : scene.notes) told = told || note.find("50 images with lens distortion") != std::string::npos;
+    for (const std::string& note : scene.notes)
+        told = told || note.find("50 images with lens distortion") != std::string::npos;
     EXPECT_TRUE(told);
 
     GS_REQUIRE_DATA(pinhole, "fox");
     const Scene reference = load(pinhole, false);
     const Image theirs = reference.train[0].load().color;
-    ASSERT_EQ(std::filesystem::path(reference.train[0].name).filename(), std::filesystem::path(scene.train[0].name).filename());
+    ASSERT_EQ(std::filesystem::path(reference.train[0].name).filename(),
+              std::filesystem::path(scene.train[0].name).filename());
     double difference = 0, shifted = 0;
     int count = 0;
     for (int y = 40; y < 900; y += 3)

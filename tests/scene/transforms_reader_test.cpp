@@ -29,7 +29,8 @@ std::string with_frame(const std::string& top, const std::string& frame = "") {
            (frame.empty() ? "" : frame + ",") + kMatrix + "}]}";
 }
 
-LensCamera lens_of(const TempFolder& folder, const std::string& top, const std::string& frame = "", int width = 200, int height = 100) {
+LensCamera lens_of(const TempFolder& folder, const std::string& top, const std::string& frame = "", int width = 200,
+                   int height = 100) {
     return resolve_intrinsics(parse(folder, with_frame(top, frame)).frames.at(0).intrinsics, width, height, "here");
 }
 
@@ -61,10 +62,11 @@ TEST(TransformsReader, BlenderFileHasSquarePixelsFromTheAngle) {
 
 TEST(TransformsReader, NerfstudioFileWithDistortionAndComments) {
     TempFolder folder;
-    const LensCamera lens = lens_of(folder,
-                                    "/* made by hand */ \"w\": 200.0, \"h\": 100, \"fl_x\": 150, \"fl_y\": 151, \"cx\": 99, \"cy\": 48, "
-                                    "\"k1\": -0.1, \"k2\": 0.02, \"p1\": 0.001, \"p2\": 0.002, \"camera_model\": \"OPENCV\"",
-                                    "", 400, 200);
+    const LensCamera lens =
+        lens_of(folder,
+                "/* made by hand */ \"w\": 200.0, \"h\": 100, \"fl_x\": 150, \"fl_y\": 151, \"cx\": 99, \"cy\": 48, "
+                "\"k1\": -0.1, \"k2\": 0.02, \"p1\": 0.001, \"p2\": 0.002, \"camera_model\": \"OPENCV\"",
+                "", 400, 200);
     EXPECT_EQ(lens.model, CameraModel::kOpenCV);
     EXPECT_EQ(lens.width, 200) << "nominal size is the file's, not the image's";
     EXPECT_EQ(lens.fx, 150);
@@ -85,7 +87,8 @@ TEST(TransformsReader, FocalLengthPrecedence) {
     TempFolder folder;
     EXPECT_EQ(lens_of(folder, "\"fl_x\": 10, \"camera_angle_x\": 1").fx, 10);
     EXPECT_EQ(lens_of(folder, "\"fl_x\": 10", "\"fl_x\": 20").fx, 20);
-    EXPECT_NEAR(lens_of(folder, "\"fl_x\": 10", "\"x_fov\": 90").fx, 100, 1e-9) << "frame angles come before file lengths";
+    EXPECT_NEAR(lens_of(folder, "\"fl_x\": 10", "\"x_fov\": 90").fx, 100, 1e-9)
+        << "frame angles come before file lengths";
     EXPECT_EQ(lens_of(folder, "\"fl_y\": 7").fx, 7);
     EXPECT_CONTAINS(message_of<DataError>([&] { lens_of(folder, "\"w\": 5"); }), "here: no focal length");
 }
@@ -99,7 +102,8 @@ TEST(TransformsReader, LensKinds) {
     EXPECT_EQ(lens_of(folder, f + "\"k3\": 0.1").distortion[4], 0.1);
     EXPECT_EQ(lens_of(folder, f + "\"is_fisheye\": true, \"k4\": 0.5").model, CameraModel::kOpenCVFisheye);
     EXPECT_EQ(lens_of(folder, f + "\"camera_model\": \"OPENCV_FISHEYE\"", "\"k4\": 0.5").distortion[3], 0.5);
-    EXPECT_CONTAINS(error_of(folder, with_frame(f + "\"camera_model\": \"FTHETA\"")), "camera_model 'FTHETA' is unsupported");
+    EXPECT_CONTAINS(error_of(folder, with_frame(f + "\"camera_model\": \"FTHETA\"")),
+                    "camera_model 'FTHETA' is unsupported");
     EXPECT_CONTAINS(error_of(folder, with_frame(f + "\"equirectangular\": true")), "'equirectangular' is unsupported");
     EXPECT_CONTAINS(error_of(folder, with_frame(f + "\"ftheta_p0\": 1.0")), "'ftheta' is unsupported");
     EXPECT_CONTAINS(error_of(folder, with_frame(f + "\"k4\": 0.5")), "k4 is 0.5");
@@ -107,9 +111,9 @@ TEST(TransformsReader, LensKinds) {
 
 TEST(TransformsReader, ExplicitSplitMasksAndPoints) {
     TempFolder folder;
-    const TransformsFile file = parse(
-        folder,
-        with_frame("\"fl_x\": 1, \"test_filenames\": [\"./images/a.png\"], \"ply_file_path\": \"p.ply\"", "\"mask_path\": \"m/a.png\""));
+    const TransformsFile file =
+        parse(folder, with_frame("\"fl_x\": 1, \"test_filenames\": [\"./images/a.png\"], \"ply_file_path\": \"p.ply\"",
+                                 "\"mask_path\": \"m/a.png\""));
     ASSERT_TRUE(file.test_filenames);
     EXPECT_EQ(file.test_filenames->at(0), "images/a.png");
     EXPECT_EQ(file.frames[0].mask_path, "m/a.png");
@@ -118,10 +122,12 @@ TEST(TransformsReader, ExplicitSplitMasksAndPoints) {
 
 TEST(TransformsReader, ScaledMatricesAreReducedToRotations) {
     TempFolder folder;
-    const TransformsFile file =
-        parse(folder, "{\"fl_x\": 1, \"frames\": [{\"file_path\": \"a\", \"transform_matrix\": [[0,-2,0,1],[2,0,0,2],[0,0,2,3]]}]}");
+    const TransformsFile file = parse(
+        folder,
+        "{\"fl_x\": 1, \"frames\": [{\"file_path\": \"a\", \"transform_matrix\": [[0,-2,0,1],[2,0,0,2],[0,0,2,3]]}]}");
     EXPECT_NEAR(file.frames[0].rotation.determinant(), 1, 1e-12);
-    EXPECT_LT((-file.frames[0].rotation.transpose() * file.frames[0].translation - Eigen::Vector3d(1, 2, 3)).norm(), 1e-12);
+    EXPECT_LT((-file.frames[0].rotation.transpose() * file.frames[0].translation - Eigen::Vector3d(1, 2, 3)).norm(),
+              1e-12);
     EXPECT_TRUE(mentions(file.notes, "hold a scale"));
 }
 
@@ -134,7 +140,8 @@ TEST(TransformsReader, ErrorsNameFileKeyAndValue) {
     EXPECT_CONTAINS(error_of(folder, "{\"frames\": [7]}"), "frame 0: must be an object but is 7");
     EXPECT_CONTAINS(error_of(folder, "{\"frames\": [{" + kMatrix + "}]}"), "frame 0: key 'file_path' is missing");
     EXPECT_CONTAINS(error_of(folder, "{\"frames\": [{\"file_path\": \"a\"}]}"), "key 'transform_matrix' is missing");
-    EXPECT_CONTAINS(error_of(folder, "{\"frames\": [{\"file_path\": 5, " + kMatrix + "}]}"), "key 'file_path' must be a string but is 5");
+    EXPECT_CONTAINS(error_of(folder, "{\"frames\": [{\"file_path\": 5, " + kMatrix + "}]}"),
+                    "key 'file_path' must be a string but is 5");
     EXPECT_CONTAINS(error_of(folder, with_frame("\"fl_x\": \"wide\"")), "key 'fl_x' must be a number but is \"wide\"");
     EXPECT_CONTAINS(error_of(folder, with_frame("\"fl_x\": -3")), "key 'fl_x' must be positive but is -3");
     EXPECT_CONTAINS(error_of(folder, with_frame("\"x_fov\": 180")), "between 0 and 180");
@@ -144,10 +151,11 @@ TEST(TransformsReader, ErrorsNameFileKeyAndValue) {
 
 TEST(TransformsReader, BadMatricesAreErrors) {
     TempFolder folder;
-    for (const char* matrix :
-         {"5", "[]", "[[1,0,0],[0,1,0],[0,0,1]]", "[[1,0,0,0],[0,1,0,0],[0,0,\"1\",0]]", "[[0,0,0,0],[0,0,0,0],[0,0,0,0]]",
-          "[[-1,0,0,0],[0,1,0,0],[0,0,1,0]]", "[[1,1,0,0],[0,1,0,0],[0,0,1,0]]", "[[1,0,0,1e308],[0,1,0,1e308],[0,0,1e308,1]]"})
-        EXPECT_CONTAINS(error_of(folder, std::string("{\"frames\": [{\"file_path\": \"a\", \"transform_matrix\": ") + matrix + "}]}"),
+    for (const char* matrix : {"5", "[]", "[[1,0,0],[0,1,0],[0,0,1]]", "[[1,0,0,0],[0,1,0,0],[0,0,\"1\",0]]",
+                               "[[0,0,0,0],[0,0,0,0],[0,0,0,0]]", "[[-1,0,0,0],[0,1,0,0],[0,0,1,0]]",
+                               "[[1,1,0,0],[0,1,0,0],[0,0,1,0]]", "[[1,0,0,1e308],[0,1,0,1e308],[0,0,1e308,1]]"})
+        EXPECT_CONTAINS(error_of(folder, std::string("{\"frames\": [{\"file_path\": \"a\", \"transform_matrix\": ") +
+                                             matrix + "}]}"),
                         "frame 0: key 'transform_matrix' must be");
 }
 

@@ -11,10 +11,11 @@ namespace gs {
 namespace {
 
 LensCamera opencv_lens(double k1, double k2 = 0) {
-    return make_lens_camera(CameraModel::kOpenCV, 120, 90, std::vector<double>{100, 102, 61, 44, k1, k2, 0.001, -0.0005});
+    return make_lens_camera(CameraModel::kOpenCV, 120, 90,
+                            std::vector<double>{100, 102, 61, 44, k1, k2, 0.001, -0.0005});
 }
 
-/// Smooth and slow, so that bilinear interpolation is nearly exact.
+/// A smooth, slow pattern, for which bilinear interpolation is nearly exact.
 float pattern(double u, double v) { return float(0.5 + 0.2 * std::sin(3 * u + 1) + 0.2 * std::cos(2 * v - u)); }
 
 Image distorted_pattern(const LensCamera& lens) {
@@ -89,7 +90,8 @@ TEST(Undistort, AlphaWeighsTheColour) {
     Image color{lens.width, lens.height, 4, {}, {}};
     for (int i = 0; i < lens.width * lens.height; ++i) {
         const bool visible = (i / 3) % 2;
-        for (const int v : {visible ? 250 : 0, visible ? 0 : 250, 0, visible ? 255 : 0}) color.u8.push_back(std::uint8_t(v));
+        for (const int v : {visible ? 250 : 0, visible ? 0 : 250, 0, visible ? 255 : 0})
+            color.u8.push_back(std::uint8_t(v));
     }
     const ViewImage out = undistort({color, {}}, lens, undistorted_camera(lens, "x"));
     for (std::size_t i = 0; i < out.color.u8.size(); i += 4)
@@ -103,7 +105,8 @@ TEST(Undistort, WiderThanAPinholeIsAnErrorWithAHint) {
     const auto message = [](const LensCamera& lens) {
         return test::message_of<DataError>([&] { undistorted_camera(lens, "image 'a.jpg'"); });
     };
-    EXPECT_CONTAINS(message(make_lens_camera(CameraModel::kEquirectangular, 80, 40, std::vector<double>{80, 40})), "cube faces");
+    EXPECT_CONTAINS(message(make_lens_camera(CameraModel::kEquirectangular, 80, 40, std::vector<double>{80, 40})),
+                    "cube faces");
     const LensCamera fisheye = make_lens_camera(CameraModel::kFisheye, 100, 100, std::vector<double>{30, 30, 50, 50});
     EXPECT_CONTAINS(message(fisheye), "180 degrees");
     EXPECT_CONTAINS(message(fisheye), "image 'a.jpg'");
@@ -113,7 +116,8 @@ TEST(Undistort, WiderThanAPinholeIsAnErrorWithAHint) {
 }
 
 TEST(Undistort, ModerateFisheyeBecomesPinhole) {
-    const LensCamera lens = make_lens_camera(CameraModel::kOpenCVFisheye, 100, 80, std::vector<double>{70, 70, 50, 40, 0.01, 0, 0, 0});
+    const LensCamera lens =
+        make_lens_camera(CameraModel::kOpenCVFisheye, 100, 80, std::vector<double>{70, 70, 50, 40, 0.01, 0, 0, 0});
     const Camera camera = undistorted_camera(lens, "x");
     EXPECT_GT(camera.width, 100);
     EXPECT_LE(camera.width, 200);

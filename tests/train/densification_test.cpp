@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// Writes down what is asked of it and does nothing.
+/// Writes down every request and does nothing.
 class Watched : public test::ForwardingBackend {
   public:
     Watched() : ForwardingBackend({}) {}
@@ -49,7 +49,8 @@ TrainOptions speedy_options() {
     return o;
 }
 
-/// All calls of a whole training; returns how many Gaussians before_step and after_step said went.
+/// Makes all calls of a whole training. Returns the numbers of Gaussians that before_step and
+/// after_step pruned by score.
 std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, std::vector<RenderRequest>(3));
@@ -71,8 +72,14 @@ using Prunings = std::vector<std::pair<std::int64_t, double>>;
 TEST(SpeedySchedule, IsTheOneOfTheSpec) {
     Watched backend;
     EXPECT_EQ(walk(speedy_options(), backend), (std::pair<std::int64_t, std::int64_t>{6, 10}));
-    EXPECT_EQ(backend.prunings,
-              (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.8}, {15000, 0.3}, {18000, 0.3}, {21000, 0.3}, {24000, 0.3}, {27000, 0.3}}));
+    EXPECT_EQ(backend.prunings, (Prunings{{6000, 0.8},
+                                          {9000, 0.8},
+                                          {12000, 0.8},
+                                          {15000, 0.3},
+                                          {18000, 0.3},
+                                          {21000, 0.3},
+                                          {24000, 0.3},
+                                          {27000, 0.3}}));
     EXPECT_EQ(backend.num_views, 3u);
     EXPECT_EQ(backend.at_9000, (std::vector<std::string>{"densify", "prune", "reset"}));
 }

@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t kViews = 5;
 constexpr int kEpochs = 12;
 
-/// Some views of a glossy built-in scene; made once, because its rays take longer than a training.
+/// Returns some views of a glossy built-in scene. They are made once, because its rays take longer than a training.
 const Scene& glossy_scene() {
     static const Scene scene = [] {
         SceneOptions options;
@@ -36,7 +36,8 @@ const Scene& glossy_scene() {
     return scene;
 }
 
-/// Trains with the whole residual from the first step on (the schedule would wait for iteration 1000) and writes down each loss.
+/// Trains with the whole residual from the first step on (the schedule would wait for iteration 1000) and writes down
+/// each loss.
 class WatchedBackend : public test::ForwardingBackend {
   public:
     WatchedBackend(const AppearanceSpec& appearance, std::vector<double>& losses)
@@ -94,7 +95,8 @@ void expect_training_works(const ModelInfo& model, ColorActivation activation, c
 }
 
 class TrainEveryModel : public ::testing::TestWithParam<const ModelInfo*> {};
-INSTANTIATE_TEST_SUITE_P(All, TrainEveryModel, ::testing::ValuesIn(appearance_models()), [](const auto& info) { return info.param->name; });
+INSTANTIATE_TEST_SUITE_P(All, TrainEveryModel, ::testing::ValuesIn(appearance_models()),
+                         [](const auto& info) { return info.param->name; });
 
 TEST_P(TrainEveryModel, LossFallsAndEverythingStaysFiniteWithEachActivation) {
     spdlog::set_level(spdlog::level::err);  // the runs' messages would bury the results

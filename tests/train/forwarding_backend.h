@@ -6,7 +6,7 @@
 
 namespace gs::test {
 
-/// Passes every call on.
+/// Passes every call on to another backend.
 class ForwardingBackend : public Backend, public BackendTimer {
   public:
     explicit ForwardingBackend(const AppearanceSpec& appearance) : inner_(make_cpu_backend(appearance)) {}
@@ -22,7 +22,9 @@ class ForwardingBackend : public Backend, public BackendTimer {
     void distill(const StepRequest& request) override { inner_->distill(request); }
     StepStats take_stats() override { return inner_->take_stats(); }
     void synchronize() override { inner_->synchronize(); }
-    double time_frames(const std::vector<RenderRequest>& views, int repeats) override { return inner_->timer().time_frames(views, repeats); }
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
+        return inner_->timer().time_frames(views, repeats);
+    }
     void measure_stages(bool on) override { inner_->timer().measure_stages(on); }
     std::vector<StageCost> take_stage_costs() override { return inner_->timer().take_stage_costs(); }
     Ceilings measure_ceilings() override { return inner_->timer().measure_ceilings(); }

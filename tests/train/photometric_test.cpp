@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another run's values.
+// Photometric correction through the training loop: what is recovered, what auto decides, resuming, taking over another
+// run's values.
 #include "lib/train/photometric.h"
 
 #include <gtest/gtest.h>
@@ -57,7 +58,8 @@ std::string bytes_of(const std::filesystem::path& file) {
 double correlation(const std::vector<double>& a, const std::vector<double>& b) {
     double ma = 0, mb = 0, ab = 0, aa = 0, bb = 0;
     for (std::size_t k = 0; k < a.size(); ++k) ma += a[k] / double(a.size()), mb += b[k] / double(b.size());
-    for (std::size_t k = 0; k < a.size(); ++k) ab += (a[k] - ma) * (b[k] - mb), aa += (a[k] - ma) * (a[k] - ma), bb += (b[k] - mb) * (b[k] - mb);
+    for (std::size_t k = 0; k < a.size(); ++k)
+        ab += (a[k] - ma) * (b[k] - mb), aa += (a[k] - ma) * (a[k] - ma), bb += (b[k] - mb) * (b[k] - mb);
     return ab / std::sqrt(aa * bb);
 }
 
@@ -80,7 +82,8 @@ TEST(PhotometricOptions, ConflictsAreNamed) {
     };
     EXPECT_EQ(message([](TrainOptions&) {}), "ppisp off");
     EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_from = "a.json"; }), "ppisp on");
-    EXPECT_NE(message([](TrainOptions& o) { o.ppisp_from = "a.json", o.ppisp = PpispMode::kAuto; }).find("ppisp-from"), std::string::npos);
+    EXPECT_NE(message([](TrainOptions& o) { o.ppisp_from = "a.json", o.ppisp = PpispMode::kAuto; }).find("ppisp-from"),
+              std::string::npos);
     EXPECT_NE(message([](TrainOptions& o) { o.ppisp_exif = true; }).find("ppisp-exif"), std::string::npos);
     EXPECT_EQ(message([](TrainOptions& o) { o.ppisp_exif = true, o.ppisp = PpispMode::kAuto; }), "ppisp auto");
 }
@@ -93,7 +96,7 @@ TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
     EXPECT_NEAR(ppisp_rate(0.002, 30000), 2.16e-5, 1e-7);
 }
 
-/// Renders 0.5 everywhere; the photographs are given.
+/// Renders 0.5 everywhere.
 class FlatBackend : public test::ForwardingBackend {
   public:
     FlatBackend() : ForwardingBackend({"none", 0, ColorActivation::kRelu}) {}
@@ -103,7 +106,7 @@ class FlatBackend : public test::ForwardingBackend {
     }
 };
 
-/// Of photographs whose pixels are 0.5 * 2^stops(view, x, y).
+/// Measures the variation of photographs whose pixels are 0.5 * 2^stops(view, x, y).
 PhotometricVariation variation_of(int views, const std::function<double(int, int, int)>& stops) {
     std::vector<View> list(static_cast<std::size_t>(views));
     for (View& view : list) view.camera.width = 32, view.camera.height = 24;
@@ -118,8 +121,11 @@ PhotometricVariation variation_of(int views, const std::function<double(int, int
     });
 }
 
-/// Uniform in -1..1, its standard deviation 0.577.
-double noise(int view, int block) { return 2 * uniform_from_bits<double>(philox(3, RngStream::kScene, std::uint64_t(view), std::uint32_t(block)).v[0]) - 1; }
+/// Returns uniform noise in -1..1, whose standard deviation is 0.577.
+double noise(int view, int block) {
+    return 2 * uniform_from_bits<double>(philox(3, RngStream::kScene, std::uint64_t(view), std::uint32_t(block)).v[0]) -
+           1;
+}
 
 TEST(PhotometricVariation, CountsWhatMovesWholeImages) {
     EXPECT_NEAR(variation_of(100, [](int v, int, int) { return noise(v, 0); }).stops, 0.577, 0.1);
@@ -129,16 +135,20 @@ TEST(PhotometricVariation, CountsWhatMovesWholeImages) {
 }
 
 TEST(PhotometricVariation, LeavesOutWhatDoesNot) {
-    EXPECT_LT(variation_of(64, [](int v, int x, int y) { return 0.3 * noise(v, y / 6 * 4 + x / 8); }).stops, 0.03) << "errors of single blocks";
-    EXPECT_LT(variation_of(64, [](int v, int x, int) { return 0.5 - x / 32.0 + (v ? 0 : 1e-3); }).stops, 1e-3) << "what all images have in common";
+    EXPECT_LT(variation_of(64, [](int v, int x, int y) { return 0.3 * noise(v, y / 6 * 4 + x / 8); }).stops, 0.03)
+        << "errors of single blocks";
+    EXPECT_LT(variation_of(64, [](int v, int x, int) { return 0.5 - x / 32.0 + (v ? 0 : 1e-3); }).stops, 1e-3)
+        << "what all images have in common";
 }
 
 TEST(PhotometricVariation, SaysWhyThereIsNothingToTell) {
     EXPECT_EQ(variation_of(1, [](int, int, int) { return 0; }).nothing_to_tell, "there is only one training image");
-    EXPECT_EQ(variation_of(5, [](int, int, int) { return 0; }).nothing_to_tell, "all training images have the same pixels");
+    EXPECT_EQ(variation_of(5, [](int, int, int) { return 0; }).nothing_to_tell,
+              "all training images have the same pixels");
 }
 
-// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there slowly.
+// 40 views of 32x24 pixels that differ by up to one stop either way. A frame is seen every 40 steps, and gets there
+// slowly.
 TEST(Photometric, RecoversTheExposuresOfTheScene) {
     const test::TemporaryFolder tmp;
     const Scene scene = builtin("exposure", 32);
@@ -156,16 +166,18 @@ TEST(Photometric, RecoversTheExposuresOfTheScene) {
     std::ifstream log(RunFolder{o.model}.train_log());
     std::map<std::int64_t, int> degrees;
     for (std::string line; std::getline(log, line);)
-        if (const auto event = nlohmann::json::parse(line); event.at("event") == "step") degrees[event.at("iteration")] = event.at("active_degree");
+        if (const auto event = nlohmann::json::parse(line); event.at("event") == "step")
+            degrees[event.at("iteration")] = event.at("active_degree");
     EXPECT_EQ(degrees.at(1100), 0);
     EXPECT_EQ(degrees.at(1900), 0);
     EXPECT_EQ(degrees.at(2100), 1);
 }
 
-/// The model's PPISP, given. Frames 0, 1, ... have the exposures of a list in turn.
+/// Holds PPISP in which frames 0, 1, ... have the exposures of a list in turn.
 class ExposedBackend : public test::ForwardingBackend {
   public:
-    explicit ExposedBackend(std::vector<float> exposures) : ForwardingBackend({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}
+    explicit ExposedBackend(std::vector<float> exposures)
+        : ForwardingBackend({"none", 0, ColorActivation::kRelu}), exposures_(std::move(exposures)) {}
     void upload_ppisp(const PpispState&) override {}
     PpispState download_ppisp() override {
         PpispState state = identity_ppisp(40, 1);
@@ -181,8 +193,10 @@ TEST(Photometric, ViewDependenceWaitsWhereExposuresDiffer) {
     const test::TemporaryFolder tmp;
     const Scene scene = builtin("exposure", 16);
     TrainOptions o = options_for(tmp.path() / "run", 60000);
-    ExposedBackend varied({0.5f, -0.5f, 0.1f}), steady({1.05f, 0.95f}); // a common exposure is not a difference
-    const auto holds = [&](Backend& backend, std::int64_t iteration) { return Photometric(o, scene).holds_view_dependence(backend, iteration); };
+    ExposedBackend varied({0.5f, -0.5f, 0.1f}), steady({1.05f, 0.95f});  // a common exposure is not a difference
+    const auto holds = [&](Backend& backend, std::int64_t iteration) {
+        return Photometric(o, scene).holds_view_dependence(backend, iteration);
+    };
     EXPECT_TRUE(holds(varied, 1000));
     EXPECT_TRUE(holds(varied, 9999));
     EXPECT_FALSE(holds(varied, 10000)) << "not for ever";
@@ -196,7 +210,9 @@ TEST(Photometric, ViewDependenceWaitsWhereExposuresDiffer) {
 
 class PhotometricAuto : public ::testing::TestWithParam<std::pair<const char*, bool>> {};
 INSTANTIATE_TEST_SUITE_P(Scenes, PhotometricAuto,
-                         ::testing::Values(std::pair("exposure", true), std::pair("glossy", false), std::pair("polished", false), std::pair("diffuse", false), std::pair("moved", false), std::pair("shadow", false)),
+                         ::testing::Values(std::pair("exposure", true), std::pair("glossy", false),
+                                           std::pair("polished", false), std::pair("diffuse", false),
+                                           std::pair("moved", false), std::pair("shadow", false)),
                          [](const auto& info) { return info.param.first; });
 
 TEST_P(PhotometricAuto, DecidesByTheImages) {
@@ -253,7 +269,8 @@ TEST(Photometric, ExposuresStartFromExif) {
     EXPECT_NEAR(sum, 0, 0.01);
 }
 
-void expect_resuming_equals_not_stopping(const TrainOptions& whole, std::int64_t stop, const std::filesystem::path& folder) {
+void expect_resuming_equals_not_stopping(const TrainOptions& whole, std::int64_t stop,
+                                         const std::filesystem::path& folder) {
     const Scene scene = builtin("exposure", 16);
     run(whole, scene);
     TrainOptions part = whole;
@@ -264,9 +281,12 @@ void expect_resuming_equals_not_stopping(const TrainOptions& whole, std::int64_t
     part.resume = "latest";
     run(part, scene);
     EXPECT_FALSE(bytes_of(RunFolder{whole.model}.ppisp()).empty());
-    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.ppisp()) == bytes_of(RunFolder{part.model}.ppisp())) << "too long to print";
-    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.point_cloud(whole.iterations)) == bytes_of(RunFolder{part.model}.point_cloud(whole.iterations)));
-    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(whole.iterations)), b = read_checkpoint(RunFolder{part.model}.checkpoint(whole.iterations));
+    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.ppisp()) == bytes_of(RunFolder{part.model}.ppisp()))
+        << "too long to print";
+    EXPECT_TRUE(bytes_of(RunFolder{whole.model}.point_cloud(whole.iterations)) ==
+                bytes_of(RunFolder{part.model}.point_cloud(whole.iterations)));
+    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(whole.iterations)),
+                     b = read_checkpoint(RunFolder{part.model}.checkpoint(whole.iterations));
     EXPECT_EQ(a.state.ppisp.m, b.state.ppisp.m);
     EXPECT_EQ(a.state.ppisp.step, b.state.ppisp.step);
 }
@@ -277,7 +297,8 @@ TEST(Photometric, ResumingEqualsNotStoppingBitForBit) {
     o.controller_iterations = 12;
     expect_resuming_equals_not_stopping(o, 37, tmp.path() / "part");
     EXPECT_FALSE(result(o).state.controller.empty());
-    EXPECT_TRUE(read_checkpoint(RunFolder{o.model}.checkpoint(60)).state.ppisp.controller.empty()) << "a longer run goes on without";
+    EXPECT_TRUE(read_checkpoint(RunFolder{o.model}.checkpoint(60)).state.ppisp.controller.empty())
+        << "a longer run goes on without";
 }
 
 // The decision is made again by a run that is resumed just before it, and remembered by one that is resumed later.
@@ -301,7 +322,8 @@ TEST(Photometric, ACheckpointOfOtherImagesOrWithoutTheOptionIsRefused) {
     off.ppisp = PpispMode::kOff;
     EXPECT_NE(message_of<UsageError>([&] { run(off, scene); }).find("option ppisp"), std::string::npos);
     scene.train.pop_back();
-    EXPECT_NE(message_of<DataError>([&] { run(o, scene); }).find("40 images of 1 cameras, but the scene has 39"), std::string::npos);
+    EXPECT_NE(message_of<DataError>([&] { run(o, scene); }).find("40 images of 1 cameras, but the scene has 39"),
+              std::string::npos);
 }
 
 class PpispFrom : public ::testing::Test {
@@ -322,22 +344,29 @@ class PpispFrom : public ::testing::Test {
 };
 
 TEST_F(PpispFrom, ValuesAndControllerStayAsTheyAre) {
-    std::swap(scene_.train[2], scene_.train[5]); // matched by name
+    std::swap(scene_.train[2], scene_.train[5]);  // matched by name
     const TrainSummary summary = run(o_, scene_);
     EXPECT_EQ(summary.controller_seconds, 0);
     const PpispFile file = result(o_);
     EXPECT_EQ(file.state.controller, source_.state.controller);
-    const auto frame = [](const PpispFile& f, int k) { return std::vector(f.state.param.begin() + k * kIspFrameValues, f.state.param.begin() + (k + 1) * kIspFrameValues); };
+    const auto frame = [](const PpispFile& f, int k) {
+        return std::vector(f.state.param.begin() + k * kIspFrameValues,
+                           f.state.param.begin() + (k + 1) * kIspFrameValues);
+    };
     EXPECT_EQ(frame(file, 2), frame(source_, 5));
     EXPECT_EQ(frame(file, 5), frame(source_, 2));
     EXPECT_EQ(frame(file, 7), frame(source_, 7));
-    EXPECT_EQ(std::vector(file.state.param.end() - kIspCameraValues, file.state.param.end()), std::vector(source_.state.param.end() - kIspCameraValues, source_.state.param.end()));
+    EXPECT_EQ(std::vector(file.state.param.end() - kIspCameraValues, file.state.param.end()),
+              std::vector(source_.state.param.end() - kIspCameraValues, source_.state.param.end()));
 }
 
 TEST_F(PpispFrom, ImagesWithoutValuesAreNamed) {
     for (const int k : {1, 4, 6, 9}) scene_.train[std::size_t(k)].name = "other/" + std::to_string(k) + ".png";
     const std::string message = message_of<DataError>([&] { run(o_, scene_); });
-    EXPECT_NE(message.find("ppisp.json: no values for 4 of 40 training images: other/1.png, other/4.png, other/6.png, ..."), std::string::npos) << message;
+    EXPECT_NE(
+        message.find("ppisp.json: no values for 4 of 40 training images: other/1.png, other/4.png, other/6.png, ..."),
+        std::string::npos)
+        << message;
     scene_.num_cameras = 2;
     EXPECT_NE(message_of<DataError>([&] { run(o_, scene_); }).find("1 cameras, but the images of"), std::string::npos);
 }

@@ -44,14 +44,16 @@ Scene small_scene(bool alpha = false) {
             image.color = Image{32, 24, channels, {}, {}};
             for (int y = 0; y < 24; ++y)
                 for (int x = 0; x < 32; ++x)
-                    for (int c = 0; c < channels; ++c) image.color.u8.push_back(c == 3 ? 200 : std::uint8_t(7 * x + 3 * y * c + 10 * k));
+                    for (int c = 0; c < channels; ++c)
+                        image.color.u8.push_back(c == 3 ? 200 : std::uint8_t(7 * x + 3 * y * c + 10 * k));
             return image;
         };
         v.image_bytes = 32 * 24 * channels;
         scene.train.push_back(v);
     }
     for (int i = 0; i < 200; ++i) {
-        scene.points.positions.emplace_back(0.02f * float(i % 20) * 5 - 1, 0.15f * float(i / 20) - 0.7f, 0.3f * std::sin(float(i)));
+        scene.points.positions.emplace_back(0.02f * float(i % 20) * 5 - 1, 0.15f * float(i / 20) - 0.7f,
+                                            0.3f * std::sin(float(i)));
         scene.points.colors.emplace_back(0.5f, 0.4f, 0.3f);
     }
     scene.extent = camera_extent(scene.train, scene.points);
@@ -63,7 +65,7 @@ TrainOptions small_options(const fs::path& folder, Strategy strategy) {
     o.source = "builtin:diffuse";
     o.model = folder.string();
     o.iterations = 60;
-    o.device = Device::kCpu; // whose results are the same to the bit
+    o.device = Device::kCpu;  // whose results are the same to the bit
     o.strategy = strategy;
     o.cap_max = 260;
     o.densify_from_iter = 10, o.densify_until_iter = 55, o.densification_interval = 10;
@@ -83,7 +85,7 @@ std::string bytes_of(const fs::path& file) {
     return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// Of the last "step" line of the log.
+/// Reads the loss in the last "step" line of the log.
 double last_loss(const TrainOptions& o) {
     std::ifstream log(RunFolder{o.model}.train_log());
     double loss = -1;
@@ -94,7 +96,7 @@ double last_loss(const TrainOptions& o) {
     return loss;
 }
 
-const bool quiet = (spdlog::set_level(spdlog::level::err), true); // the runs' messages would bury the results
+const bool quiet = (spdlog::set_level(spdlog::level::err), true);  // the runs' messages would bury the results
 
 class TrainStrategies : public ::testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(All, TrainStrategies, ::testing::Values(Strategy::kMcmc, Strategy::kAdc, Strategy::kNone));
@@ -112,7 +114,8 @@ void expect_resuming_equals_not_stopping(TrainOptions whole, std::int64_t stop, 
     EXPECT_EQ(run(part, scene).iterations, whole.iterations);
     const std::int64_t end = whole.iterations;
     EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(end)), bytes_of(RunFolder{part.model}.point_cloud(end)));
-    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(end)), b = read_checkpoint(RunFolder{part.model}.checkpoint(end));
+    const Checkpoint a = read_checkpoint(RunFolder{whole.model}.checkpoint(end)),
+                     b = read_checkpoint(RunFolder{part.model}.checkpoint(end));
     for (int g = 0; g < kNumGroups; ++g) {
         EXPECT_EQ(a.state.groups[g].param, b.state.groups[g].param) << kGroupNames[g];
         EXPECT_EQ(a.state.groups[g].m, b.state.groups[g].m) << kGroupNames[g];
@@ -128,7 +131,7 @@ TEST_P(TrainStrategies, ResumingEqualsNotStoppingBitForBit) {
     expect_resuming_equals_not_stopping(small_options(tmp.path() / "whole", GetParam()), 37, tmp.path() / "part");
 }
 
-/// Values of `name` in the log lines of this event.
+/// Returns the values of `name` in the log lines of this event.
 std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event, const std::string& name) {
     std::ifstream log(RunFolder{o.model}.train_log());
     std::vector<std::int64_t> values;
@@ -139,12 +142,12 @@ std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event
     return values;
 }
 
-// The pruning at 6000 is soft, before the step, where densification lasts, and else hard, after it. The runs start from a
-// checkpoint that says it had 5990 iterations.
+// The pruning at 6000 is soft, before the step, where densification lasts, and else hard, after it. The runs start from
+// a checkpoint that says it had 5990 iterations.
 TEST(TrainSpeedySplat, ResumingAroundAPruningEqualsNotStopping) {
     const test::TemporaryFolder tmp;
     Scene scene = small_scene();
-    scene.extent = 10; // or all would be too large for it
+    scene.extent = 10;  // or all would be too large for it
     TrainOptions first = small_options(tmp.path() / "first", Strategy::kAdc);
     run(first, scene);
     Checkpoint start = read_checkpoint(RunFolder{first.model}.checkpoint(60));
@@ -156,7 +159,8 @@ TEST(TrainSpeedySplat, ResumingAroundAPruningEqualsNotStopping) {
         write_checkpoint(whole.resume, start);
         run(whole, scene);
         EXPECT_EQ(logged(whole, "prune_by_score", "iteration"), (std::vector<std::int64_t>{6001}));
-        const std::int64_t pruned = logged(whole, "prune_by_score", "pruned").at(0), left = logged(whole, "prune_by_score", "num_gaussians").at(0);
+        const std::int64_t pruned = logged(whole, "prune_by_score", "pruned").at(0),
+                           left = logged(whole, "prune_by_score", "num_gaussians").at(0);
         EXPECT_NEAR(double(pruned) / double(pruned + left), hard ? 0.3 : 0.8, 0.1);
         for (const std::int64_t stop : {6000, 6001}) {
             TrainOptions part = whole;
@@ -165,14 +169,17 @@ TEST(TrainSpeedySplat, ResumingAroundAPruningEqualsNotStopping) {
             run(part, scene);
             part.iterations = whole.iterations, part.resume = "latest";
             run(part, scene);
-            EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(6010)), bytes_of(RunFolder{part.model}.point_cloud(6010))) << stop;
+            EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(6010)),
+                      bytes_of(RunFolder{part.model}.point_cloud(6010)))
+                << stop;
             EXPECT_EQ(logged(part, "prune_by_score", "pruned"), std::vector<std::int64_t>{pruned}) << stop;
         }
     }
 }
 
 class TrainModels : public ::testing::TestWithParam<const ModelInfo*> {};
-INSTANTIATE_TEST_SUITE_P(All, TrainModels, ::testing::ValuesIn(appearance_models()), [](const auto& info) { return info.param->name; });
+INSTANTIATE_TEST_SUITE_P(All, TrainModels, ::testing::ValuesIn(appearance_models()),
+                         [](const auto& info) { return info.param->name; });
 
 // Degree 1 begins at 1000.
 TEST_P(TrainModels, ResumingWithAnActiveResidualEqualsNotStopping) {
@@ -228,7 +235,7 @@ TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
     EXPECT_EQ(densifications > 0, o.strategy != Strategy::kNone);
 }
 
-/// Loss of a run of 600 iterations, of the last 100 of them on average; expects a falling loss and finite results.
+/// Runs 600 iterations and returns the mean loss of the last 100. Expects a falling loss and finite results.
 double hostile_run(const fs::path& folder, const std::string& model, double share) {
     TrainOptions o = small_options(folder, Strategy::kMcmc);
     o.appearance = model;
@@ -237,8 +244,10 @@ double hostile_run(const fs::path& folder, const std::string& model, double shar
     o.hostile_start = share;
     run(o, small_scene());
     const Checkpoint end = read_checkpoint(RunFolder{o.model}.checkpoint(o.iterations));
-    for (const auto& group : end.state.groups) EXPECT_TRUE(std::all_of(group.param.begin(), group.param.end(), [](float x) { return std::isfinite(x); }));
-    EXPECT_TRUE(std::all_of(end.state.shared.param.begin(), end.state.shared.param.end(), [](float x) { return std::isfinite(x); }));
+    for (const auto& group : end.state.groups)
+        EXPECT_TRUE(std::all_of(group.param.begin(), group.param.end(), [](float x) { return std::isfinite(x); }));
+    EXPECT_TRUE(std::all_of(end.state.shared.param.begin(), end.state.shared.param.end(),
+                            [](float x) { return std::isfinite(x); }));
     std::ifstream log(RunFolder{o.model}.train_log());
     std::vector<double> losses;
     for (std::string line; std::getline(log, line);) {
@@ -259,7 +268,8 @@ TEST_P(TrainModels, RecoversFromAHostileStart) {
 
 TEST(Train, SeedsDiffer) {
     const test::TemporaryFolder tmp;
-    TrainOptions a = small_options(tmp.path() / "a", Strategy::kMcmc), b = small_options(tmp.path() / "b", Strategy::kMcmc);
+    TrainOptions a = small_options(tmp.path() / "a", Strategy::kMcmc),
+                 b = small_options(tmp.path() / "b", Strategy::kMcmc);
     b.seed = 1;
     run(a, small_scene());
     run(b, small_scene());
@@ -311,7 +321,7 @@ TEST(Train, NonFiniteImagesEndTheRunWithTheReason) {
     }
 }
 
-/// Fails at one step, as a device does whose memory is full; afterwards the model may still be read, or not.
+/// Fails at one step, as a device does whose memory is full. Afterwards the model can be read or not, as the test asks.
 class FailingBackend : public test::ForwardingBackend {
   public:
     FailingBackend(const AppearanceSpec& appearance, std::int64_t failing_iteration, bool readable)
@@ -332,7 +342,7 @@ class FailingBackend : public test::ForwardingBackend {
     bool failed_ = false;
 };
 
-/// The message of the DeviceError with which a run ends whose backend fails at that iteration.
+/// Trains with a backend that fails at that iteration and returns the message of the run's DeviceError.
 std::string failure(const TrainOptions& options, std::int64_t failing_iteration, bool readable) {
     TrainHooks hooks;
     hooks.make_backend = [=](const AppearanceSpec& appearance, const BackendOptions&) {
@@ -354,8 +364,8 @@ TEST(Train, OutOfMemoryLeavesACheckpointThatResumesBitForBit) {
     run(whole, small_scene());
     TrainOptions part = small_options(tmp.path() / "part", Strategy::kMcmc);
     const std::string checkpoint = RunFolder{part.model}.checkpoint(33).string();
-    EXPECT_EQ(failure(part, 33, true), "out of device memory: asked for 8 MiB, free 3 MiB, checkpoint written to " + checkpoint +
-                                           "; continue with --resume latest -m " + part.model);
+    EXPECT_EQ(failure(part, 33, true), "out of device memory: asked for 8 MiB, free 3 MiB, checkpoint written to " +
+                                           checkpoint + "; continue with --resume latest -m " + part.model);
     part.resume = "latest";
     run(part, small_scene());
     EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(60)), bytes_of(RunFolder{part.model}.point_cloud(60)));
@@ -364,13 +374,14 @@ TEST(Train, OutOfMemoryLeavesACheckpointThatResumesBitForBit) {
 TEST(Train, OutOfMemoryWithoutAModelToSaveKeepsItsMessage) {
     const test::TemporaryFolder tmp;
     const std::string message = "out of device memory: asked for 8 MiB, free 3 MiB";
-    const TrainOptions first = small_options(tmp.path() / "first", Strategy::kNone), lost = small_options(tmp.path() / "lost", Strategy::kNone);
+    const TrainOptions first = small_options(tmp.path() / "first", Strategy::kNone),
+                       lost = small_options(tmp.path() / "lost", Strategy::kNone);
     EXPECT_EQ(failure(first, 0, true), message) << "nothing was trained yet";
     EXPECT_EQ(failure(lost, 33, false), message);
     EXPECT_FALSE(fs::exists(tmp.path() / "lost/checkpoints"));
 }
 
-/// Statistics that lag two steps behind until somebody waits, and an image kept per id.
+/// Gives statistics that lag two steps behind until somebody waits, and keeps one image per id.
 class LaggingBackend : public test::ForwardingBackend {
   public:
     using ForwardingBackend::ForwardingBackend;
@@ -384,7 +395,8 @@ class LaggingBackend : public test::ForwardingBackend {
     StepStats take_stats() override {
         StepStats sum = told_ ? all_[told_ - 1] : StepStats{};
         sum.steps = 0;
-        for (const std::size_t end = waited_ ? all_.size() : all_.size() - std::min<std::size_t>(2, all_.size()); told_ < end; ++told_) {
+        for (const std::size_t end = waited_ ? all_.size() : all_.size() - std::min<std::size_t>(2, all_.size());
+             told_ < end; ++told_) {
             const auto steps = sum.steps;
             sum = all_[told_];
             sum.steps += steps;
@@ -426,7 +438,8 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
     EXPECT_EQ(last_loss(late), last_loss(direct)) << "the loss of the last step, not of one before";
     EXPECT_EQ(summary.memory.peak, 700);
     EXPECT_EQ(num_images, small_scene().train.size());
-    EXPECT_EQ(memory_report(summary.memory), "device memory: peak 0.0 MiB, now 0.0 MiB: model 0.0 MiB (200 B a Gaussian)");
+    EXPECT_EQ(memory_report(summary.memory),
+              "device memory: peak 0.0 MiB, now 0.0 MiB: model 0.0 MiB (200 B a Gaussian)");
 }
 
 TEST(ViewOrder, VisitsEveryViewOnceAnEpochInAnyOrderOfAsking) {
@@ -476,7 +489,7 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     EXPECT_NEAR(opacity_rate(automatic, 0.7), 0.025 * std::pow(0.7 / 0.3536, 0.6), 1e-12);
     EXPECT_DOUBLE_EQ(opacity_rate(automatic, 1e9), 0.05);
     Scene scene = small_scene();
-    for (View& v : scene.train) v.camera.translation *= 2; // neighbours 0.41 apart
+    for (View& v : scene.train) v.camera.translation *= 2;  // neighbours 0.41 apart
     TrainOptions o;
     o.source = "x";
     o.opacity_lr = automatic;
@@ -488,8 +501,10 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     EXPECT_LT(r.rates[3], 0.05);
 }
 
-/// The degrees of the steps at the given iterations, all steps before them taken too; held at those of `held`.
-std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t> iterations, const std::set<std::int64_t>& held = {}) {
+/// Returns the degrees of the steps at the given iterations. All steps before them are taken, too, and the degree is
+/// held at the iterations of `held`.
+std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t> iterations,
+                         const std::set<std::int64_t>& held = {}) {
     TrainOptions o;
     o.source = "x", o.appearance = appearance, o.strategy = Strategy::kNone;
     validate(o);
@@ -522,7 +537,7 @@ TEST(DegreeSchedule, GoesOnFromTheDegreeOfACheckpoint) {
     validate(o);
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
     const auto backend = make_cpu_backend(appearance_spec(o));
-    schedule.resume(1); // it was held once
+    schedule.resume(1);  // it was held once
     schedule.before_step(*backend, 3000);
     EXPECT_EQ(schedule.active_degree(), 2);
 }

@@ -42,7 +42,8 @@ TEST(AppearanceChoice, PassesOverTrialsThatFailed) {
 TEST(AppearanceChoice, SaysWhatRemains) {
     // photometric, direction, held-out direction
     EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 0.1), RemainingError::kReflectance);
-    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 1), RemainingError::kUnresolved) << "0.56 dB are less than what is allowed";
+    EXPECT_EQ(classify_remaining_error({0.05, 0.12, 0.08}, 1), RemainingError::kUnresolved)
+        << "0.56 dB are less than what is allowed";
     EXPECT_EQ(classify_remaining_error({0.05, 0.01, -0.02}, 0.1), RemainingError::kUnresolved);
     EXPECT_EQ(classify_remaining_error({0.05, 0.09, -0.4}, 0.1), RemainingError::kInconsistency);
     EXPECT_EQ(classify_remaining_error({0.7, 0.06, 0.09}, 0.1), RemainingError::kPhotometric);
@@ -53,6 +54,26 @@ TEST(AppearanceChoice, ValuesDirectionInDecibels) {
     EXPECT_EQ(gain_in_decibels(0), 0);
     EXPECT_LT(gain_in_decibels(-0.1), 0);
     EXPECT_TRUE(std::isfinite(gain_in_decibels(1)));
+}
+
+TEST(AppearanceChoice, DecidesFromMeasurementsAlone) {
+    AppearanceMeasurements measured;
+    measured.plain_model = "none";
+    measured.parts = {0.05, 0.12, 0.08};
+    EXPECT_TRUE(needs_trials(measured.parts, 0.1));
+    EXPECT_FALSE(needs_trials(measured.parts, 1));
+    AppearanceDecision decision = decide_appearance(measured, 1);
+    EXPECT_EQ(decision.model, "none");
+    EXPECT_EQ(decision.remaining, RemainingError::kUnresolved);
+    EXPECT_FALSE(decision.choice);
+    measured.trials = {kNone, {"small", 44, 3, 26.91}, {"large", 200, 2, 27}};
+    decision = decide_appearance(measured, 0.1);
+    EXPECT_EQ(decision.model, "small");
+    EXPECT_EQ(decision.remaining, RemainingError::kReflectance);
+    ASSERT_TRUE(decision.choice);
+    EXPECT_EQ(decision.choice->best, 2u);
+    measured.obstacle = Obstacle::kMasks;
+    EXPECT_EQ(decide_appearance(measured, 0.1).model, "none") << "nothing was measured";
 }
 
 TrainOptions glossy(int width, std::int64_t iterations) {
@@ -90,7 +111,7 @@ TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
     TrainOptions options = glossy(16, 60);
     options.auto_tolerance = 0;
     Scene scene = load_scene(scene_options(options));
-    View& away = scene.train[4]; // one that is held out
+    View& away = scene.train[4];  // one that is held out
     away.camera.translation.z() -= 1e6;
     away.load = [load = away.load] {
         ViewImage black = load();

@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// 4x2 pixels of one colour; the first `masked` do not count.
+/// Returns a view of 4x2 pixels of one colour; the first `masked` do not count.
 View view(std::uint8_t value, int masked) {
     View v;
     v.camera.width = 4, v.camera.height = 2;
@@ -25,7 +25,8 @@ View view(std::uint8_t value, int masked) {
             image.mask.emplace();
             image.mask->width = 4, image.mask->height = 2, image.mask->channels = 1;
             image.mask->u8.assign(8, 255);
-            for (int i = 0; i < masked; ++i) image.mask->u8[std::size_t(i)] = 127, image.color.u8[std::size_t(3 * i)] = 255;
+            for (int i = 0; i < masked; ++i)
+                image.mask->u8[std::size_t(i)] = 127, image.color.u8[std::size_t(3 * i)] = 255;
         }
         return image;
     };
@@ -47,8 +48,10 @@ TEST(Photograph, LeavesOutWhatItsMaskDoes) {
     EXPECT_EQ(pixels.width, 5);
     EXPECT_NEAR(mean_squared_error(pixels, photographs[0]), 0.04, 1e-12) << "pixels that do not count would add to it";
     EXPECT_NEAR(mean_psnr(*backend, photographs, {0, 0, 0}, false), -10 * std::log10(0.04), 1e-9);
-    EXPECT_NEAR(mean_psnr(*backend, photographs, {0, 0, 0}, true), 58.92, 0.01) << "a constant is what the fit takes off; the rest is less than rounding";
-    EXPECT_NEAR(mean_psnr(*backend, load_photographs({view(0, 0)}, {0, 0, 0}), {0, 0, 0}, false), 58.92, 0.01) << "nothing, as it is seen";
+    EXPECT_NEAR(mean_psnr(*backend, photographs, {0, 0, 0}, true), 58.92, 0.01)
+        << "a constant is what the fit takes off; the rest is less than rounding";
+    EXPECT_NEAR(mean_psnr(*backend, load_photographs({view(0, 0)}, {0, 0, 0}), {0, 0, 0}, false), 58.92, 0.01)
+        << "nothing, as it is seen";
     EXPECT_TRUE(std::isnan(mean_psnr(*backend, {}, {0, 0, 0}, false)));
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/auto/residual_parts.h"
 
-#include <Eigen/Geometry>
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <cmath>
@@ -20,10 +20,11 @@ namespace {
 constexpr int kSize = 100;
 const Vec3<float> kBackground{0, 0, 0};
 
-/// `k` of a spiral around the origin, looking there from 4 units away.
+/// Returns photograph `k` of a spiral around the origin, at which it looks from 4 units away.
 Photograph photograph_from(int k, int count) {
     const double height = 0.2 + 0.6 * k / count, angle = 2.4 * k;
-    const Eigen::Vector3d at = 4 * Eigen::Vector3d(std::sqrt(1 - height * height) * std::cos(angle), std::sqrt(1 - height * height) * std::sin(angle), height);
+    const Eigen::Vector3d at = 4 * Eigen::Vector3d(std::sqrt(1 - height * height) * std::cos(angle),
+                                                   std::sqrt(1 - height * height) * std::sin(angle), height);
     const Eigen::Vector3d z = -at.normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized(), y = z.cross(x);
     Photograph p;
     p.camera.width = p.camera.height = kSize;
@@ -46,18 +47,23 @@ Gaussians ball() {
         g.groups[k].param.resize(std::size_t(g.count * g.groups[k].width));
     }
     for (std::int64_t i = 0; i < g.count; ++i) {
-        const double z = 1 - (2 * double(i) + 1) / double(g.count), r = std::sqrt(1 - z * z), angle = 2.399963 * double(i);
+        const double z = 1 - (2 * double(i) + 1) / double(g.count), r = std::sqrt(1 - z * z),
+                     angle = 2.399963 * double(i);
         const double mean[3] = {r * std::cos(angle), r * std::sin(angle), z};
-        for (int a = 0; a < 3; ++a) g[Group::kMean].param[std::size_t(3 * i + a)] = float(mean[a]), g[Group::kScale].param[std::size_t(3 * i + a)] = -2.3f;
+        for (int a = 0; a < 3; ++a)
+            g[Group::kMean].param[std::size_t(3 * i + a)] = float(mean[a]),
+                                                      g[Group::kScale].param[std::size_t(3 * i + a)] = -2.3f;
         g[Group::kRotation].param[std::size_t(4 * i)] = 1;
         g[Group::kOpacity].param[std::size_t(i)] = 6, g[Group::kBase].param[std::size_t(3 * i + 2)] = -0.5f;
     }
     return g;
 }
 
-/// Parts of the ball's errors against photographs in which red and green of every Gaussian are brighter by `color(photograph, camera position, mean)`. Both
-/// corrected by `ppisp`.
-ResidualParts parts_of(const std::function<double(int photograph, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean)>& color, const PpispState& ppisp = {}) {
+/// Returns the parts of the ball's errors against photographs in which red and green of every Gaussian are brighter by
+/// `color(photograph, camera position, mean)`. Ball and photographs are corrected by `ppisp`.
+ResidualParts parts_of(
+    const std::function<double(int photograph, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean)>& color,
+    const PpispState& ppisp = {}) {
     Gaussians plain = ball();
     plain.ppisp = ppisp;
     const auto colors = make_cpu_backend(plain.appearance, {}), positions = make_cpu_backend(plain.appearance, {});
@@ -68,11 +74,14 @@ ResidualParts parts_of(const std::function<double(int photograph, const Eigen::V
         Gaussians shown = plain;
         for (std::int64_t i = 0; i < plain.count; ++i) {
             const float* m = plain[Group::kMean].param.data() + 3 * i;
-            for (int c = 0; c < 2; ++c) shown[Group::kBase].param[std::size_t(3 * i + c)] = float(color(k, p.camera.center(), {m[0], m[1], m[2]}));
+            for (int c = 0; c < 2; ++c)
+                shown[Group::kBase].param[std::size_t(3 * i + c)] =
+                    float(color(k, p.camera.center(), {m[0], m[1], m[2]}));
         }
         colors->upload(shown);
         RenderedImage render;
-        colors->render({.camera = camera_params(p.camera), .background = kBackground, .isp = {.mode = IspMode::kFrame}}, render);
+        colors->render({.camera = camera_params(p.camera), .background = kBackground, .isp = {.mode = IspMode::kFrame}},
+                       render);
         p.colors.u8 = quantized_render(render).u8;
         (k % 8 == 4 ? held_out : seen).push_back(std::move(p));
     }
@@ -93,14 +102,17 @@ TEST(ResidualParts, FindsWhatDependsOnTheDirection) {
 
 TEST(ResidualParts, TheCorrectionOfColoursMovesNoPlace) {
     PpispState dim = identity_ppisp(1, 1);
-    dim.param[dim.camera_offset(0) + 2 * kIspVignetting + 2] = -4; // towards the borders, in blue, of which nothing is seen
+    dim.param[dim.camera_offset(0) + 2 * kIspVignetting + 2] =
+        -4;  // towards the borders, in blue, of which nothing is seen
     const ResidualParts plain = parts_of(soft_highlight), corrected = parts_of(soft_highlight, dim);
     EXPECT_NEAR(corrected.direction, plain.direction, 1e-6);
     EXPECT_NEAR(corrected.held_out_direction, plain.held_out_direction, 1e-6);
 }
 
 TEST(ResidualParts, DetailOfTheSurfaceIsNoDirection) {
-    const ResidualParts parts = parts_of([](int, const Eigen::Vector3d&, const Eigen::Vector3d& mean) { return 0.3 * std::sin(9 * mean.x()) * std::sin(11 * mean.y()); });
+    const ResidualParts parts = parts_of([](int, const Eigen::Vector3d&, const Eigen::Vector3d& mean) {
+        return 0.3 * std::sin(9 * mean.x()) * std::sin(11 * mean.y());
+    });
     EXPECT_LT(std::abs(parts.direction), 0.05);
     EXPECT_LT(std::abs(parts.held_out_direction), 0.05);
 }
@@ -108,27 +120,30 @@ TEST(ResidualParts, DetailOfTheSurfaceIsNoDirection) {
 TEST(ResidualParts, ChanceIsNoDirection) {
     const ResidualParts parts = parts_of([](int k, const Eigen::Vector3d&, const Eigen::Vector3d& mean) {
         const int octant = (mean.x() > 0) + 2 * (mean.y() > 0) + 4 * (mean.z() > 0);
-        return 0.3 * (uniform_from_bits(philox(0, RngStream::kBackground, std::uint64_t(8 * k + octant), 0).v[0]) - 0.5);
+        return 0.3 *
+               (uniform_from_bits(philox(0, RngStream::kBackground, std::uint64_t(8 * k + octant), 0).v[0]) - 0.5);
     });
     EXPECT_LT(parts.direction, 0.05);
     EXPECT_LT(parts.held_out_direction, 0.05);
 }
 
 TEST(ResidualParts, ExposureIsPhotometric) {
-    const ResidualParts parts = parts_of([](int k, const Eigen::Vector3d&, const Eigen::Vector3d&) { return 0.15 * (k % 3 - 1); });
+    const ResidualParts parts =
+        parts_of([](int k, const Eigen::Vector3d&, const Eigen::Vector3d&) { return 0.15 * (k % 3 - 1); });
     EXPECT_GT(parts.photometric, 0.9);
 }
 
 TEST(ResidualParts, WhatHeldOutImagesContradictIsBelowZero) {
     const ResidualParts parts = parts_of([](int k, const Eigen::Vector3d& camera, const Eigen::Vector3d& mean) {
-        const double slope = 0.3 * (camera - mean).normalized().dot(Eigen::Vector3d(0.6, 0, 0.8)) * (mean.x() > 0 ? 1 : -1);
+        const double slope =
+            0.3 * (camera - mean).normalized().dot(Eigen::Vector3d(0.6, 0, 0.8)) * (mean.x() > 0 ? 1 : -1);
         return k % 8 == 4 ? -slope : slope;
     });
     EXPECT_GT(parts.direction, 0.2);
     EXPECT_LT(parts.held_out_direction, -0.2);
 }
 
-/// Of a model without Gaussians, against photographs of one value.
+/// Returns the parts of a model without Gaussians against photographs of one value.
 ResidualParts parts_of_nothing(std::uint8_t value) {
     Gaussians nothing = ball();
     nothing.count = 0;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <set>
 
+#include "eval/bench/bench_cases.h"
 #include "eval/bench/generated_set.h"
 #include "eval/metrics/quantize.h"
 #include "kernels/core/parallel.h"
@@ -28,19 +29,21 @@ TrainOptions some_options() {
     return options;
 }
 
-/// Generated views, seen in 24x16 pixels: the tests are about order, not about time.
+/// Returns generated views of 24x16 pixels: the tests are about order, not about time.
 Scene small_scene(Backend& backend, const Gaussians& model) {
     backend.upload(model);
     Scene scene = generated_scene(backend, {0, 0, 1});
     for (View& view : scene.train) {
         view.camera.fx = view.camera.fy = 15;
         view.camera = with_size(view.camera, 24, 16);
-        view.load = [] { return ViewImage{Image{24, 16, 3, std::vector<std::uint8_t>(24 * 16 * 3, 90), {}}, std::nullopt}; };
+        view.load = [] {
+            return ViewImage{Image{24, 16, 3, std::vector<std::uint8_t>(24 * 16 * 3, 90), {}}, std::nullopt};
+        };
     }
     return scene;
 }
 
-/// Writes down what it is asked for.
+/// Writes down every request.
 class WatchedBackend : public test::ForwardingBackend {
   public:
     using ForwardingBackend::ForwardingBackend;
@@ -73,7 +76,13 @@ TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
     const Gaussians model = generated_gaussians(60, 1, kSh);
     const Scene scene = small_scene(backend, model);
     const BenchResult result = run_bench(backend, some_options(), scene, model, {.repeat = 3, .frame_repeat = 7});
-    EXPECT_EQ(backend.steps, "sss." "sss." "s.s.s." "(s.sss.)" "(s.sss.)") << "warm-up, in a row, one by one, with marks, the same without residuals";
+    EXPECT_EQ(backend.steps,
+              "sss."
+              "sss."
+              "s.s.s."
+              "(s.sss.)"
+              "(s.sss.)")
+        << "warm-up, in a row, one by one, with marks, the same without residuals";
     EXPECT_EQ(backend.ids, (std::set<std::int64_t>{0, 2, 5})) << "three of eight views, spread";
     EXPECT_LT(backend.largest_rate, 1e-7);
     EXPECT_GT(backend.noise, 0) << "with noise the device has more to do";
@@ -93,7 +102,8 @@ TEST(Bench, TimesStepsInARowBeforeAnyMarksAndLeavesTheModelAsItIs) {
     EXPECT_EQ(backend.download(false).active_degree, model.active_degree);
     const Gaussians after = backend.download(false);
     for (int g = 0; g < kNumGroups; ++g)
-        for (std::size_t i = 0; i < after.groups[g].param.size(); ++i) ASSERT_NEAR(after.groups[g].param[i], model.groups[g].param[i], 1e-5f);
+        for (std::size_t i = 0; i < after.groups[g].param.size(); ++i)
+            ASSERT_NEAR(after.groups[g].param[i], model.groups[g].param[i], 1e-5f);
 }
 
 TEST(Bench, AnotherImageSizeKeepsScaleAndCentre) {
@@ -118,18 +128,24 @@ TEST(Bench, StagesFarAboveTheirFloorStandOutWithTheReason) {
     r.frames = {{800, 600, 4, 0.002}};
     r.repeat = 10;
     r.iteration_seconds = 0.010, r.iteration_seconds_median = 0.011, r.marked_iteration_seconds = 0.0105;
-    r.stages = {{"far", 0.004, 2e6, "pixel", 1e6, 1e6, "it waits", true}, {"near", 0.003, 0, "pixel", 1e6, 4e6, "unused"}, {"bare", 0.001, 1, "pixel", 0, 0, ""}};
+    r.stages = {{"far", 0.004, 2e6, "pixel", 1e6, 1e6, "it waits", true},
+                {"near", 0.003, 0, "pixel", 1e6, 4e6, "unused"},
+                {"bare", 0.001, 1, "pixel", 0, 0, ""}};
     r.without_residual = {{"far", 0.003, 2e6, "pixel", 5e5, 1e6, "it waits"}, r.stages[1], r.stages[2]};
     r.memory = {{{"model", 3 << 20, "Gaussian", 1 << 20}}, 3 << 20, 4 << 20};
     r.default_seconds = 0.010, r.deterministic_seconds = 0.012;
     const std::string text = format_bench(r);
     for (const char* line :
-         {"a set\na device; 5 Gaussians; copy 1.0 GB/s, 2 G single-precision FMA/s\n", "| 800x600, 4 views | 2.000 | 500.0 |\n",
+         {"a set\na device; 5 Gaussians; copy 1.0 GB/s, 2 G single-precision FMA/s\n",
+          "| 800x600, 4 views | 2.000 | 500.0 |\n",
           "10.000 ms (mean of 10 in a row), 11.000 ms (median of 10 that are each waited for)\n",
           "with marks between the stages: 10.500 ms in a row, +5.0 %; the stages add up to 8.000 ms\n",
-          "with --deterministic 12.000 ms, without 10.000 ms: 1.20 times\n", "| far | 4.000 | 2 M pixel | 2.000 | 1.000 | copy | **4.0** | it waits |\n",
-          "| near | 3.000 | 0 M pixel | 0.000 | 2.000 | FMA | 1.5 |  |\n", "| bare | 1.000 | 1e-06 M pixel | 1000000.000 | 0.000 | - | - |  |\n",
-          "| appearance in | ms |", "| far | 1.000 | 2 M pixel | 0.500 | 0.500 | copy | 2.0 |  |\n", "device memory: peak 4.0 MiB, now 3.0 MiB: model 3.0 MiB (3 B a Gaussian)\n"})
+          "with --deterministic 12.000 ms, without 10.000 ms: 1.20 times\n",
+          "| far | 4.000 | 2 M pixel | 2.000 | 1.000 | copy | **4.0** | it waits |\n",
+          "| near | 3.000 | 0 M pixel | 0.000 | 2.000 | FMA | 1.5 |  |\n",
+          "| bare | 1.000 | 1e-06 M pixel | 1000000.000 | 0.000 | - | - |  |\n", "| appearance in | ms |",
+          "| far | 1.000 | 2 M pixel | 0.500 | 0.500 | copy | 2.0 |  |\n",
+          "device memory: peak 4.0 MiB, now 3.0 MiB: model 3.0 MiB (3 B a Gaussian)\n"})
         EXPECT_NE(text.find(line), std::string::npos) << line << "is not in\n" << text;
 }
 
@@ -179,6 +195,30 @@ TEST(GeneratedSet, ViewsShowTheSetItself) {
     const auto middle = std::size_t(360 * 1280 + 640);
     EXPECT_GT(rendered.alpha[middle], 0.2f) << "the cameras look at the set";
     EXPECT_LT(rendered.alpha[10 * 1280 + 5], 0.01f) << "and see past it";
+}
+
+TEST(Bench, RepeatsByDeviceUnlessTheUserSays) {
+    EXPECT_EQ(bench_options("cpu", 0, 0).repeat, 20);
+    EXPECT_EQ(bench_options("cpu", 0, 0).frame_repeat, 3);
+    EXPECT_EQ(bench_options("cpu", 7, 5).repeat, 7);
+    EXPECT_EQ(bench_options("cpu", 7, 5).frame_repeat, 5);
+}
+
+TEST(Bench, ComparesBothSettingsOfDeterminismOnlyWhenAsked) {
+    WatchedBackend backend(kSh);
+    const Gaussians model = generated_gaussians(60, 1, kSh);
+    const Scene scene = small_scene(backend, model);
+    TrainOptions options = some_options();
+    options.device = Device::kCpu;
+    const BenchOptions few{.repeat = 1, .frame_repeat = 1};
+    EXPECT_FALSE(bench_model(backend, options, scene, model, few, false).deterministic_seconds);
+    const BenchResult both = bench_model(backend, options, scene, model, few, true);
+    EXPECT_EQ(both.default_seconds, both.iteration_seconds);
+    EXPECT_TRUE(both.deterministic_seconds);
+    options.deterministic = true;
+    const BenchResult other = bench_model(backend, options, scene, model, few, true);
+    EXPECT_EQ(other.deterministic_seconds, other.iteration_seconds);
+    EXPECT_TRUE(other.default_seconds);
 }
 
 }  // namespace

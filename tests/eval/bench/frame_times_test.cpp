@@ -29,7 +29,8 @@ class TimedBackend : public test::FakeBackend {
 
 TEST(FrameTimes, AreStatisticsOverTheMeansOfViews) {
     std::vector<Camera> cameras(4);
-    for (Camera& camera : cameras) camera.width = 800, camera.height = 600, camera.fx = camera.fy = 700, camera.cx = 390, camera.cy = 300;
+    for (Camera& camera : cameras)
+        camera.width = 800, camera.height = 600, camera.fx = camera.fy = 700, camera.cx = 390, camera.cy = 300;
     const double x[] = {9, 2, 4, 6};
     for (int k = 0; k < 4; ++k) cameras[k].translation.x() = x[k];
     TimedBackend backend;
@@ -52,7 +53,10 @@ TEST(FrameTimes, AreStatisticsOverTheMeansOfViews) {
     EXPECT_EQ(measure_frame_times(backend, cameras, {0, 1, 0}, 1).median, 21);
 
     const std::string text = markdown_table(frame_times_table({{"a|b", "lego", "sh", 7, times}}));
-    EXPECT_NE(text.find("| a\\|b | lego  | sh    | fake   |   7 |     4 |             5 | 5250.000 |  5000.000 | 2000.000 | 9000.000 |\n"), std::string::npos) << text;
+    EXPECT_NE(text.find("| a\\|b | lego  | sh    | fake   |   7 |     4 |             5 | 5250.000 |  5000.000 | "
+                        "2000.000 | 9000.000 |\n"),
+              std::string::npos)
+        << text;
 }
 
 }  // namespace

@@ -40,7 +40,8 @@ TEST(Precision, LevelsAreNamedOnceAndDiffer) {
         precision_level("quick");
         FAIL();
     } catch (const UsageError& e) {
-        EXPECT_NE(std::string(e.what()).find("'quick' is not one of full, half-storage"), std::string::npos) << e.what();
+        EXPECT_NE(std::string(e.what()).find("'quick' is not one of full, half-storage"), std::string::npos)
+            << e.what();
     }
 }
 
@@ -48,7 +49,7 @@ TEST(Precision, OnTheCpuIsThatOfItsCutoffs) {
     const TrainOptions options = small_run();
     const Scene scene = load_scene(scene_options(options));
     Gaussians model = initial_model(options, scene);
-    for (float& x : model[Group::kOpacity].param) x = 0.5f; // enough light is cut off that it shows
+    for (float& x : model[Group::kOpacity].param) x = 0.5f;  // enough light is cut off that it shows
     const auto rows = measure_precision(options, scene, model, {.repeat = 2, .frame_repeat = 1});
     ASSERT_EQ(rows.size(), 2u);
     EXPECT_EQ(rows[0].name, "full");
@@ -73,13 +74,15 @@ TEST(Precision, TheReferenceRendersEveryMode) {
     const auto backend = make_cpu_backend(model.appearance);
     backend->upload(model);
     for (const RenderMode mode : {RenderMode::kFull, RenderMode::kBaseOnly}) {
-        RenderRequest request{.camera = camera_params(scene.test.front().camera), .background = {0.2f, 0.4f, 0.6f}, .mode = mode};
+        RenderRequest request{
+            .camera = camera_params(scene.test.front().camera), .background = {0.2f, 0.4f, 0.6f}, .mode = mode};
         RenderedImage image;
         backend->render(request, image);
         const std::vector<double> reference = render_in_double(model, request);
         ASSERT_EQ(reference.size(), image.rgb.size());
         double mean = 0;
-        for (std::size_t i = 0; i < reference.size(); ++i) mean += std::abs(reference[i] - image.rgb[i]) / double(reference.size());
+        for (std::size_t i = 0; i < reference.size(); ++i)
+            mean += std::abs(reference[i] - image.rgb[i]) / double(reference.size());
         EXPECT_LT(mean, 1e-5);
     }
 }

@@ -17,8 +17,9 @@ struct Bounds {
     double forward, backward, ulp, double_error;
 };
 
-/// Two to four times (but not below 2e-7, 2 ULP and 3e-16, some roundings) what the sweep shows on x86-64 with glibc, rounded up: another compiler contracts other products, another
-/// mathematics library rounds its last digit otherwise. A new model gets the defaults until it has lines of its own.
+/// Returns the bounds of a row: two to four times what the sweep shows on x86-64 with glibc, rounded up, and at least
+/// 2e-7, 2 ULP and 3e-16. The margin is for compilers that contract other products and for mathematics libraries that
+/// round the last digit otherwise. A new model gets the defaults until it has lines of its own.
 ///
 /// The relative errors of thousandths are the problem's own: they end where one rounding of the inputs changes a
 /// thousandth (a carrier close to its zeros, views a little more than 1e-6 away).
@@ -129,7 +130,7 @@ TEST(Stability, TheTableHasALineForEveryRow) {
     EXPECT_NE(text.find("| sh    | coefficients | N = 0.154     |     7 |"), std::string::npos) << text;
 }
 
-/// f(x) = 1 - x/(e^x - 1) and its negative as a "gradient", with the given text in float.
+/// Measures f(x) = 1 - x/(e^x - 1), and its negative as a "gradient", with the given function in float.
 StabilityRow measured(float (*in_float)(float), float x) {
     const auto exact = []<class T>(const StabilityInputs<T>& in) {
         const long double v = in.numbers[0], f = 1 - v / std::expm1(v);
@@ -163,7 +164,9 @@ TEST(Stability, SeesNonFiniteValuesAndSignFlips) {
 
 TEST(Stability, WhatRoundingOfTheInputsExplainsIsNoError) {
     // x - 1 at x = 1 + 2^-20: half an ulp of x is a sixteenth of the result.
-    const auto exact = []<class T>(const StabilityInputs<T>& in) { return StabilitySubject::Results{(long double)(in.numbers[0]) - 1}; };
+    const auto exact = []<class T>(const StabilityInputs<T>& in) {
+        return StabilitySubject::Results{(long double)(in.numbers[0]) - 1};
+    };
     const auto rounded = [](const StabilityInputs<float>&) { return StabilitySubject::Results{1.05L * 0x1p-20L}; };
     StabilityRow row;
     compare_case({rounded, exact, exact, {0}, 0, 1}, {{1 + 0x1p-20f}, -1}, row);

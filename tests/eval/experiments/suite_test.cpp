@@ -26,46 +26,47 @@ TrainOptions base_options() {
 }
 
 TEST(Suite, DensificationVariesTheStrategyAndItsBudget) {
-    const auto cells = suite_cells("densification", {"sh", "neural"}, base_options());
-    ASSERT_EQ(cells.size(), 8u);
-    const auto& mcmc = cells[0].options;
-    EXPECT_EQ(cells[0].row, "MCMC");
+    const auto lines = suite_lines("densification", {"sh", "neural"}, base_options());
+    ASSERT_EQ(lines.size(), 8u);
+    const auto& mcmc = lines[0].cell.options;
+    EXPECT_EQ(lines[0].row, "MCMC");
+    EXPECT_EQ(lines[0].cell.name, "MCMC, sh");
     EXPECT_EQ(mcmc.model, "out/mcmc-sh");
     EXPECT_TRUE(mcmc.eval);
     EXPECT_EQ(mcmc.cap_max, 5005);
     EXPECT_EQ(mcmc.densify_until_iter, 24900);
     EXPECT_EQ(mcmc.opacity_lr, 0.05);
-    EXPECT_EQ(cells[1].options.cap_max, 501) << "a tenth, rounded";
-    EXPECT_EQ(cells[1].options.strategy, Strategy::kMcmc);
-    EXPECT_EQ(cells[2].options.strategy, Strategy::kAdc);
-    EXPECT_EQ(cells[2].options.densify_until_iter, 14900) << "decided by the cell's own strategy";
-    EXPECT_EQ(cells[2].options.opacity_lr, 0.025);
-    EXPECT_FALSE(cells[2].options.speedy_splat);
-    EXPECT_TRUE(cells[3].options.speedy_splat);
-    EXPECT_EQ(cells[3].options.opacity_lr, 0.05);
-    EXPECT_EQ(cells[7].appearance, "neural");
-    EXPECT_EQ(cells[7].options.appearance, "neural");
-    EXPECT_EQ(cells[7].options.model, "out/adc-speedy-neural");
-    EXPECT_EQ(cells[7].options.iterations, 20) << "what the suite does not vary is the caller's";
+    EXPECT_EQ(lines[1].cell.options.cap_max, 501) << "a tenth, rounded";
+    EXPECT_EQ(lines[1].cell.options.strategy, Strategy::kMcmc);
+    EXPECT_EQ(lines[2].cell.options.strategy, Strategy::kAdc);
+    EXPECT_EQ(lines[2].cell.options.densify_until_iter, 14900) << "decided by the cell's own strategy";
+    EXPECT_EQ(lines[2].cell.options.opacity_lr, 0.025);
+    EXPECT_FALSE(lines[2].cell.options.speedy_splat);
+    EXPECT_TRUE(lines[3].cell.options.speedy_splat);
+    EXPECT_EQ(lines[3].cell.options.opacity_lr, 0.05);
+    EXPECT_EQ(lines[7].appearance, "neural");
+    EXPECT_EQ(lines[7].cell.options.appearance, "neural");
+    EXPECT_EQ(lines[7].cell.options.model, "out/adc-speedy-neural");
+    EXPECT_EQ(lines[7].cell.options.iterations, 20) << "what the suite does not vary is the caller's";
 }
 
 TEST(Suite, ActivationsVaryTheFunctionAndTheOpacityRate) {
-    const auto cells = suite_cells("activations", {"sh"}, base_options());
-    ASSERT_EQ(cells.size(), 12u);
-    EXPECT_EQ(cells[4].row, "softplus, opacity rate 0.025");
-    EXPECT_EQ(cells[4].options.color_activation, ColorActivation::kSoftplus);
-    EXPECT_EQ(cells[4].options.opacity_lr, 0.025);
-    EXPECT_TRUE(std::isnan(cells[11].options.opacity_lr));
-    EXPECT_EQ(cells[11].options.model, "out/hardsigmoid-auto-sh");
+    const auto lines = suite_lines("activations", {"sh"}, base_options());
+    ASSERT_EQ(lines.size(), 12u);
+    EXPECT_EQ(lines[4].row, "softplus, opacity rate 0.025");
+    EXPECT_EQ(lines[4].cell.options.color_activation, "softplus");
+    EXPECT_EQ(lines[4].cell.options.opacity_lr, 0.025);
+    EXPECT_TRUE(std::isnan(lines[11].cell.options.opacity_lr));
+    EXPECT_EQ(lines[11].cell.options.model, "out/hardsigmoid-auto-sh");
 }
 
 TEST(Suite, MistakesAreUsageErrors) {
-    EXPECT_THROW(suite_cells("everything", {"sh"}, base_options()), UsageError);
-    EXPECT_THROW(suite_cells("activations", {"sj"}, base_options()), UsageError);
-    EXPECT_THROW(suite_cells("activations", {"sh", "auto"}, base_options()), UsageError);
+    EXPECT_THROW(suite_lines("everything", {"sh"}, base_options()), UsageError);
+    EXPECT_THROW(suite_lines("activations", {"sj"}, base_options()), UsageError);
+    EXPECT_THROW(suite_lines("activations", {"sh", "auto"}, base_options()), UsageError);
     TrainOptions nowhere = base_options();
     nowhere.source.clear();
-    EXPECT_THROW(suite_cells("activations", {"sh"}, nowhere), UsageError);
+    EXPECT_THROW(suite_lines("activations", {"sh"}, nowhere), UsageError);
 }
 
 class SuiteCells : public ::testing::Test {
@@ -73,24 +74,24 @@ class SuiteCells : public ::testing::Test {
     SuiteCells() {
         TrainOptions base = base_options();
         base.model = tmp_.path().string();
-        cell_ = suite_cells("densification", {"sh"}, base)[0];
-        write("config.yaml", options_to_yaml(cell_.options));
+        line_ = suite_lines("densification", {"sh"}, base)[0];
+        write("config.yaml", options_to_yaml(line_.cell.options));
         write("point_cloud/iteration_20/point_cloud.ply", "0123456789");
         write("results.json", R"({"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123},
                                  "timing": {"ours_20": {"train_seconds": 4, "frame_seconds": 0.5}}})");
     }
     void write(const std::string& name, const std::string& text) {
-        const auto file = std::filesystem::path(cell_.options.model) / name;
+        const auto file = std::filesystem::path(line_.cell.options.model) / name;
         std::filesystem::create_directories(file.parent_path());
         std::ofstream(file) << text;
     }
     test::TemporaryFolder tmp_;
-    SuiteCell cell_;
+    SuiteLine line_;
 };
 
 TEST_F(SuiteCells, AFinishedRunOfTheSameOptionsIsTaken) {
-    cell_.options.quiet = true; // changes no figure
-    const auto result = finished_cell(cell_.options);
+    line_.cell.options.quiet = true;  // changes no figure
+    const auto result = finished_cell(line_.cell.options);
     ASSERT_TRUE(result);
     EXPECT_EQ(result->psnr, 20.5);
     EXPECT_EQ(result->ssim, 0.75);
@@ -101,28 +102,30 @@ TEST_F(SuiteCells, AFinishedRunOfTheSameOptionsIsTaken) {
 }
 
 TEST_F(SuiteCells, AnotherRunOrABrokenOneIsNot) {
-    SuiteCell other = cell_;
+    Cell other = line_.cell;
     other.options.seed = 7;
     EXPECT_FALSE(finished_cell(other.options));
     EXPECT_FALSE(holds_same_run(other.options));
-    other = cell_;
+    other = line_.cell;
     other.options.source = "builtin:glossy";
     EXPECT_FALSE(finished_cell(other.options));
     write("results.json", R"({"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123}})");
-    EXPECT_FALSE(finished_cell(cell_.options)) << "the times come last";
-    EXPECT_TRUE(holds_same_run(cell_.options));
+    EXPECT_FALSE(finished_cell(line_.cell.options)) << "the times come last";
+    EXPECT_TRUE(holds_same_run(line_.cell.options));
     write("results.json", "{");
-    EXPECT_FALSE(finished_cell(cell_.options));
+    EXPECT_FALSE(finished_cell(line_.cell.options));
     write("config.yaml", "what: ever\n");
-    EXPECT_FALSE(holds_same_run(cell_.options));
+    EXPECT_FALSE(holds_same_run(line_.cell.options));
     other.options.model = (tmp_.path() / "nothing").string();
     EXPECT_FALSE(holds_same_run(other.options));
 }
 
 TEST_F(SuiteCells, TableAndJsonNameEveryCell) {
-    SuiteCell failed = cell_, missing = cell_;
-    failed.row = "ADC", missing.row = "MCMC 0.1x";
-    const std::vector<SuiteLine> lines = {{cell_, finished_cell(cell_.options), ""}, {failed, std::nullopt, "a|b\nc"}, {missing, std::nullopt, ""}};
+    SuiteLine finished = line_, failed = line_, missing = line_;
+    finished.result = finished_cell(line_.cell.options);
+    failed.row = "ADC", failed.error = "a|b\nc";
+    missing.row = "MCMC 0.1x";
+    const std::vector<SuiteLine> lines = {finished, failed, missing};
     const std::string table = format_suite(lines);
     EXPECT_NE(table.find("| MCMC | sh | 20.50 | 0.7500 | 123 | 4.0 | 2.0 | 0.0 |"), std::string::npos) << table;
     EXPECT_NE(table.find("| ADC | sh | failed: a/b c |"), std::string::npos) << table;
@@ -130,7 +133,8 @@ TEST_F(SuiteCells, TableAndJsonNameEveryCell) {
     write_suite(tmp_.path(), "densification", lines);
     std::ifstream json(tmp_.path() / "suite.json");
     const std::string text{std::istreambuf_iterator<char>(json), {}};
-    for (const char* part : {"\"suite\": \"densification\"", "\"status\": \"finished\"", "\"status\": \"failed\"", "\"status\": \"not trained\"", "\"bytes\": 10"})
+    for (const char* part : {"\"suite\": \"densification\"", "\"status\": \"finished\"", "\"status\": \"failed\"",
+                             "\"status\": \"not trained\"", "\"bytes\": 10"})
         EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "suite.md"));
 }

@@ -25,7 +25,7 @@ TEST(TimePlan, ScalesTheNearestRunAndAddsWhatALaunchTakes) {
     EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 1000)), 42);
     EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 10000)), 402);
     EXPECT_DOUBLE_EQ(*plan.seconds(run(500, 1000)), 7);
-    plan.add(run(4000, 10000), 90, 93); // measured: far less than in proportion
+    plan.add(run(4000, 10000), 90, 93);  // measured: far less than in proportion
     EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 10000)), 93);
     EXPECT_DOUBLE_EQ(*plan.seconds(run(4000, 20000)), 183);
     EXPECT_TRUE(plan.fits(run(4000, 20000), 183));

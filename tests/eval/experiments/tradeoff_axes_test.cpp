@@ -57,7 +57,8 @@ TEST(TradeoffAxes, PrecisionHasNames) {
     EXPECT_EQ(c.options.alpha_cutoff, 2);
     EXPECT_EQ(c.options.appearance_storage, AppearanceStorage::kFp32);
     EXPECT_NE(error_of([&] { make_configuration(axes, {"fast"}, base); }).find("of the GPU"), std::string::npos);
-    EXPECT_NE(error_of([&] { make_configuration(axes, {"fastest"}, base); }).find("'fastest' is not one of full"), std::string::npos);
+    EXPECT_NE(error_of([&] { make_configuration(axes, {"fastest"}, base); }).find("'fastest' is not one of full"),
+              std::string::npos);
 }
 
 TEST(TradeoffAxes, MistakesAreNamed) {
@@ -67,7 +68,8 @@ TEST(TradeoffAxes, MistakesAreNamed) {
     EXPECT_NE(error({"budget", "budget=1"}).find("budget is given twice"), std::string::npos);
     EXPECT_NE(error({"budget=,"}).find("budget has no values"), std::string::npos);
     EXPECT_NE(error({"scaling-lr"}).find("scaling-lr=A,B"), std::string::npos);
-    for (const char* name : {"resolution=80,160", "source=a,b", "seed=0,1", "device=cpu,cuda", "background=black,white", "quiet", "test-iterations=5,6"})
+    for (const char* name : {"resolution=80,160", "source=a,b", "seed=0,1", "device=cpu,cuda", "background=black,white",
+                             "quiet", "test-iterations=5,6"})
         EXPECT_NE(error({name}).find("cannot be an axis"), std::string::npos) << name;
 }
 
@@ -77,14 +79,19 @@ TEST(TradeoffAxes, ValuesAreCheckedByTheirOptions) {
     EXPECT_NE(error({"iterations=100,ten"}).find("--axes iterations: 'ten'"), std::string::npos);
     EXPECT_NE(error({"sh-degree=0,9"}).find("option sh-degree: 9 is out of range"), std::string::npos);
     for (const char* share : {"0", "2", "-0.1", "nan", "half"})
-        EXPECT_NE(error({std::string("budget=1,") + share}).find("'" + std::string(share) + "' is not a share"), std::string::npos) << share;
+        EXPECT_NE(error({std::string("budget=1,") + share}).find("'" + std::string(share) + "' is not a share"),
+                  std::string::npos)
+            << share;
     EXPECT_NE(error({"speedy-splat"}).find("goes with strategy adc"), std::string::npos);
     EXPECT_NE(error({"appearance=sh,auto"}).find("appearance auto: every run that is compared"), std::string::npos);
     EXPECT_NE(error({"appearance=sh"}).find("one configuration only"), std::string::npos);
     EXPECT_NE(error({"budget=0.5,0.50"}).find("are the same training"), std::string::npos);
     TrainOptions undecided = base_options();
     undecided.appearance = "auto";
-    EXPECT_NE(error_of([&] { spread_grid(parse({"budget"}), undecided); }).find("appearance auto: every run that is compared"), std::string::npos);
+    EXPECT_NE(error_of([&] {
+                  spread_grid(parse({"budget"}), undecided);
+              }).find("appearance auto: every run that is compared"),
+              std::string::npos);
     std::string values = "1";
     for (int i = 2; i <= 40; ++i) values += "," + std::to_string(i);
     EXPECT_NE(error({"iterations=" + values, "cap-max=" + values}).find("more than 1000"), std::string::npos);
@@ -143,7 +150,9 @@ TEST(TradeoffRounds, HalvingTrainsTheSameConfigurationsLongerEachTime) {
             EXPECT_EQ(std::to_string(rounds[r][i].options.iterations), axes[1].values[r]);
         }
     }
-    EXPECT_NE(error_of([&] { plan_halving({"appearance,iterations"}, base, axes); }).find("halving varies the iterations"), std::string::npos);
+    EXPECT_NE(
+        error_of([&] { plan_halving({"appearance,iterations"}, base, axes); }).find("halving varies the iterations"),
+        std::string::npos);
     base.iterations = 3;
     EXPECT_NE(error_of([&] { plan_halving({}, base, axes); }).find("at least 4"), std::string::npos);
 }

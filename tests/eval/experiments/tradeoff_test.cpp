@@ -28,10 +28,12 @@ class TradeoffFigures : public ::testing::Test {
         tradeoff_.runs.push_back(run);
         return tradeoff_.runs.back();
     }
-    void add(const std::string& appearance, const std::string& budget, double psnr, double train_seconds, double frame_seconds, std::int64_t bytes) {
+    void add(const std::string& appearance, const std::string& budget, double psnr, double train_seconds,
+             double frame_seconds, std::int64_t bytes) {
         TradeoffRun& run = add(appearance, budget);
         run.state = RunState::kFinished;
-        run.result = CellResult{psnr, psnr / 40, 1000, train_seconds, frame_seconds, bytes, std::nullopt, "protocol made up"};
+        run.result =
+            CellResult{psnr, psnr / 40, 1000, train_seconds, frame_seconds, bytes, std::nullopt, "protocol made up"};
     }
     /// sh 1 is best; nasg 0.1 small and near; none 0.1 smallest and fastest, but far; none 1 dominated.
     void add_usual() {
@@ -61,19 +63,26 @@ TEST_F(TradeoffFigures, FrontierIsOrderedByQuality) {
 TEST_F(TradeoffFigures, RecommendationsSayWhatTheyGiveUp) {
     add_usual();
     EXPECT_EQ(text("best"),
-              "appearance sh, budget 1 (30.00 dB, 20.0 MB, 100.0 FPS, trained in 1 min 40 s); costs 10 times the bytes of the smallest and 3.3 times the "
+              "appearance sh, budget 1 (30.00 dB, 20.0 MB, 100.0 FPS, trained in 1 min 40 s); costs 10 times the bytes "
+              "of the smallest and 3.3 times the "
               "frame time of the fastest");
-    EXPECT_EQ(text("smallest"), "appearance nasg, budget 0.1 (29.50 dB, 2.00 MB, 250.0 FPS, trained in 50.0 s); gives up 0.50 dB against the best, and is "
-                                "10 times smaller, 2.0 times faster to train, 2.5 times faster to render");
-    EXPECT_EQ(text("fastest"), "appearance sh, budget 0.1 (29.20 dB, 5.00 MB, 333.3 FPS, trained in 1 min 50 s); gives up 0.80 dB against the best, and is "
-                               "4.0 times smaller, 1.1 times slower to train, 3.3 times faster to render");
+    EXPECT_EQ(text("smallest"),
+              "appearance nasg, budget 0.1 (29.50 dB, 2.00 MB, 250.0 FPS, trained in 50.0 s); gives up 0.50 dB against "
+              "the best, and is "
+              "10 times smaller, 2.0 times faster to train, 2.5 times faster to render");
+    EXPECT_EQ(text("fastest"),
+              "appearance sh, budget 0.1 (29.20 dB, 5.00 MB, 333.3 FPS, trained in 1 min 50 s); gives up 0.80 dB "
+              "against the best, and is "
+              "4.0 times smaller, 1.1 times slower to train, 3.3 times faster to render");
     tradeoff_.give_up = 10;
     EXPECT_EQ(recommend(tradeoff_)[1].run, 3u);
     EXPECT_EQ(recommend(tradeoff_)[2].run, 3u);
-    EXPECT_EQ(text("fastest"), "the smallest itself; nothing within 10.00 dB of the best is faster to render by more than 5 %");
+    EXPECT_EQ(text("fastest"),
+              "the smallest itself; nothing within 10.00 dB of the best is faster to render by more than 5 %");
     tradeoff_.give_up = 0;
     EXPECT_EQ(text("smallest"), "the best itself; nothing within 0.00 dB of the best is smaller by more than 5 %");
-    EXPECT_EQ(text("fastest"), "the best itself; nothing within 0.00 dB of the best is faster to render by more than 5 %");
+    EXPECT_EQ(text("fastest"),
+              "the best itself; nothing within 0.00 dB of the best is faster to render by more than 5 %");
     EXPECT_NE(text("best").find("gives up nothing"), std::string::npos);
 }
 
@@ -111,12 +120,15 @@ TEST_F(TradeoffFigures, TextNamesEveryConfiguration) {
     add("none", "0.7");
     tradeoff_.remarks = {"A remark."};
     const std::string text = format_tradeoff(tradeoff_);
-    for (const char* part : {"| sh         | 1      | optimal: best     |", "| nasg       | 0.1    | optimal: smallest |", "| none       | 1      | dominated         |",
-                             "- **fastest**: appearance sh, budget 0.1", "\nA remark.\n", "seed 0", "\nprotocol made up\n", "- appearance nasg, budget 1: failed: disk full\n",
-                             "- appearance none, budget 0.5: not started: would not have ended in time\n", "- appearance none, budget 0.6: stopped at the time limit\n",
-                             "- appearance none, budget 0.7: not reached\n"})
+    for (const char* part :
+         {"| sh         | 1      | optimal: best     |", "| nasg       | 0.1    | optimal: smallest |",
+          "| none       | 1      | dominated         |", "- **fastest**: appearance sh, budget 0.1", "\nA remark.\n",
+          "seed 0", "\nprotocol made up\n", "- appearance nasg, budget 1: failed: disk full\n",
+          "- appearance none, budget 0.5: not started: would not have ended in time\n",
+          "- appearance none, budget 0.6: stopped at the time limit\n", "- appearance none, budget 0.7: not reached\n"})
         EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
-    EXPECT_LT(text.find("| none       | 0.1    |"), text.find("| none       | 1      |")) << "the dominated ones come last";
+    EXPECT_LT(text.find("| none       | 0.1    |"), text.find("| none       | 1      |"))
+        << "the dominated ones come last";
 }
 
 TEST_F(TradeoffFigures, PageHasAPlotForEachCostWithEveryRun) {
@@ -151,7 +163,8 @@ TEST_F(TradeoffFigures, FilesAreWrittenEvenWithoutAResult) {
     EXPECT_EQ(json["runs"][0]["status"], "not reached");
     EXPECT_EQ(json["runs"][0]["values"]["appearance"], "none");
     EXPECT_TRUE(json["recommendations"].empty());
-    for (const char* name : {"new/tradeoff.md", "new/tradeoff.html"}) EXPECT_TRUE(std::filesystem::exists(folder.path() / name));
+    for (const char* name : {"new/tradeoff.md", "new/tradeoff.html"})
+        EXPECT_TRUE(std::filesystem::exists(folder.path() / name));
     EXPECT_NE(tradeoff_page(tradeoff_).find("No configuration was trained"), std::string::npos);
 }
 

@@ -24,12 +24,12 @@ Image constant(int width, int height, std::uint8_t r, std::uint8_t g, std::uint8
     return image;
 }
 
-/// The definition with full two-dimensional kernels.
+/// Computes FLIP by its definition, with full two-dimensional kernels.
 class PaperFlip {
   public:
     explicit PaperFlip(double ppd) : ppd_(ppd) {
-        xyz_ << 10135552. / 24577794, 8788810. / 24577794, 4435075. / 24577794, 2613072. / 12288897, 8788810. / 12288897, 887015. / 12288897,
-            1425312. / 73733382, 8788810. / 73733382, 70074185. / 73733382;
+        xyz_ << 10135552. / 24577794, 8788810. / 24577794, 4435075. / 24577794, 2613072. / 12288897,
+            8788810. / 12288897, 887015. / 12288897, 1425312. / 73733382, 8788810. / 73733382, 70074185. / 73733382;
         white_ = xyz_ * Vector3d::Ones();
     }
 
@@ -50,13 +50,16 @@ class PaperFlip {
         const Vector3d ratio = (xyz_ * linear).cwiseQuotient(white_);
         Vector3d root;
         for (int i = 0; i < 3; ++i)
-            root[i] = ratio[i] > std::pow(6. / 29, 3) ? std::pow(ratio[i], 1. / 3) : ratio[i] * std::pow(29. / 6, 2) / 3 + 4. / 29;
+            root[i] = ratio[i] > std::pow(6. / 29, 3) ? std::pow(ratio[i], 1. / 3)
+                                                      : ratio[i] * std::pow(29. / 6, 2) / 3 + 4. / 29;
         const double L = 116 * root[1] - 16;
         return {L, 5 * L * (root[0] - root[1]), 2 * L * (root[1] - root[2])};
     }
 
   private:
-    static double distance(const Vector3d& a, const Vector3d& b) { return std::abs(a[0] - b[0]) + (a - b).tail<2>().norm(); }
+    static double distance(const Vector3d& a, const Vector3d& b) {
+        return std::abs(a[0] - b[0]) + (a - b).tail<2>().norm();
+    }
 
     Vector3d opponent(const Image& image, int x, int y) const {
         x = std::min(std::max(x, 0), image.width - 1), y = std::min(std::max(y, 0), image.height - 1);
@@ -69,14 +72,16 @@ class PaperFlip {
         return {116 * n[1] - 16, 500 * (n[0] - n[1]), 200 * (n[1] - n[2])};
     }
 
-    /// Linear rgb after contrast sensitivity, clamped.
+    /// Returns clamped linear rgb after the filter of contrast sensitivity.
     Vector3d seen(const Image& image, int x, int y) const {
         const int r = int(std::ceil(3 * std::sqrt(0.04 / (2 * M_PI * M_PI)) * ppd_));
         Vector3d sum = Vector3d::Zero(), total = Vector3d::Zero();
         for (int dy = -r; dy <= r; ++dy) {
             for (int dx = -r; dx <= r; ++dx) {
                 const double d2 = (dx * dx + dy * dy) / (ppd_ * ppd_);
-                const auto term = [&](double a, double b) { return a * std::sqrt(M_PI / b) * std::exp(-M_PI * M_PI * d2 / b); };
+                const auto term = [&](double a, double b) {
+                    return a * std::sqrt(M_PI / b) * std::exp(-M_PI * M_PI * d2 / b);
+                };
                 const Vector3d weight(term(1, 0.0047), term(1, 0.0053), term(34.1, 0.04) + term(13.5, 0.025));
                 sum += weight.cwiseProduct(opponent(image, x + dx, y + dy));
                 total += weight;
@@ -84,7 +89,8 @@ class PaperFlip {
         }
         const Vector3d o = sum.cwiseQuotient(total);
         const double luma = (o[0] + 16) / 116;
-        const Vector3d linear = xyz_.inverse() * Vector3d(luma + o[1] / 500, luma, luma - o[2] / 200).cwiseProduct(white_);
+        const Vector3d linear =
+            xyz_.inverse() * Vector3d(luma + o[1] / 500, luma, luma - o[2] / 200).cwiseProduct(white_);
         return linear.cwiseMax(0).cwiseMin(1);
     }
 
@@ -96,7 +102,8 @@ class PaperFlip {
         };
         double up = 0, down = 0;
         for (int dy = -r; dy <= r; ++dy) {
-            for (int dx = -r; dx <= r; ++dx) up += std::max(kernel(dx, dy), 0.0), down += std::max(-kernel(dx, dy), 0.0);
+            for (int dx = -r; dx <= r; ++dx)
+                up += std::max(kernel(dx, dy), 0.0), down += std::max(-kernel(dx, dy), 0.0);
         }
         double gx = 0, gy = 0;
         for (int dy = -r; dy <= r; ++dy) {
@@ -128,7 +135,8 @@ TEST(Flip, EqualsTheDefinition) {
             const std::vector<double> map = flip_map(first, second, ppd);
             double worst = 0, sum = 0;
             for (int y = 0; y < 18; y += 3) {
-                for (int x = 0; x < 23; x += 2) worst = std::max(worst, std::abs(map[std::size_t(y) * 23 + x] - paper.error(first, second, x, y)));
+                for (int x = 0; x < 23; x += 2)
+                    worst = std::max(worst, std::abs(map[std::size_t(y) * 23 + x] - paper.error(first, second, x, y)));
             }
             EXPECT_LT(worst, 1e-6) << ppd;
             for (const double v : map) {
@@ -148,7 +156,8 @@ TEST(Flip, ConstantImagesByHand) {
     const double black_white = paper.color_error({0, 0, 0}, {100, 0, 0});
     EXPECT_NEAR(black_white, 0.967, 5e-4);
     EXPECT_NEAR(flip(constant(9, 7, 0, 0, 0), constant(9, 7, 255, 255, 255)), black_white, 1e-6);
-    EXPECT_NEAR(flip(constant(9, 7, 0, 255, 0), constant(9, 7, 0, 0, 255)), 1, 1e-6) << "the largest difference there is";
+    EXPECT_NEAR(flip(constant(9, 7, 0, 255, 0), constant(9, 7, 0, 0, 255)), 1, 1e-6)
+        << "the largest difference there is";
     EXPECT_EQ(flip(constant(9, 7, 3, 50, 8), constant(9, 7, 3, 50, 8)), 0);
 }
 

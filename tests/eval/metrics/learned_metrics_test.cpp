@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// LPIPS, DISTS and MILO on seeded random weights, against their definitions in plain loops in double; mistakes in weights.
+// LPIPS, DISTS and MILO on seeded random weights, against their definitions in plain loops in double; mistakes in
+// weights.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,7 +30,7 @@ constexpr int kVggConvs[13][2] = {{0, 64},   {2, 64},   {5, 128},  {7, 128},  {1
                                   {17, 512}, {19, 512}, {21, 512}, {24, 512}, {26, 512}, {28, 512}};
 constexpr int kVggLastOfStage[5] = {2, 7, 14, 21, 28};
 
-/// Weights of all nets, written once.
+/// The weights of all nets, written once.
 struct Weights {
     test::TemporaryFolder folder;
     WeightFile vgg, alex, lpips_vgg, lpips_alex, dists, milo;
@@ -69,10 +70,12 @@ const Weights& weights() {
     return all;
 }
 
-/// [channel][row][column]
+/// Values by [channel][row][column].
 using Volume = std::vector<std::vector<std::vector<double>>>;
 
-Volume volume(std::size_t channels, int height, int width) { return Volume(channels, std::vector(height, std::vector<double>(width))); }
+Volume volume(std::size_t channels, int height, int width) {
+    return Volume(channels, std::vector(height, std::vector<double>(width)));
+}
 int height(const Volume& v) { return int(v[0].size()); }
 int width(const Volume& v) { return int(v[0][0].size()); }
 
@@ -80,7 +83,8 @@ Volume rgb(const Image& image, const std::function<double(double, int)>& value) 
     Volume v = volume(3, image.height, image.width);
     for (int c = 0; c < 3; ++c) {
         for (int y = 0; y < image.height; ++y) {
-            for (int x = 0; x < image.width; ++x) v[c][y][x] = value(image.u8[(std::size_t(y) * image.width + x) * 3 + c] / 255.0, c);
+            for (int x = 0; x < image.width; ++x)
+                v[c][y][x] = value(image.u8[(std::size_t(y) * image.width + x) * 3 + c] / 255.0, c);
         }
     }
     return v;
@@ -90,7 +94,8 @@ Volume conv(const Volume& in, const WeightFile& file, const std::string& name, i
     const auto& [shape, w] = file.tensors.at(name + ".weight");
     const auto& bias = file.tensors.at(name + ".bias").second;
     const int kernel = int(shape[3]);
-    Volume out = volume(shape[0], (height(in) + 2 * padding - kernel) / stride + 1, (width(in) + 2 * padding - kernel) / stride + 1);
+    Volume out = volume(shape[0], (height(in) + 2 * padding - kernel) / stride + 1,
+                        (width(in) + 2 * padding - kernel) / stride + 1);
     for (std::size_t o = 0; o < out.size(); ++o) {
         for (int y = 0; y < height(out); ++y) {
             for (int x = 0; x < width(out); ++x) {
@@ -121,7 +126,8 @@ Volume relu(Volume v) {
 }
 
 /// Reduces size x size windows that begin every 2 values, `padding` before the first; `reduce` sees the values inside.
-Volume pool(const Volume& in, int size, int padding, const std::function<double(const std::vector<std::array<double, 3>>&)>& reduce) {
+Volume pool(const Volume& in, int size, int padding,
+            const std::function<double(const std::vector<std::array<double, 3>>&)>& reduce) {
     Volume out = volume(in.size(), (height(in) + 2 * padding - size) / 2 + 1, (width(in) + 2 * padding - size) / 2 + 1);
     for (std::size_t c = 0; c < in.size(); ++c) {
         for (int y = 0; y < height(out); ++y) {
@@ -130,7 +136,8 @@ Volume pool(const Volume& in, int size, int padding, const std::function<double(
                 for (int j = 0; j < size; ++j) {
                     for (int i = 0; i < size; ++i) {
                         const int sy = 2 * y + j - padding, sx = 2 * x + i - padding;
-                        if (sy >= 0 && sx >= 0 && sy < height(in) && sx < width(in)) window.push_back({in[c][sy][sx], double(j), double(i)});
+                        if (sy >= 0 && sx >= 0 && sy < height(in) && sx < width(in))
+                            window.push_back({in[c][sy][sx], double(j), double(i)});
                     }
                 }
                 out[c][y][x] = reduce(window);
@@ -166,7 +173,8 @@ std::vector<Volume> vgg_stages(Volume v, const std::function<Volume(const Volume
 std::vector<Volume> alex_stages(const Volume& v) {
     const WeightFile& w = weights().alex;
     const Volume one = relu(conv(v, w, "features.0", 4, 2)), two = relu(conv(largest(one, 3), w, "features.3", 1, 2));
-    const Volume three = relu(conv(largest(two, 3), w, "features.6", 1, 1)), four = relu(conv(three, w, "features.8", 1, 1));
+    const Volume three = relu(conv(largest(two, 3), w, "features.6", 1, 1)),
+                 four = relu(conv(three, w, "features.8", 1, 1));
     return {one, two, three, four, relu(conv(four, w, "features.10", 1, 1))};
 }
 
@@ -181,14 +189,19 @@ double expected_lpips(const Image& a, const Image& b, LpipsNet net, LpipsRange r
     const auto fa = stages(a), fb = stages(b);
     double total = 0;
     for (int s = 0; s < 5; ++s) {
-        const auto& head = (net == LpipsNet::kVgg ? weights().lpips_vgg : weights().lpips_alex).tensors.at("lin" + std::to_string(s) + ".weight").second;
+        const auto& head = (net == LpipsNet::kVgg ? weights().lpips_vgg : weights().lpips_alex)
+                               .tensors.at("lin" + std::to_string(s) + ".weight")
+                               .second;
         double sum = 0;
         for (int y = 0; y < height(fa[s]); ++y) {
             for (int x = 0; x < width(fa[s]); ++x) {
                 double na = 0, nb = 0;
-                for (std::size_t c = 0; c < head.size(); ++c) na += std::pow(fa[s][c][y][x], 2), nb += std::pow(fb[s][c][y][x], 2);
                 for (std::size_t c = 0; c < head.size(); ++c)
-                    sum += head[c] * std::pow(fa[s][c][y][x] / (std::sqrt(na) + 1e-10) - fb[s][c][y][x] / (std::sqrt(nb) + 1e-10), 2);
+                    na += std::pow(fa[s][c][y][x], 2), nb += std::pow(fb[s][c][y][x], 2);
+                for (std::size_t c = 0; c < head.size(); ++c)
+                    sum += head[c] *
+                           std::pow(fa[s][c][y][x] / (std::sqrt(na) + 1e-10) - fb[s][c][y][x] / (std::sqrt(nb) + 1e-10),
+                                    2);
             }
         }
         total += sum / (height(fa[s]) * width(fa[s]));
@@ -199,7 +212,8 @@ double expected_lpips(const Image& a, const Image& b, LpipsNet net, LpipsRange r
 double expected_dists(const Image& a, const Image& b) {
     const auto maps = [](const Image& image) {
         const double mean[3] = {0.485, 0.456, 0.406}, deviation[3] = {0.229, 0.224, 0.225};
-        std::vector<Volume> all = vgg_stages(rgb(image, [&](double v, int c) { return (v - mean[c]) / deviation[c]; }), l2);
+        std::vector<Volume> all =
+            vgg_stages(rgb(image, [&](double v, int c) { return (v - mean[c]) / deviation[c]; }), l2);
         all.insert(all.begin(), rgb(image, [](double v, int) { return v; }));
         return all;
     };
@@ -218,7 +232,8 @@ double expected_dists(const Image& a, const Image& b) {
             ma /= n, mb /= n;
             const double l = (2 * ma * mb + 1e-6) / (ma * ma + mb * mb + 1e-6);
             const double s2 = (2 * (ab / n - ma * mb) + 1e-6) / (aa / n - ma * ma + bb / n - mb * mb + 1e-6);
-            const double alpha = weights().dists.tensors.at("alpha").second[k], beta = weights().dists.tensors.at("beta").second[k];
+            const double alpha = weights().dists.tensors.at("alpha").second[k],
+                         beta = weights().dists.tensors.at("beta").second[k];
             similarity += alpha * l + beta * s2;
             total += alpha + beta;
         }
@@ -239,11 +254,14 @@ double expected_milo(const Image& render, const Image& truth) {
         Volume coarse = volume(1, height(t), width(t));
         for (int y = 0; y < height(t); ++y) {
             for (int x = 0; x < width(t); ++x) {
-                const auto place = [](int i, int n) { return n == 1 ? 0.0 : std::min(i, 2 * n - 1) * (n - 1.0) / (2 * n - 1); };
+                const auto place = [](int i, int n) {
+                    return n == 1 ? 0.0 : std::min(i, 2 * n - 1) * (n - 1.0) / (2 * n - 1);
+                };
                 const double py = place(y, height(mask)), px = place(x, width(mask));
                 for (int j = 0; j < height(mask); ++j) {
                     for (int i = 0; i < width(mask); ++i)
-                        coarse[0][y][x] += mask[0][j][i] * std::max(0.0, 1 - std::abs(py - j)) * std::max(0.0, 1 - std::abs(px - i));
+                        coarse[0][y][x] +=
+                            mask[0][j][i] * std::max(0.0, 1 - std::abs(py - j)) * std::max(0.0, 1 - std::abs(px - i));
                 }
             }
         }
@@ -262,7 +280,8 @@ double expected_milo(const Image& render, const Image& truth) {
     double sum = 0;
     for (int c = 0; c < 3; ++c) {
         for (int y = 0; y < truth.height; ++y) {
-            for (int x = 0; x < truth.width; ++x) sum += mask[0][y][x] * std::abs(scales[0].first[c][y][x] - scales[0].second[c][y][x]);
+            for (int x = 0; x < truth.width; ++x)
+                sum += mask[0][y][x] * std::abs(scales[0].first[c][y][x] - scales[0].second[c][y][x]);
         }
     }
     return sum / (3.0 * truth.width * truth.height);
@@ -271,24 +290,31 @@ double expected_milo(const Image& render, const Image& truth) {
 using EnginePointer = std::shared_ptr<const TensorEngine>;
 
 Lpips make_lpips(const EnginePointer& engine, LpipsNet kind, LpipsRange range) {
-    const auto net = kind == LpipsNet::kVgg ? load_vgg16(engine, weights().path("vgg16.safetensors")) : load_alexnet(engine, weights().path("alexnet.safetensors"));
+    const auto net = kind == LpipsNet::kVgg ? load_vgg16(engine, weights().path("vgg16.safetensors"))
+                                            : load_alexnet(engine, weights().path("alexnet.safetensors"));
     return {net, kind, weights().folder.path(), range};
 }
 
-Dists make_dists(const EnginePointer& engine) { return {load_vgg16(engine, weights().path("vgg16.safetensors")), weights().folder.path()}; }
+Dists make_dists(const EnginePointer& engine) {
+    return {load_vgg16(engine, weights().path("vgg16.safetensors")), weights().folder.path()};
+}
 
-/// Of every engine there is.
+/// Runs a test on every engine there is.
 class Definition : public ::testing::TestWithParam<Device> {
   protected:
     void SetUp() override {
-        if (GetParam() == Device::kCuda && !cuda_available()) GTEST_SKIP() << "no CUDA device: " << cuda_unavailable_reason();
+        if (GetParam() == Device::kCuda && !cuda_available())
+            GTEST_SKIP() << "no CUDA device: " << cuda_unavailable_reason();
         engine_ = choose_tensor_engine(GetParam());
     }
     EnginePointer engine_;
 };
-INSTANTIATE_TEST_SUITE_P(Engines, Definition, ::testing::Values(Device::kCpu, Device::kCuda), [](const auto& info) { return word(info.param); });
+INSTANTIATE_TEST_SUITE_P(Engines, Definition, ::testing::Values(Device::kCpu, Device::kCuda),
+                         [](const auto& info) { return word(info.param); });
 
-void expect_relative(double value, double expected) { EXPECT_LT(std::abs(value - expected) / expected, 1e-5) << value << " " << expected; }
+void expect_relative(double value, double expected) {
+    EXPECT_LT(std::abs(value - expected) / expected, 1e-5) << value << " " << expected;
+}
 
 TEST_P(Definition, OfLpipsWithVgg) {
     const Image a = noise_image(21, 16, 1), b = noise_image(21, 16, 2);
@@ -339,7 +365,8 @@ TEST(LearnedMetrics, TheNumberOfThreadsChangesNoBit) {
     options.weights = weights().folder.path(), options.device = Device::kCpu;
     const auto scores = [&] {
         std::vector<std::optional<double>> values;
-        for (const Metric& metric : make_metrics({"lpips-alex", "dists", "milo"}, options)) values.push_back(metric.compute(a, b).value);
+        for (const Metric& metric : make_metrics({"lpips-alex", "dists", "milo"}, options))
+            values.push_back(metric.compute(a, b).value);
         return values;
     };
     const int threads = num_threads();
@@ -355,7 +382,8 @@ TEST(LearnedMetrics, OfOneNetAreThoseOfEachAlone) {
     MetricOptions options;
     options.weights = weights().folder.path(), options.device = Device::kCpu;
     const std::vector<Metric> both = make_metrics({"lpips-vgg", "dists"}, options);
-    EXPECT_EQ(both[0].compute(a, b).value, make_lpips(make_cpu_tensor_engine(), LpipsNet::kVgg, LpipsRange::kSymmetric)(a, b));
+    EXPECT_EQ(both[0].compute(a, b).value,
+              make_lpips(make_cpu_tensor_engine(), LpipsNet::kVgg, LpipsRange::kSymmetric)(a, b));
     EXPECT_EQ(both[1].compute(a, b).value, make_dists(make_cpu_tensor_engine())(a, b));
 }
 
@@ -368,14 +396,17 @@ TEST(LearnedMetrics, SmallImagesAreAReason) {
         const Image small = noise_image(40, side - 1, 11), enough = noise_image(side, side, 12);
         const MetricScore score = metric.compute(small, small);
         EXPECT_FALSE(score.value) << name;
-        EXPECT_EQ(score.reason, "not measured: images of 40x" + std::to_string(side - 1) + " pixels, the net needs " + std::to_string(side) + " in each direction");
+        EXPECT_EQ(score.reason, "not measured: images of 40x" + std::to_string(side - 1) + " pixels, the net needs " +
+                                    std::to_string(side) + " in each direction");
         EXPECT_EQ(metric.compute(enough, enough).value, 0.0) << name;
         EXPECT_THROW(metric.compute(small, enough), UsageError);
     }
-    EXPECT_THROW(make_lpips(make_cpu_tensor_engine(), LpipsNet::kAlex, LpipsRange::kUnit)(noise_image(30, 30, 1), noise_image(30, 30, 2)), UsageError);
+    EXPECT_THROW(make_lpips(make_cpu_tensor_engine(), LpipsNet::kAlex, LpipsRange::kUnit)(noise_image(30, 30, 1),
+                                                                                          noise_image(30, 30, 2)),
+                 UsageError);
 }
 
-/// The message of the DataError that loading the heads in `broken` gives.
+/// Loads the heads in `broken` and returns the message of the DataError.
 std::string message(const WeightFile& broken) {
     const test::TemporaryFolder folder;
     weights().alex.write(folder.path() / "alexnet.safetensors");

@@ -35,7 +35,8 @@ TEST(Metrics, WithoutWeightsThereIsAReasonAndNoNumber) {
         const bool learned = info.name != "psnr" && info.name != "ssim" && info.name != "flip";
         const MetricScore score = make_metrics({info.name}, {})[0].compute(image, image);
         EXPECT_EQ(score.value.has_value(), !learned) << info.name;
-        EXPECT_EQ(score.reason, learned ? "not measured: no weights (see scripts/export_metric_weights.py)" : "") << info.name;
+        EXPECT_EQ(score.reason, learned ? "not measured: no weights (see scripts/export_metric_weights.py)" : "")
+            << info.name;
         if (!learned) continue;
         MetricOptions options;
         options.weights = empty.path();
@@ -48,7 +49,8 @@ TEST(Metrics, WithoutWeightsThereIsAReasonAndNoNumber) {
 /// A metric that answers 1, 2, ... for one view after the other, and nothing for views of number `unmeasured`.
 Metric counting(const MetricInfo& info, int unmeasured) {
     return {info, "counts", [unmeasured, n = 0](const Image&, const Image&) mutable {
-                return ++n == unmeasured ? MetricScore{std::nullopt, "not measured: view " + std::to_string(n)} : MetricScore{double(n), ""};
+                return ++n == unmeasured ? MetricScore{std::nullopt, "not measured: view " + std::to_string(n)}
+                                         : MetricScore{double(n), ""};
             }};
 }
 

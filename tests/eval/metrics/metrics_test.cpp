@@ -18,7 +18,8 @@ namespace {
 Image noise(int width, int height, std::uint64_t seed, float scale = 1) {
     Image image{width, height, 3, {}, {}};
     image.f32.resize(std::size_t(width) * height * 3);
-    for (std::size_t i = 0; i < image.f32.size(); ++i) image.f32[i] = scale * uniform_from_bits(philox(seed, RngStream::kScene, i, 0).v[0]);
+    for (std::size_t i = 0; i < image.f32.size(); ++i)
+        image.f32[i] = scale * uniform_from_bits(philox(seed, RngStream::kScene, i, 0).v[0]);
     return image;
 }
 
@@ -28,7 +29,7 @@ Image constant(int width, int height, float value) {
     return image;
 }
 
-/// The definition, window by window, two-dimensional, with centred sums.
+/// Computes SSIM by its definition: window by window, two-dimensional, with centred sums.
 double brute_force_ssim(const Image& a, const Image& b, SsimBorder border) {
     double total = 0, count = 0;
     const auto sample = [&](const Image& image, int x, int y, int c) -> double {
@@ -50,7 +51,8 @@ double brute_force_ssim(const Image& a, const Image& b, SsimBorder border) {
                 for (int dy = -5; dy <= 5; ++dy) {
                     for (int dx = -5; dx <= 5; ++dx) {
                         weights += weight(dx, dy);
-                        ma += weight(dx, dy) * sample(a, x + dx, y + dy, c), mb += weight(dx, dy) * sample(b, x + dx, y + dy, c);
+                        ma += weight(dx, dy) * sample(a, x + dx, y + dy, c),
+                            mb += weight(dx, dy) * sample(b, x + dx, y + dy, c);
                     }
                 }
                 ma /= weights, mb /= weights;

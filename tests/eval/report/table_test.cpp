@@ -22,7 +22,8 @@ using test::TemporaryFolder;
 const char* const kLine = "protocol paper: ...";
 
 /// A run of scene `scene` with the options that matter for grouping.
-TableRow row_of(const std::string& run, const std::string& scene, const std::string& model, double psnr, std::uint64_t seed = 0) {
+TableRow row_of(const std::string& run, const std::string& scene, const std::string& model, double psnr,
+                std::uint64_t seed = 0) {
     TableRow row;
     row.run = run, row.dataset = "set", row.scene = scene, row.model = model, row.strategy = "mcmc";
     row.psnr = psnr, row.ssim = psnr / 100;
@@ -34,7 +35,9 @@ TableRow row_of(const std::string& run, const std::string& scene, const std::str
 
 TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
     const TemporaryFolder folder;
-    folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}, "not_measured": {"ours_7": {"DISTS": "why"}}})");
+    folder.write(
+        "results.json",
+        R"({"ours_7": {"SSIM": 0.5, "PSNR": 20.25, "LPIPS": 0.1, "note": "x"}, "not_measured": {"ours_7": {"DISTS": "why"}}})");
     const TableRow row = read_table_row(folder.path(), std::nullopt);
     EXPECT_EQ(row.psnr, 20.25);
     EXPECT_EQ(row.further_metrics, (std::map<std::string, double>{{"LPIPS", 0.1}}));
@@ -42,8 +45,8 @@ TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
     EXPECT_FALSE(row.num_gaussians);
     EXPECT_EQ(row.protocol, "");
     for (const char* bad :
-         {R"({"ours_7": {"SSIM": 0.5}})", R"({"ours_7": {"SSIM": 0.5, "PSNR": "x"}})", R"({"other": 1})", "[]", "{", R"({"ours_7": 3})",
-          R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "protocol": {"ours_7": {"name": "later"}}})"}) {
+         {R"({"ours_7": {"SSIM": 0.5}})", R"({"ours_7": {"SSIM": 0.5, "PSNR": "x"}})", R"({"other": 1})", "[]", "{",
+          R"({"ours_7": 3})", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "protocol": {"ours_7": {"name": "later"}}})"}) {
         folder.write("results.json", bad);
         EXPECT_THROW(read_table_row(folder.path(), std::nullopt), DataError) << bad;
     }
@@ -52,10 +55,12 @@ TEST(Table, ReadsFilesOfOtherProgramsAndNamesMistakes) {
 TEST(Table, FrameTimesAreReadWhereTheyAreWhole) {
     const TemporaryFolder folder;
     const auto read = [&](const std::string& times) {
-        folder.write("results.json", R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
+        folder.write("results.json",
+                     R"({"ours_7": {"SSIM": 0.5, "PSNR": 20}, "frame_times": {"ours_7": )" + times + "}}");
         return read_table_row(folder.path(), std::nullopt).frame_times;
     };
-    const auto times = read(R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
+    const auto times = read(
+        R"({"device": "d", "num_views": 3, "frames_per_view": 9, "mean_seconds": 2, "median_seconds": 1.5, "min_seconds": 1, "max_seconds": 4})");
     ASSERT_TRUE(times);
     EXPECT_EQ(times->device, "d");
     EXPECT_EQ(times->frames_per_view, 9);
@@ -84,7 +89,8 @@ TEST(Comparison, RunsThatDifferOnlyBySeedAreOneLine) {
     without.training.clear(), without_too.training.clear();
     TableRow later = row_of("g", "lego", "sh", 27);
     later.iteration = 7;
-    const Comparison c = compare_runs({row_of("b", "lego", "sh", 22, 1), other, row_of("a", "lego", "sh", 20, 0), without, without_too, later});
+    const Comparison c = compare_runs(
+        {row_of("b", "lego", "sh", 22, 1), other, row_of("a", "lego", "sh", 20, 0), without, without_too, later});
     ASSERT_EQ(c.tables.size(), 1u);
     const auto& lines = c.tables[0].lines;
     ASSERT_EQ(lines.size(), 5u);
@@ -103,14 +109,16 @@ TEST(Comparison, AMetricThatOneRunLacksHasNoMean) {
     TableRow a = row_of("a", "lego", "sh", 20, 0), b = row_of("b", "lego", "sh", 22, 1);
     a.further_metrics["FLIP"] = 0.1;
     const Comparison c = compare_runs({a, b});
-    const auto flip = std::find_if(c.columns.begin(), c.columns.end(), [](const Column& column) { return column.key == "FLIP"; });
+    const auto flip =
+        std::find_if(c.columns.begin(), c.columns.end(), [](const Column& column) { return column.key == "FLIP"; });
     ASSERT_NE(flip, c.columns.end());
     EXPECT_FALSE(c.tables[0].lines[0].values[flip - c.columns.begin()]);
 }
 
 TEST(Comparison, DatasetsAverageTheirScenesRunByRun) {
-    const Comparison c = compare_runs({row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1), row_of("b1", "chair", "sh", 32, 1),
-                                       row_of("b0", "chair", "sh", 30, 0), row_of("n", "lego", "none", 10, 0)});
+    const Comparison c = compare_runs({row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1),
+                                       row_of("b1", "chair", "sh", 32, 1), row_of("b0", "chair", "sh", 30, 0),
+                                       row_of("n", "lego", "none", 10, 0)});
     ASSERT_EQ(c.tables.size(), 3u);
     EXPECT_EQ(c.tables[0].scene, "lego");
     const ComparisonTable& dataset = c.tables[2];
@@ -124,7 +132,8 @@ TEST(Comparison, DatasetsAverageTheirScenesRunByRun) {
     EXPECT_EQ(psnr.place, 0) << "the other line misses a scene";
     EXPECT_EQ(dataset.lines[1].num_scenes, 1u);
     // Other seeds: the scenes' means, without deviation.
-    const Comparison odd = compare_runs({row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1), row_of("b", "chair", "sh", 30, 0)});
+    const Comparison odd = compare_runs(
+        {row_of("a0", "lego", "sh", 20, 0), row_of("a1", "lego", "sh", 24, 1), row_of("b", "chair", "sh", 30, 0)});
     EXPECT_EQ(odd.tables[2].lines[0].values[0]->mean, 26);
     EXPECT_FALSE(odd.tables[2].lines[0].values[0]->deviation);
 }
@@ -140,7 +149,9 @@ TEST(Comparison, PlacesFollowTheDirectionOfTheColumn) {
     }
     const Comparison c = compare_runs(rows);
     const auto places = [&](const std::string& key) {
-        const auto column = std::find_if(c.columns.begin(), c.columns.end(), [&](const Column& x) { return x.key == key; }) - c.columns.begin();
+        const auto column =
+            std::find_if(c.columns.begin(), c.columns.end(), [&](const Column& x) { return x.key == key; }) -
+            c.columns.begin();
         std::vector<int> out;
         for (const ComparisonLine& line : c.tables[0].lines) out.push_back(line.values[column]->place);
         return out;
@@ -153,14 +164,16 @@ TEST(Comparison, PlacesFollowTheDirectionOfTheColumn) {
 }
 
 TEST(Comparison, MixedProtocolsAreRefusedByName) {
-    TableRow a = row_of("first", "lego", "sh", 20), b = row_of("second", "lego", "sv", 21), c = row_of("third", "lego", "nasg", 21);
+    TableRow a = row_of("first", "lego", "sh", 20), b = row_of("second", "lego", "sv", 21),
+             c = row_of("third", "lego", "nasg", 21);
     b.protocol = "protocol inria: ...", c.protocol.clear();
     try {
         compare_runs({a, b, c});
         FAIL();
     } catch (const UsageError& e) {
         const std::string message = e.what();
-        for (const char* part : {"first: protocol paper", "second: protocol inria", "third: protocol not stated", "--protocol"})
+        for (const char* part :
+             {"first: protocol paper", "second: protocol inria", "third: protocol not stated", "--protocol"})
             EXPECT_NE(message.find(part), std::string::npos) << message;
     }
     EXPECT_NO_THROW(compare_runs({c, c}));
@@ -170,8 +183,11 @@ TEST(Comparison, MixedProtocolsAreRefusedByName) {
 
 TEST(Columns, MetricsThatAreMissingSaySoWhereSomebodyWantsThem) {
     TableRow row = row_of("a", "lego", "sh", 20);
-    const auto table = [](const std::vector<TableRow>& rows) { return format_comparison(compare_runs(rows), TableFormat::kMarkdown); };
-    for (const char* absent : {"| LPIPS", "| DISTS", "| MILO", "| FLIP", "not measured"}) EXPECT_EQ(table({row}).find(absent), std::string::npos) << table({row});
+    const auto table = [](const std::vector<TableRow>& rows) {
+        return format_comparison(compare_runs(rows), TableFormat::kMarkdown);
+    };
+    for (const char* absent : {"| LPIPS", "| DISTS", "| MILO", "| FLIP", "not measured"})
+        EXPECT_EQ(table({row}).find(absent), std::string::npos) << table({row});
     TableRow asked = row_of("b", "lego", "sv", 20), measured = row_of("c", "lego", "nasg", 20);
     asked.not_measured["MILO"] = "not measured: no weights (see ...)";
     EXPECT_NE(table({asked}).find("|       MILO |"), std::string::npos) << table({asked});
@@ -184,10 +200,12 @@ TEST(Columns, MetricsThatAreMissingSaySoWhereSomebodyWantsThem) {
 class Formats : public ::testing::Test {
   protected:
     Formats() {
-        TableRow odd = row_of("a_b|c", "x,\"y\"", "50%", 27.126), repeated = row_of("r0", "x,\"y\"", "<b>&", 20, 0), again = row_of("r1", "x,\"y\"", "<b>&", 21, 1);
+        TableRow odd = row_of("a_b|c", "x,\"y\"", "50%", 27.126), repeated = row_of("r0", "x,\"y\"", "<b>&", 20, 0),
+                 again = row_of("r1", "x,\"y\"", "<b>&", 21, 1);
         odd.strategy.clear();
         odd.not_measured["LPIPS-VGG"] = "not measured: no weights";
-        odd.num_gaussians = 10000, odd.ssim = 0.91234, odd.train_seconds = 125, odd.peak_device_bytes = std::int64_t(3) << 29;
+        odd.num_gaussians = 10000, odd.ssim = 0.91234, odd.train_seconds = 125,
+        odd.peak_device_bytes = std::int64_t(3) << 29;
         comparison_ = compare_runs({odd, repeated, again});
     }
     std::string text(TableFormat format) const { return format_comparison(comparison_, format); }
@@ -210,7 +228,9 @@ TEST_F(Formats, Markdown) {
 
 TEST_F(Formats, Csv) {
     const std::string csv = text(TableFormat::kCsv);
-    EXPECT_TRUE(csv.starts_with("run,dataset,scene,model,strategy,options,ppisp,runs,scenes,PSNR,PSNR_deviation,PSNR_worst,SSIM,")) << csv;
+    EXPECT_TRUE(csv.starts_with(
+        "run,dataset,scene,model,strategy,options,ppisp,runs,scenes,PSNR,PSNR_deviation,PSNR_worst,SSIM,"))
+        << csv;
     EXPECT_NE(csv.find("\na_b|c,set,\"x,\"\"y\"\"\",50%,,,off,1,1,27.126,,,0.91234,,,"), std::string::npos) << csv;
     EXPECT_NE(csv.find(",2,1,20.5,0.7071067811865476,20,"), std::string::npos) << csv;
     EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
@@ -218,8 +238,10 @@ TEST_F(Formats, Csv) {
 
 TEST_F(Formats, Latex) {
     const std::string latex = text(TableFormat::kLatex);
-    for (const char* part : {"\\toprule", "\\midrule", "\\bottomrule", "a\\_b|c & 50\\% & - & - & \\textbf{27.13} & \\textbf{0.9123} ", "\\textless{}b\\textgreater{}\\&",
-                             "\\underline{20.50} $\\pm$ 0.71", "\\#Gs", "{\\footnotesize protocol paper: ...}"})
+    for (const char* part :
+         {"\\toprule", "\\midrule", "\\bottomrule", "a\\_b|c & 50\\% & - & - & \\textbf{27.13} & \\textbf{0.9123} ",
+          "\\textless{}b\\textgreater{}\\&", "\\underline{20.50} $\\pm$ 0.71", "\\#Gs",
+          "{\\footnotesize protocol paper: ...}"})
         EXPECT_NE(latex.find(part), std::string::npos) << part << "\n" << latex;
 }
 
@@ -242,7 +264,9 @@ TEST_F(Formats, NamesThatAreNoUtf8OrHaveLineBreaksBreakNothing) {
     EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 7);
     EXPECT_NE(format_comparison(c, TableFormat::kCsv).find("\"bad\xff\nname\""), std::string::npos);
     c.tables[0].lines[0].values[0]->mean = std::numeric_limits<double>::infinity();
-    EXPECT_TRUE(nlohmann::json::parse(format_comparison(c, TableFormat::kJson))["tables"][0]["lines"][0]["values"]["PSNR"]["mean"].is_null());
+    EXPECT_TRUE(nlohmann::json::parse(
+                    format_comparison(c, TableFormat::kJson))["tables"][0]["lines"][0]["values"]["PSNR"]["mean"]
+                    .is_null());
     EXPECT_EQ(html_escaped("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
 }
 

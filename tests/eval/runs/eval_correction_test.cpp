@@ -23,22 +23,25 @@
 namespace gs {
 namespace {
 
-float random_value(int view, int k) { return uniform_from_bits(philox(5, RngStream::kScene, std::uint64_t(view), std::uint32_t(k)).v[0]); }
+float random_value(int view, int k) {
+    return uniform_from_bits(philox(5, RngStream::kScene, std::uint64_t(view), std::uint32_t(k)).v[0]);
+}
 
-/// Paints random colours that depend on the camera, and remembers how they were to be corrected.
+/// Paints random colours that depend on the camera, and remembers the requested corrections.
 class RandomBackend : public test::FakeBackend {
   public:
     void render(const RenderRequest& request, RenderedImage& out) override {
         out.width = request.camera.width, out.height = request.camera.height;
         out.rgb.clear();
-        for (int k = 0; k < 3 * out.width * out.height; ++k) out.rgb.push_back(random_value(int(request.camera.translation.x), k));
+        for (int k = 0; k < 3 * out.width * out.height; ++k)
+            out.rgb.push_back(random_value(int(request.camera.translation.x), k));
         out.alpha.assign(out.rgb.size() / 3, 1);
         asked.push_back(request.isp);
     }
     std::vector<IspView> asked;
 };
 
-/// Photographs of what RandomBackend paints, dimmed by `factor(view)` and with 0.1 added to red.
+/// Returns views whose photographs are RandomBackend's pictures, dimmed by `factor(view)` and with 0.1 added to red.
 std::vector<View> dimmed_views(const std::function<float(int)>& factor) {
     std::vector<View> views(3);
     for (int v = 0; v < 3; ++v) {
@@ -50,7 +53,8 @@ std::vector<View> dimmed_views(const std::function<float(int)>& factor) {
             ViewImage image;
             image.color = {16, 12, 3, {}, {}};
             for (int i = 0; i < 16 * 12; ++i)
-                for (int c = 0; c < 3; ++c) image.color.f32.push_back(f * random_value(v, c * 16 * 12 + i) + (c == 0 ? 0.1f : 0.0f));
+                for (int c = 0; c < 3; ++c)
+                    image.color.f32.push_back(f * random_value(v, c * 16 * 12 + i) + (c == 0 ? 0.1f : 0.0f));
             return image;
         };
     }
@@ -65,8 +69,10 @@ double score(const std::vector<View>& views, CorrectionMode mode) {
 }
 
 TEST(EvalCorrection, ColourAlignedFitsEachViewAndSceneAlignedAllAtOnce) {
-    const auto same = dimmed_views([](int) { return 0.5f; }), different = dimmed_views([](int v) { return 0.2f + 0.35f * float(v); });
-    for (const CorrectionMode mode : {CorrectionMode::kOff, CorrectionMode::kNone, CorrectionMode::kController}) EXPECT_LT(score(same, mode), 15);
+    const auto same = dimmed_views([](int) { return 0.5f; }),
+               different = dimmed_views([](int v) { return 0.2f + 0.35f * float(v); });
+    for (const CorrectionMode mode : {CorrectionMode::kOff, CorrectionMode::kNone, CorrectionMode::kController})
+        EXPECT_LT(score(same, mode), 15);
     EXPECT_GT(score(same, CorrectionMode::kSceneAligned), 50);
     EXPECT_GT(score(same, CorrectionMode::kColourAligned), 50);
     EXPECT_LT(score(different, CorrectionMode::kSceneAligned), 25);
@@ -88,7 +94,8 @@ TEST(EvalCorrection, RendererIsAskedForWhatTheModeSays) {
     view.camera_id = 2;
     view.exif_exposure = -6;
     EXPECT_EQ(view_isp(view, {}).mode, IspMode::kNone);
-    for (const CorrectionMode mode : {CorrectionMode::kNone, CorrectionMode::kColourAligned, CorrectionMode::kSceneAligned}) {
+    for (const CorrectionMode mode :
+         {CorrectionMode::kNone, CorrectionMode::kColourAligned, CorrectionMode::kSceneAligned}) {
         EXPECT_EQ(view_isp(view, {mode}).mode, IspMode::kFrame);
         EXPECT_EQ(view_isp(view, {mode}).frame, -1) << "neutral";
         EXPECT_EQ(view_isp(view, {mode}).camera, 2);
@@ -149,9 +156,12 @@ TEST(EvalCorrection, StandsBesideTheScores) {
     options.correction.mode = CorrectionMode::kColourAligned;
     write_results(RunFolder{folder.path()}, options, result, facts);
     json = stored();
-    EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("uses the test images"), std::string::npos);
+    EXPECT_NE(json["protocol"]["ours_3"]["photometric"].get<std::string>().find("uses the test images"),
+              std::string::npos);
     EXPECT_EQ(json["protocol"]["ours_3"]["images"].get<std::string>().find("no colour alignment"), std::string::npos);
-    EXPECT_NE(format_comparison(compare_runs({read_table_row(folder.path(), 3)}), TableFormat::kMarkdown).find("| colour-aligned |"), std::string::npos);
+    EXPECT_NE(format_comparison(compare_runs({read_table_row(folder.path(), 3)}), TableFormat::kMarkdown)
+                  .find("| colour-aligned |"),
+              std::string::npos);
 }
 
 TEST(EvalCorrection, ASavedModelComesWithItsCorrection) {

@@ -31,7 +31,8 @@ View view(const std::string& name, float red, std::vector<std::uint8_t> pixel, i
     v.load = [pixel, width, height] {
         ViewImage image;
         image.color = {width, height, int(pixel.size()), {}, {}};
-        for (int i = 0; i < width * height; ++i) image.color.u8.insert(image.color.u8.end(), pixel.begin(), pixel.end());
+        for (int i = 0; i < width * height; ++i)
+            image.color.u8.insert(image.color.u8.end(), pixel.begin(), pixel.end());
         return image;
     };
     return v;
@@ -72,7 +73,8 @@ TEST(Evaluate, SizeMismatchIsADataError) {
         evaluate_views(backend, {v}, {0, 0, 0}, {});
         FAIL();
     } catch (const DataError& e) {
-        EXPECT_NE(std::string(e.what()).find("odd.png: the image has 16x12 pixels, its camera 20x12"), std::string::npos);
+        EXPECT_NE(std::string(e.what()).find("odd.png: the image has 16x12 pixels, its camera 20x12"),
+                  std::string::npos);
     }
 }
 
@@ -148,15 +150,17 @@ struct Written {
 TEST(Results, KeysAreThoseOfTheMetricsScript) {
     Written w;
     w.write();
-    const json results = read_json(w.folder.path() / "results.json"), per_view = read_json(w.folder.path() / "per_view.json");
+    const json results = read_json(w.folder.path() / "results.json"),
+               per_view = read_json(w.folder.path() / "per_view.json");
     EXPECT_EQ(results.at("ours_300"), (json{{"SSIM", 0.85}, {"PSNR", 31.0}})) << "nothing else may stand inside";
-    EXPECT_EQ(per_view.at("ours_300"),
-              (json{{"SSIM", {{"00000.png", 0.9}, {"00001.png", 0.8}}}, {"PSNR", {{"00000.png", 30.0}, {"00001.png", 32.0}}}}));
+    EXPECT_EQ(per_view.at("ours_300"), (json{{"SSIM", {{"00000.png", 0.9}, {"00001.png", 0.8}}},
+                                             {"PSNR", {{"00000.png", 30.0}, {"00001.png", 32.0}}}}));
     EXPECT_EQ(per_view["image_names"]["ours_300"]["00001.png"], "b.png");
     EXPECT_EQ(results["num_gaussians"]["ours_300"], 1234);
     EXPECT_EQ(results["timing"]["ours_300"]["train_seconds"], 61.5);
     EXPECT_EQ(results["memory"]["ours_300"]["peak_device_bytes"], 1234567890);
-    EXPECT_NE(results["protocol"]["ours_300"]["ssim"].get<std::string>().find("torchmetrics <= 1.4.1"), std::string::npos);
+    EXPECT_NE(results["protocol"]["ours_300"]["ssim"].get<std::string>().find("torchmetrics <= 1.4.1"),
+              std::string::npos);
 }
 
 TEST(Results, OtherIterationsAndTheTrainingTimeStay) {
@@ -185,7 +189,8 @@ TEST(Results, DecompositionStandsBesideTheScores) {
     w.result.residual_mean = 0.25;
     w.result.views[0].residual_mean = 0.2, w.result.views[1].residual_mean = 0.3;
     w.write();
-    const json results = read_json(w.folder.path() / "results.json"), per_view = read_json(w.folder.path() / "per_view.json");
+    const json results = read_json(w.folder.path() / "results.json"),
+               per_view = read_json(w.folder.path() / "per_view.json");
     EXPECT_EQ(results["ours_300"], (json{{"SSIM", 0.85}, {"PSNR", 31.0}}));
     EXPECT_EQ(results["decomposition"]["ours_300"], (json{{"residual_mean", 0.25}}));
     EXPECT_EQ(per_view["decomposition"]["ours_300"]["residual_mean"], (json{{"00000.png", 0.2}, {"00001.png", 0.3}}));

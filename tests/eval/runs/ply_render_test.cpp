@@ -49,7 +49,8 @@ TEST(PlyRender, EqualsBruteForceToTheTruncationBound) {
                 if (same.threshold_distance > 1e-3) worst_same = std::max(worst_same, error(same));
             }
         EXPECT_LE(worst_same, 5e-5);
-        std::printf("degree %d: %.0f %% of the bound; with the same truncation %.1e\n", degree, 100 * worst, worst_same);
+        std::printf("degree %d: %.0f %% of the bound; with the same truncation %.1e\n", degree, 100 * worst,
+                    worst_same);
     }
 }
 

@@ -31,16 +31,20 @@ TEST(Protocol, ThePapersIsTheDefaultAndNamesAreKnown) {
 
 TEST(Protocol, OneLineSaysEverythingAndWhatDeviates) {
     EXPECT_EQ(protocol_line(find_protocol("paper"), kBlack),
-              "protocol paper: images_N as shipped, else area resize; 8 bits; SSIM windows inside the image; LPIPS-VGG, inputs in [-1,1]; background "
+              "protocol paper: images_N as shipped, else area resize; 8 bits; SSIM windows inside the image; "
+              "LPIPS-VGG, inputs in [-1,1]; background "
               "black; mean over images");
     const std::string white = protocol_line(find_protocol("paper"), {1, 1, 1});
     EXPECT_NE(white.find("background white as trained (instead of black)"), std::string::npos) << white;
-    EXPECT_EQ(protocol_line(find_protocol("inria"), kBlack), protocol_line(find_protocol("inria"), {1, 1, 1})) << "3DGS takes what -w says";
+    EXPECT_EQ(protocol_line(find_protocol("inria"), kBlack), protocol_line(find_protocol("inria"), {1, 1, 1}))
+        << "3DGS takes what -w says";
     const std::string gsplat = protocol_line(find_protocol("gsplat"), kBlack);
-    for (const char* part : {"float in [0,1]", "mirrored", "LPIPS-Alex", "deviation: ", "PIL bicubic"}) EXPECT_NE(gsplat.find(part), std::string::npos) << gsplat;
+    for (const char* part : {"float in [0,1]", "mirrored", "LPIPS-Alex", "deviation: ", "PIL bicubic"})
+        EXPECT_NE(gsplat.find(part), std::string::npos) << gsplat;
     Protocol zero = find_protocol("paper");
     zero.ssim_border = SsimBorder::kZero;
-    EXPECT_NE(protocol_line(zero, kBlack).find("zero padding (--ssim-border, instead of windows inside the image)"), std::string::npos);
+    EXPECT_NE(protocol_line(zero, kBlack).find("zero padding (--ssim-border, instead of windows inside the image)"),
+              std::string::npos);
     for (const Protocol& p : protocols()) EXPECT_EQ(protocol_line(p, kBlack).find('\n'), std::string::npos);
 }
 

@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// At the origin, looking at +z.
+/// Returns a camera at the origin that looks at +z.
 CameraParams<float> camera() {
     CameraParams<float> c{};
     c.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -19,14 +19,14 @@ CameraParams<float> camera() {
     return c;
 }
 
-/// The same turned about y, looking at -z.
+/// Returns a camera at the origin that looks at -z.
 CameraParams<float> camera_behind() {
     CameraParams<float> c = camera();
     c.rotation = {{-1, 0, 0}, {0, 1, 0}, {0, 0, -1}};
     return c;
 }
 
-/// Grey, half opaque, at `means`, with the model's initial residuals.
+/// Returns grey, half opaque Gaussians at `means` with the model's initial residuals.
 Gaussians gaussians(const std::string& model, const std::vector<Vec3<float>>& means) {
     const ModelInfo& info = appearance_model(model);
     Gaussians g;
@@ -42,7 +42,8 @@ Gaussians gaussians(const std::string& model, const std::vector<Vec3<float>>& me
         std::copy_n(std::begin({m.x, m.y, m.z}), 3, &g[Group::kMean].param[3 * i]);
         std::fill_n(&g[Group::kScale].param[3 * i], 3, -2.0f);
         g[Group::kRotation].param[4 * i] = 1;
-        info.init_residual(g.appearance.max_degree, g[Group::kResidual].param.data() + i * std::size_t(g[Group::kResidual].width));
+        info.init_residual(g.appearance.max_degree,
+                           g[Group::kResidual].param.data() + i * std::size_t(g[Group::kResidual].width));
     }
     g.shared.width = info.num_shared;
     g.shared.param.resize(std::size_t(info.num_shared));
@@ -58,7 +59,8 @@ TEST(PruneAppearance, TakesTheResidualWhereItDoesNotShow) {
     Gaussians expected = g;
     expected[Group::kResidual].param[45 + 3 + 1] = 0;
     EXPECT_EQ(prune_residuals(g, {camera()}), 1);
-    for (int k = 0; k < kNumGroups; ++k) EXPECT_EQ(g.groups[k].param, expected.groups[k].param) << kGroupNames[std::size_t(k)];
+    for (int k = 0; k < kNumGroups; ++k)
+        EXPECT_EQ(g.groups[k].param, expected.groups[k].param) << kGroupNames[std::size_t(k)];
     EXPECT_EQ(prune_residuals(g, {camera()}), 1) << "what is zero already counts: it need not be stored either";
 }
 

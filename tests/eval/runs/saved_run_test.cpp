@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-/// One opaque red ball of Gaussian shape in the middle of the built-in scenes.
+/// Returns one opaque red Gaussian in the middle of the built-in scenes.
 Gaussians one_gaussian() {
     Gaussians g;
     g.count = 1;

@@ -6,7 +6,7 @@
 
 namespace gs::test {
 
-/// Paints every pixel with the red value `camera.translation.x`, green = background, blue = 0; base 0.2, residual 0.5.
+/// Paints every pixel with red = `camera.translation.x`, green = background, blue = 0; a base 0.2, a residual 0.5.
 class FakeBackend : public Backend, public BackendTimer {
   public:
     std::string describe() const override { return "fake"; }
@@ -21,9 +21,12 @@ class FakeBackend : public Backend, public BackendTimer {
         const std::size_t pixels = std::size_t(out.width) * out.height;
         out.rgb.assign(3 * pixels, 0);
         out.alpha.assign(pixels, 1);
-        const float blue = request.mode == RenderMode::kBaseOnly ? 0.2f : request.mode == RenderMode::kResidualOnly ? 0.5f : 0.0f;
+        const float blue = request.mode == RenderMode::kBaseOnly       ? 0.2f
+                           : request.mode == RenderMode::kResidualOnly ? 0.5f
+                                                                       : 0.0f;
         for (std::size_t i = 0; i < pixels; ++i) {
-            out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y, out.rgb[2 * pixels + i] = blue;
+            out.rgb[i] = request.camera.translation.x, out.rgb[pixels + i] = request.background.y,
+            out.rgb[2 * pixels + i] = blue;
         }
     }
     void step(const StepRequest&) override {}

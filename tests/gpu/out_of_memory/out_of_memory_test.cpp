@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A device whose memory is full: the error names what was asked for and what helps, nothing is lost, and training goes on.
-// Skipped where there is no device.
+// A device whose memory is full: the error names what was asked for and what helps, nothing is lost, and training goes
+// on. Skipped where there is no device.
 #include "kernels/backend.h"
 #include "kernels/core/error.h"
 #include "tests/gpu/out_of_memory/device_hog.h"
@@ -27,17 +27,19 @@ class GpuOutOfMemory : public Gpu {
         try {
             gpu.step(r);
             gpu.synchronize();
-            FAIL() << "a step of " << r.camera.width << "x" << r.camera.height << " pixels in " << (kLeft >> 20) << " MiB";
+            FAIL() << "a step of " << r.camera.width << "x" << r.camera.height << " pixels in " << (kLeft >> 20)
+                   << " MiB";
         } catch (const DeviceError& e) {
             const std::string message = e.what();
             std::printf("  %s\n", e.what());
-            for (const char* part : {"out of device memory", "asked for", "free", "--cap-max", "--resolution", "--image-cache"})
+            for (const char* part :
+                 {"out of device memory", "asked for", "free", "--cap-max", "--resolution", "--image-cache"})
                 EXPECT_NE(message.find(part), std::string::npos) << message;
         }
     }
 };
 
-/// 64 bytes a pixel are needed for a step: 1 GiB here.
+/// A step needs 64 bytes a pixel, 1 GiB here.
 TEST_F(GpuOutOfMemory, AStepThatDoesNotFitLeavesTheModelAsItWas) {
     const auto gpu = make(), untouched = make();
     small_steps(*gpu, 5), small_steps(*untouched, 5);
@@ -63,7 +65,7 @@ TEST_F(GpuOutOfMemory, AStepThatDoesNotFitLeavesTheModelAsItWas) {
     EXPECT_EQ(gpu->take_stats().steps, 1);
 }
 
-/// 10 000 x 10 000 pixels of 3 bytes: the image alone takes 286 MiB, before anything else is asked for.
+/// The image of 10 000 x 10 000 pixels of 3 bytes alone takes 286 MiB, before anything else is asked for.
 TEST_F(GpuOutOfMemory, AnImageThatDoesNotFitIsNotRememberedAsKept) {
     const auto gpu = make();
     small_steps(*gpu, 2);

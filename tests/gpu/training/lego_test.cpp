@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training on photographs from the same seeds on the CPU and on the device: the same quality. Skipped where there is no device or no
-// dataset (GSAPP_TEST_DATA).
+// Training on photographs from the same seeds on the CPU and on the device: the same quality. Skipped where there is no
+// device or no dataset (GSAPP_TEST_DATA).
 #include <spdlog/spdlog.h>
 
 #include <cstdlib>
@@ -24,7 +24,8 @@ class GpuTraining : public ::testing::TestWithParam<Strategy> {
         skip_without_device();
         const char* root = std::getenv("GSAPP_TEST_DATA");
         data_ = (root ? fs::path(root) : fs::path(GSAPP_SOURCE_DIR) / "../shared/data") / "tiny/lego";
-        if (!IsSkipped() && !fs::is_directory(data_)) GTEST_SKIP() << "dataset tiny/lego is not here (set GSAPP_TEST_DATA to the folder that holds tiny)";
+        if (!IsSkipped() && !fs::is_directory(data_))
+            GTEST_SKIP() << "dataset tiny/lego is not here (set GSAPP_TEST_DATA to the folder that holds tiny)";
         spdlog::set_level(spdlog::level::err);
     }
 
@@ -59,15 +60,16 @@ TEST_P(GpuTraining, ReachesTheQualityOfTheCpu) {
     const Scene scene = load_scene(options);
     ASSERT_GT(scene.test.size(), 5u);
     const TemporaryFolder tmp;
-    // A learning rate changed by 1e-6 scatters the PSNR of one run by 0.045 dB: training is chaotic. The difference between means
-    // of six scatters by 0.026 dB.
+    // A learning rate changed by 1e-6 scatters the PSNR of one run by 0.045 dB: training is chaotic. The difference
+    // between means of six scatters by 0.026 dB.
     constexpr int kSeeds = 6;
     double cpu_psnr = 0, gpu_psnr = 0, gpu_seconds = 0;
     for (int seed = 0; seed < kSeeds; ++seed) {
         const std::string name = std::to_string(seed);
-        const Result cpu = train_on(Device::kCpu, seed, scene, tmp.path() / ("cpu" + name)), gpu = train_on(Device::kCuda, seed, scene, tmp.path() / ("cuda" + name));
-        std::printf("  seed %d: CPU %.3f dB, %lld Gaussians, %.2f s; CUDA %.3f dB, %lld Gaussians, %.2f s\n", seed, cpu.psnr, (long long)cpu.count, cpu.seconds, gpu.psnr,
-                    (long long)gpu.count, gpu.seconds);
+        const Result cpu = train_on(Device::kCpu, seed, scene, tmp.path() / ("cpu" + name)),
+                     gpu = train_on(Device::kCuda, seed, scene, tmp.path() / ("cuda" + name));
+        std::printf("  seed %d: CPU %.3f dB, %lld Gaussians, %.2f s; CUDA %.3f dB, %lld Gaussians, %.2f s\n", seed,
+                    cpu.psnr, (long long)cpu.count, cpu.seconds, gpu.psnr, (long long)gpu.count, gpu.seconds);
         cpu_psnr += cpu.psnr / kSeeds, gpu_psnr += gpu.psnr / kSeeds, gpu_seconds = std::max(gpu_seconds, gpu.seconds);
     }
     std::printf("  mean over seeds: CPU %.3f dB, CUDA %.3f dB\n", cpu_psnr, gpu_psnr);

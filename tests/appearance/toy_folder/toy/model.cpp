@@ -13,7 +13,12 @@ const ModelInfo& toy_info() {
         ModelInfo m;
         m.name = "toy";
         m.summary = "colour linear in the direction";
-        m.options = {{.key = "toy-lr", .default_value = 0.0007, .min = 0, .max = 1, .is_rate = true, .help = "rate of the toy's matrix"}};
+        m.options = {{.key = "toy-lr",
+                      .default_value = 0.0007,
+                      .min = 0,
+                      .max = 1,
+                      .is_rate = true,
+                      .help = "rate of the toy's matrix"}};
         m.default_max_degree = m.max_degree_limit = 1;
         m.residual_width = [](int degree) { return 9 * degree; };
         m.rates = [](int, const RateContext& context) {

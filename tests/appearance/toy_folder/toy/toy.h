@@ -11,10 +11,10 @@ struct Toy {
     static constexpr int kMaxResidual = 9;
     static constexpr bool kDirectional = true;
 
-    template <class T>
-    static GS_HD Vec3<T> residual(const T* m, const Vec3<T>& d, int degree) {
+    template <class T> static GS_HD Vec3<T> residual(const T* m, const Vec3<T>& d, int degree) {
         if (degree <= 0) return {T(0), T(0), T(0)};
-        return {m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z, m[6] * d.x + m[7] * d.y + m[8] * d.z};
+        return {m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z,
+                m[6] * d.x + m[7] * d.y + m[8] * d.z};
     }
 
     template <class T>

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the subcommands of `gsapp bench` share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/gsapp/command.h"
+#include "eval/bench/bench.h"
+#include "lib/core/train_options.h"
+
+namespace gs {
+
+// Each adds one subcommand to `bench` and, in its callback, sets `selected`.
+void add_bench_frames_command(CLI::App& bench, Command& selected);
+void add_bench_suite_command(CLI::App& bench, Command& selected);
+void add_bench_precision_command(CLI::App& bench, Command& selected);
+void add_bench_stability_command(CLI::App& bench, Command& selected);
+
+/// Returns the command line (without the program's name) with `bench --frames`, `--suite`, `--precision` or
+/// `--stability` spelled as the subcommand, `bench frames --frames`; others unchanged. Each subcommand knows its own
+/// old spelling.
+std::vector<std::string> with_bench_subcommand(std::vector<std::string> words);
+
+/// --repeat and --frame-repeat.
+struct BenchRepeats {
+    int repeat = 0, frame_repeat = 0;  ///< 0 = by device
+};
+void add_repeat_option(CLI::App& command, BenchRepeats& repeats);
+void add_frame_repeat_option(CLI::App& command, BenchRepeats& repeats);
+
+/// --generate. Returns the option.
+CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& sizes);
+
+/// --iteration; -1 = the last saved one. Returns the option.
+CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration);
+inline std::optional<std::int64_t> saved_iteration(std::int64_t iteration) {
+    return iteration < 0 ? std::nullopt : std::optional(iteration);
+}
+
+/// Sets up messages and threads as the options say.
+void prepare_bench(const TrainOptions& options);
+
+}  // namespace gs

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gsapp bench precision`: what each precision costs, and how far its frames are from those in double.
+#include <cstdio>
+#include <memory>
+
+#include "apps/gsapp/bench.h"
+#include "eval/bench/bench_cases.h"
+#include "eval/bench/precision.h"
+#include "eval/runs/bench_subject.h"
+#include "lib/core/options_cli.h"
+
+namespace gs {
+namespace {
+
+struct PrecisionArguments {
+    BenchRepeats repeats;
+    std::int64_t iteration = -1;
+};
+
+void bench_precision(const TrainArguments& train, const PrecisionArguments& arguments) {
+    const TrainOptions options = train.resolve({.stored_run = true, .default_source = ""});
+    prepare_bench(options);
+    const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
+    const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
+    const TextTable table = precision_table(measure_precision(options, subject.scene, subject.model, bench));
+    std::fputs((subject.name + "\n\n" + markdown_table(table)).c_str(), stdout);
+}
+
+}  // namespace
+
+void add_bench_precision_command(CLI::App& bench, Command& selected) {
+    CLI::App* command = bench.add_subcommand(
+        "precision",
+        "Measure time, memory and error against double precision at every precision that options choose, "
+        "of the trained model in -m RUN or of a scene's initial points");
+    const auto train = std::make_shared<TrainArguments>(*command);
+    const auto arguments = std::make_shared<PrecisionArguments>();
+    command->add_flag("--precision")->group("");  // the old spelling of the subcommand
+    add_repeat_option(*command, arguments->repeats);
+    add_frame_repeat_option(*command, arguments->repeats);
+    add_iteration_option(*command, arguments->iteration);
+    command->callback(
+        [train, arguments, &selected] { selected = [train, arguments] { bench_precision(*train, *arguments); }; });
+}
+
+}  // namespace gs

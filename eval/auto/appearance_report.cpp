@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// The sentences and the JSON about a choice.
+#include "eval/auto/appearance_report.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace gs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// A cause of errors in one word for programs, and in some for people.
+struct CauseText {
+    const char *name, *words;
+};
+
+CauseText cause_text(RemainingError error) {
+    switch (error) {
+        case RemainingError::kReflectance:
+            return {"reflectance", "reflectance"};
+        case RemainingError::kPhotometric:
+            return {"photometric",
+                    "photometric: whole images differ in exposure or colour, which no appearance explains and --ppisp "
+                    "is for"};
+        case RemainingError::kInconsistency:
+            return {"inconsistency",
+                    "inconsistency between images (things that moved, changing light), not reflectance"};
+        case RemainingError::kUnresolved:
+            break;
+    }
+    return {"unresolved",
+            "detail that a short training does not reach; less of it depends on the direction than is allowed"};
+}
+
+/// Shares of the squared error without view dependence.
+struct Explained {
+    double direction, direction_held_out, photometric, neither;
+};
+
+Explained explained(const ResidualParts& parts) {
+    const double rest = 1 - parts.photometric, direction = rest * std::max(parts.direction, 0.0);
+    return {direction, rest * parts.held_out_direction, parts.photometric, rest - direction};
+}
+
+std::string obstacle_text(const AppearanceMeasurements& m) {
+    if (*m.obstacle == Obstacle::kMasks) return "masks leave nothing of the views that models would be compared on";
+    return fmt::format(
+        "of {} training views none can be held out ({} are needed), and only these could show that direction matters",
+        m.num_views, kFewestViews);
+}
+
+std::string trials_text(const AppearanceMeasurements& m, double tolerance) {
+    if (m.trials.empty())
+        return fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed",
+                           gain_in_decibels(m.parts.direction), tolerance);
+    std::string text = fmt::format("held out after {} iterations of each:", m.trial_iterations);
+    for (const AppearanceTrial& t : m.trials)
+        text += fmt::format("{} {} {:.2f} dB ({} B)", &t == &m.trials.front() ? "" : ",", t.model, t.psnr, t.bytes);
+    if (!m.unfinished.empty()) text += fmt::format("; no time to finish {}", fmt::join(m.unfinished, ", "));
+    return text;
+}
+
+std::string choice_text(const AppearanceMeasurements& m, const AppearanceDecision& decision, double tolerance) {
+    if (!decision.choice) return fmt::format("{}: {} bytes per Gaussian", decision.model, m.plain_bytes);
+    const AppearanceTrial &chosen = m.trials[decision.choice->chosen], &best = m.trials[decision.choice->best];
+    return fmt::format("{}: {} bytes per Gaussian, {:.2f} dB below {}, the best; {} dB are allowed", chosen.model,
+                       chosen.bytes, best.psnr - chosen.psnr, best.model, tolerance);
+}
+
+std::vector<std::string> lines_of(const AppearanceMeasurements& m, const AppearanceDecision& decision,
+                                  double tolerance) {
+    const Explained e = explained(m.parts);
+    return {fmt::format("{} of {} training views held out; {} trained for {} iterations at {}x{}; {:.1f} s in all",
+                        m.num_held_out, m.num_views, m.plain_model, m.warm_up_iterations, m.image_width, m.image_height,
+                        m.seconds),
+            fmt::format("of the error without view dependence {:.1f} % is explained by direction ({:.1f} % on held-out "
+                        "views), {:.1f} % by photometric change of "
+                        "whole images, {:.1f} % by neither",
+                        100 * e.direction, 100 * e.direction_held_out, 100 * e.photometric, 100 * e.neither),
+            fmt::format("what is left is {}", cause_text(decision.remaining).words), trials_text(m, tolerance),
+            choice_text(m, decision, tolerance)};
+}
+
+Json number(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
+
+Json trials_json(const std::vector<AppearanceTrial>& trials) {
+    Json json = Json::array();
+    for (const AppearanceTrial& t : trials)
+        json.push_back({{"model", t.model},
+                        {"bytes_per_gaussian", t.bytes},
+                        {"iteration_seconds", t.seconds},
+                        {"PSNR", number(t.psnr)}});
+    return json;
+}
+
+Json json_of(const AppearanceMeasurements& m, const AppearanceDecision& decision, double tolerance,
+             const std::vector<std::string>& lines) {
+    const Explained e = explained(m.parts);
+    return {{"model", decision.model},
+            {"tolerance", tolerance},
+            {"held_out_views", m.num_held_out},
+            {"image_size", {m.image_width, m.image_height}},
+            {"warm_up_iterations", m.warm_up_iterations},
+            {"trial_iterations", m.trial_iterations},
+            {"explained",
+             {{"direction", e.direction},
+              {"photometric", e.photometric},
+              {"neither", e.neither},
+              {"direction_held_out", e.direction_held_out}}},
+            {"direction_worth_dB", number(gain_in_decibels(m.parts.direction))},
+            {"remainder", cause_text(decision.remaining).name},
+            {"trials", trials_json(m.trials)},
+            {"no_time_for", m.unfinished},
+            {"lines", lines},
+            {"seconds", m.seconds}};
+}
+
+}  // namespace
+
+AppearanceReport describe_appearance(const AppearanceMeasurements& measured, const AppearanceDecision& decision,
+                                     double tolerance) {
+    AppearanceReport report{decision.model, {}, {}};
+    if (measured.obstacle) {
+        report.lines = {decision.model + ": " + obstacle_text(measured)};
+        report.json = {{"model", decision.model}, {"lines", report.lines}, {"seconds", measured.seconds}};
+        return report;
+    }
+    report.lines = lines_of(measured, decision, tolerance);
+    report.json = json_of(measured, decision, tolerance, report.lines);
+    return report;
+}
+
+}  // namespace gs

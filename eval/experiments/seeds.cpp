@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gives each run its seed and its folder.
+#include "eval/experiments/seeds.h"
+
+#include <fmt/format.h>
+
+#include "eval/experiments/cell.h"
+#include "eval/experiments/train_run.h"
+#include "kernels/core/error.h"
+#include "lib/core/log.h"
+
+namespace gs {
+
+std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRun& train) {
+    if (!base.resume.empty())
+        throw UsageError("--runs: runs are not resumed; the same command again trains those that are missing");
+    require_named_appearance(base);
+    if (!base.eval) throw UsageError("--runs: there is nothing to average without --eval");
+    if (base.model.empty()) base.model = free_run_folder("output", base, "-0");
+    std::vector<TableRow> rows;
+    for (int k = 0; k < num_runs; ++k) {
+        TrainOptions options = base;
+        options.seed = base.seed + std::uint64_t(k);
+        options.model = fmt::format("{}-{}", base.model, k);
+        std::optional<TableRow> row;
+        if (!options.overwrite) row = finished_run(options);
+        if (row)
+            log_info("run {} of {}: finished before in {}", k + 1, num_runs, options.model);
+        else
+            row = train(options);
+        if (row) rows.push_back(*row);
+    }
+    return rows;
+}
+
+}  // namespace gs

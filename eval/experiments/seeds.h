@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// The same training with several seeds, for means and deviations.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "eval/report/table.h"
+#include "lib/core/train_options.h"
+
+namespace gs {
+
+/// Trains one run of these options and returns its row; empty where nothing was scored.
+using TrainRun = std::function<std::optional<TableRow>(const TrainOptions&)>;
+
+/// Trains `num_runs` runs with the seeds base.seed, base.seed + 1, ... in the folders <base.model>-0, <base.model>-1,
+/// ... (empty: free ones in output/), and returns their rows. Runs that are finished are not trained again unless
+/// `base.overwrite`. Throws UsageError for `base.resume`, for `--appearance auto` and without `base.eval`, and what
+/// `train` throws.
+std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRun& train);
+
+}  // namespace gs

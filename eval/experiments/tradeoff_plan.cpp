@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds everything that would make runs fail or a budget useless before the first run starts.
+#include "eval/experiments/tradeoff_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "kernels/core/error.h"
+#include "lib/train/scene_options.h"
+
+namespace gs {
+namespace {
+
+double default_give_up(Quality quality) { return quality == Quality::kPsnr ? 1.0 : 0.02; }
+
+void require_free_folders(const Rounds& rounds) {
+    for (const auto& round : rounds)
+        for (const Configuration& configuration : round)
+            if (const std::string difference = difference_to_run(configuration.options); !difference.empty())
+                throw UsageError(
+                    fmt::format("{} holds a run of other options ({}); choose another -m FOLDER, or give --overwrite",
+                                configuration.options.model, difference));
+}
+
+/// Says how many configurations have a --cap-max below the scene's `points`; empty where none has.
+std::string remark_on_budgets(const std::vector<Configuration>& round, std::int64_t points) {
+    const auto below =
+        std::count_if(round.begin(), round.end(), [&](const Configuration& c) { return c.options.cap_max < points; });
+    if (below == 0) return "";
+    return fmt::format(
+        "{} of {} configurations have a --cap-max below the {} points that the scene begins with; training keeps "
+        "these, "
+        "so that they do not become smaller. A higher --cap-max makes the budget a limit.",
+        below, round.size(), points);
+}
+
+}  // namespace
+
+TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request) {
+    if (!base.resume.empty())
+        throw UsageError("tradeoff: runs are not resumed; the same command again trains those that are missing");
+    if (base.model.empty())
+        base.model = (std::filesystem::path("output") / (scene_name(base.source) + "-tradeoff")).string();
+    TradeoffPlan plan{base.model, {}, {}};
+    plan.tradeoff.source = base.source;
+    plan.tradeoff.quality = request.quality;
+    plan.tradeoff.give_up = request.give_up.value_or(default_give_up(request.quality));
+    plan.rounds =
+        (request.search == SearchKind::kGrid ? plan_grid : plan_halving)(request.axes, base, plan.tradeoff.axes);
+    if (!base.overwrite) require_free_folders(plan.rounds);
+    const Scene scene = load_scene(scene_options(plan.rounds[0][0].options));
+    if (scene.test.empty())
+        throw DataError(
+            fmt::format("{}: there are no test views to measure quality on ({})", scene.source, scene.split_rule));
+    if (std::string remark = remark_on_budgets(plan.rounds[0], std::int64_t(scene.points.positions.size()));
+        !remark.empty())
+        plan.tradeoff.remarks.push_back(std::move(remark));
+    return plan;
+}
+
+}  // namespace gs

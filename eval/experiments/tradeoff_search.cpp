@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rounds of a search, and which cell is worth starting in the time that is left.
+#include "eval/experiments/tradeoff_search.h"
+
+#include <fmt/format.h>
+
+#include <numeric>
+
+#include "eval/experiments/time_plan.h"
+
+namespace gs {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+class Search {
+  public:
+    Search(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const CellsRunner& run_cells)
+        : tradeoff_(plan.tradeoff),
+          rounds_(plan.rounds),
+          folder_(plan.folder),
+          deadline_(deadline),
+          run_cells_(run_cells) {}
+
+    CellsSummary run() {
+        std::vector<std::size_t> chosen(rounds_[0].size());  // indices within a round
+        std::iota(chosen.begin(), chosen.end(), std::size_t(0));
+        for (std::size_t r = 0; r < rounds_.size(); ++r) {
+            const std::size_t first = tradeoff_.runs.size();
+            for (const std::size_t i : chosen) tradeoff_.runs.push_back({.configuration = rounds_[r][i]});
+            train(first);
+            std::vector<std::size_t> finished;
+            bool complete = true;  // failures do not count: another length would not mend them
+            for (std::size_t k = first; k < tradeoff_.runs.size(); ++k) {
+                if (tradeoff_.runs[k].result) finished.push_back(k);
+                complete = complete && (tradeoff_.runs[k].result || tradeoff_.runs[k].state == RunState::kFailed);
+            }
+            if (finished.empty() || r + 1 == rounds_.size()) break;
+            if (!complete) {
+                tradeoff_.remarks.push_back(fmt::format(
+                    "The search ended in round {} of {}, before the better half was chosen for longer trainings.",
+                    r + 1, rounds_.size()));
+                break;
+            }
+            std::vector<std::size_t> next;
+            for (const std::size_t k : promoted(tradeoff_, finished)) next.push_back(chosen[k - first]);
+            chosen = next;
+        }
+        write_tradeoff(folder_, tradeoff_);
+        return summary_;
+    }
+
+  private:
+    /// Trains the runs from `first` on.
+    void train(std::size_t first) {
+        std::vector<Cell> cells;
+        for (std::size_t k = first; k < tradeoff_.runs.size(); ++k) {
+            const Configuration& configuration = tradeoff_.runs[k].configuration;
+            cells.push_back({configuration_name(tradeoff_.axes, configuration), configuration.options});
+        }
+        write_tradeoff(folder_, tradeoff_);
+        CellHooks hooks;
+        hooks.deadline = deadline_;
+        hooks.choose = [&](const std::vector<std::size_t>& pending) { return choose(pending, cells); };
+        hooks.done = [&](std::size_t k, const CellOutcome& outcome) { finish(tradeoff_.runs[first + k], outcome); };
+        const CellsSummary summary = run_cells_(cells, hooks);
+        if (summary_.num_failed == 0) summary_.first_code = summary.first_code;
+        summary_.num_failed += summary.num_failed;
+        summary_.interrupted = summary.interrupted;
+        if (summary.interrupted) return;
+        for (std::size_t k = first; k < tradeoff_.runs.size(); ++k)
+            if (tradeoff_.runs[k].state == RunState::kNotReached) tradeoff_.runs[k].state = RunState::kNoTime;
+    }
+
+    /// Returns the first pending cell that is expected to end in time.
+    std::optional<std::size_t> choose(const std::vector<std::size_t>& pending, const std::vector<Cell>& cells) const {
+        if (!deadline_) return pending.front();
+        const double left = std::chrono::duration<double>(*deadline_ - Clock::now()).count();
+        for (const std::size_t k : pending)
+            if (time_plan_.fits(cells[k].options, left)) return k;
+        return std::nullopt;
+    }
+
+    void finish(TradeoffRun& run, const CellOutcome& outcome) {
+        run.result = outcome.result;
+        run.error = outcome.error;
+        if (outcome.result)
+            run.state = RunState::kFinished;
+        else if (!outcome.error.empty())
+            run.state = RunState::kFailed;
+        else if (deadline_ && Clock::now() >= *deadline_)
+            run.state = RunState::kStopped;
+        if (outcome.result)
+            time_plan_.add(run.configuration.options, outcome.result->train_seconds, outcome.wall_seconds);
+        if (outcome.wall_seconds)
+            write_tradeoff(folder_, tradeoff_);  // cells that were finished before need no file each
+    }
+
+    Tradeoff& tradeoff_;
+    const Rounds& rounds_;
+    const std::filesystem::path& folder_;
+    const std::optional<Clock::time_point> deadline_;
+    const CellsRunner& run_cells_;
+    TimePlan time_plan_;
+    CellsSummary summary_;
+};
+
+}  // namespace
+
+CellsSummary search_tradeoff(TradeoffPlan& plan, std::optional<Clock::time_point> deadline, const CellsRunner& run) {
+    return Search(plan, deadline, run).run();
+}
+
+}  // namespace gs

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Loads the scene, chooses an appearance if asked, trains, scores.
+#include "eval/experiments/train_run.h"
+
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "eval/auto/find_appearance.h"
+#include "eval/runs/saved_run.h"
+#include "eval/runs/training_evaluation.h"
+#include "kernels/core/error.h"
+#include "kernels/cuda/cuda_device.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/log.h"
+#include "lib/core/options.h"
+#include "lib/core/progress.h"
+#include "lib/core/version.h"
+#include "lib/io/atomic_file.h"
+#include "lib/train/scene_options.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+void describe_scene(const Scene& scene) {
+    log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(),
+             scene.test.size(), scene.split_rule, scene.points.positions.size());
+    for (const std::string& note : scene.notes) log_warning("{}", note);
+}
+
+void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choice) {
+    write_text_atomic(RunFolder{run_folder}.appearance_choice(), choice.dump(1) + "\n");
+}
+
+/// Puts a model in the place of `--appearance auto`, and writes down why: to auto.json and as the first event of the
+/// log.
+void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart& start) {
+    const AppearanceReport report = find_appearance(options, scene);
+    for (const std::string& line : report.lines) log_info("--appearance auto: {}", line);
+    write_choice(options.model, report.json);
+    start.first_event = report.json;
+    start.first_event["event"] = "appearance_choice";
+    options.appearance = report.model;
+}
+
+/// Adds to auto.json how long the choice took compared with the training that followed.
+void add_share_of_training(const TrainOptions& options, double train_seconds) {
+    nlohmann::ordered_json choice = read_appearance_choice(options.model);
+    if (choice.is_null() || !options.resume.empty()) return;
+    choice["share_of_training"] = choice.value("seconds", 0.0) / train_seconds;
+    write_choice(options.model, choice);
+    log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0),
+             choice.value("share_of_training", 0.0));
+}
+
+void describe_training(const TrainOptions& options, const TrainSummary& summary) {
+    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
+             summary.train_seconds, summary.data_wait_seconds, summary.num_gaussians);
+    if (summary.controller_seconds > 0)
+        log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations,
+                 summary.controller_seconds);
+}
+
+nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
+    nlohmann::ordered_json event = {{"event", "finished"},
+                                    {"iteration", options.iterations},
+                                    {"num_gaussians", summary.num_gaussians},
+                                    {"train_seconds", summary.train_seconds}};
+    if (summary.controller_seconds > 0) event["controller_seconds"] = summary.controller_seconds;
+    if (summary.memory.peak > 0) event["peak_device_bytes"] = summary.memory.peak;
+    event["model"] = options.model;
+    return event;
+}
+
+}  // namespace
+
+std::string free_run_folder(const fs::path& parent, const TrainOptions& options, const std::string& suffix) {
+    for (int n = 1;; ++n) {
+        const fs::path folder =
+            parent / (scene_name(options.source) + "-" + options.appearance + "-" + std::to_string(n));
+        if (!fs::exists(folder.string() + suffix)) return folder.string();
+    }
+}
+
+std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
+    setup_log(shown_messages(options));
+    if (options.device == Device::kCuda && !cuda_available())
+        throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
+    if (options.model.empty()) options.model = free_run_folder("output", options);
+    // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
+    const Scene scene = load_scene(scene_options(options));
+    if (options.appearance == kAutoAppearance && !options.resume.empty())
+        options.appearance = checkpoint_appearance(options);
+    RunStart start = open_run(options);
+    add_log_file(fs::path(options.model) / "gsapp.log");
+    log_info("{}, output folder {}", version_text(), options.model);
+    describe_scene(scene);
+
+    catch_interrupts();
+    if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
+    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
+    TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
+    TrainHooks hooks;
+    const bool measure = options.eval && !scene.test.empty();
+    if (measure)
+        hooks.evaluate = std::ref(evaluation);
+    else if (options.eval)
+        log_warning("--eval: there are no test views ({})", scene.split_rule);
+    const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
+    progress.finish();
+    describe_training(options, summary);
+    add_share_of_training(options, summary.train_seconds);
+    std::optional<TableRow> row;
+    if (measure) {
+        evaluation.finish(summary);
+        row = read_table_row(options.model, evaluation.iteration());
+        read_training(*row, options.model);
+    }
+    progress.event(finished_event(options, summary));
+    return row;
+}
+
+}  // namespace gs

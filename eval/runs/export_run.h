@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// A finished run as a web page that shows it, or as a file for other programs.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+namespace gs {
+
+struct ExportRequest {
+    std::filesystem::path run;              ///< folder of the run
+    std::optional<std::int64_t> iteration;  ///< saved iteration; empty: the last
+    std::filesystem::path output;           ///< folder to write to
+    bool overwrite = false;                 ///< replace an earlier export there
+};
+
+/// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views of
+/// `source` (empty: the scene of the run) and tells it in the log and in the file. Throws UsageError where the output
+/// is taken, what open_saved_run throws, NumericError for parameters that are not finite, and DataError where a file
+/// cannot be written.
+void export_web(const ExportRequest& request, const std::string& source);
+
+enum class SplatFormat {
+    kPly,    ///< point_cloud.ply as 3DGS writes it
+    kSplat,  ///< point_cloud.splat: one colour a Gaussian, 32 bytes
+};
+
+/// Writes the file. With `sh_projection` a PLY holds spherical harmonics of degree 3 that are fitted to the colours of
+/// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web.
+void export_file(const ExportRequest& request, SplatFormat format, bool sh_projection);
+
+}  // namespace gs

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scores of the held-out views, written while the training goes on.
+#include "eval/runs/training_evaluation.h"
+
+#include <fmt/format.h>
+
+#include "eval/bench/bench.h"
+#include "eval/runs/saved_run.h"
+#include "lib/core/log.h"
+#include "lib/core/options.h"
+
+namespace gs {
+namespace {
+
+constexpr int kComparisonViews = 4;  // enough to judge a scene, small enough for one screen
+
+}  // namespace
+
+TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress,
+                                       int frame_rounds)
+    : options_(options), scene_(scene), progress_(progress), frame_rounds_(frame_rounds) {
+    background_ = options.background.color;  // black where the training draws random ones
+}
+
+void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend) {
+    // Pictures of intermediate iterations would fill disks; their scores are kept.
+    const bool last = iteration == options_.iterations;
+    eval_ = {.run_folder = last ? std::filesystem::path(options_.model) : std::filesystem::path(),
+             .iteration = iteration,
+             .correction = saved_correction(options_.model)};
+    result_ = evaluate_views(backend, scene_.test, background_, eval_);
+    facts_ = run_facts(options_, scene_, background_, backend.count());
+    if (last && frame_rounds_ > 0)
+        facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
+    write_results(RunFolder{options_.model}, eval_, result_, facts_);
+    if (last) write_comparison(comparison(), backend, scene_.test, background_, kComparisonViews, eval_.correction);
+    const bool corrected = eval_.correction.mode != CorrectionMode::kOff;
+    log_info("iteration {}: PSNR {:.2f}, SSIM {:.4f} on {} test views{}", iteration, result_.psnr, result_.ssim,
+             result_.views.size(),
+             corrected ? fmt::format(", photometric correction: {}", correction_name(eval_.correction.mode)) : "");
+    progress_.event({{"event", "evaluation"},
+                     {"iteration", iteration},
+                     {"views", result_.views.size()},
+                     {"psnr", result_.psnr},
+                     {"ssim", result_.ssim},
+                     {"ppisp_eval", correction_name(eval_.correction.mode)}});
+}
+
+void TrainingEvaluation::finish(const TrainSummary& summary) {
+    facts_.train_seconds = summary.train_seconds;
+    if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
+    facts_.photometric = summary.photometric;
+    facts_.appearance_choice = read_appearance_choice(options_.model);
+    if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
+    write_results(RunFolder{options_.model}, eval_, result_, facts_);
+    log_info("photographs and renders side by side: {}", comparison().string());
+}
+
+std::filesystem::path TrainingEvaluation::comparison() const {
+    return std::filesystem::path(options_.model) / "comparison.png";
+}
+
+}  // namespace gs

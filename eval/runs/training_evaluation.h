@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measures the held-out views while a run is trained, and when it has ended.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "eval/runs/results.h"
+#include "kernels/backend.h"
+#include "lib/core/progress.h"
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+
+/// Takes the place of TrainHooks::evaluate and keeps the latest scores.
+class TrainingEvaluation {
+  public:
+    /// `scene` has test views. `frame_rounds`: rounds through these in which frames of the trained model are timed; 0 =
+    /// none. The references have to outlive the object.
+    TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds);
+
+    /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes
+    /// the pictures and comparison.png.
+    void operator()(std::int64_t iteration, Backend& backend);
+
+    /// Adds to results.json what is known only after the training: its time, its memory, and how automatic options were
+    /// decided.
+    void finish(const TrainSummary& summary);
+
+    /// The iteration that was scored last; 0 = none yet.
+    std::int64_t iteration() const { return eval_.iteration; }
+
+  private:
+    std::filesystem::path comparison() const;
+
+    const TrainOptions& options_;
+    const Scene& scene_;
+    Progress& progress_;
+    const int frame_rounds_;
+    Vec3<float> background_;
+    EvalOptions eval_;
+    EvalResult result_;
+    RunFacts facts_;
+};
+
+}  // namespace gs

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cells trained by a program that only writes what a run leaves behind.
+#include "eval/experiments/cell_runner.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "lib/core/options.h"
+#include "tests/core/temporary_folder.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Indices = std::vector<std::size_t>;
+
+/// Writes the files of a finished run; fails where the folder's name ends with "broken", and leaves no scores where it
+/// ends with "silent".
+constexpr const char* kProgram = R"(#!/bin/sh
+test "$1 $2 $4 $5" = "train --config --time-frames 1" || exit 1
+model=$(sed -n 's/^model: *//p' "$3")
+echo "called: $*" >> "${0%/*}/calls"
+case "$model" in *broken) echo "an error: the disk is full"; exit 3;; esac
+mkdir -p "$model/point_cloud/iteration_20"
+cp "$3" "$model/config.yaml"
+case "$model" in *silent) exit 0;; esac
+printf 0123456789 > "$model/point_cloud/iteration_20/point_cloud.ply"
+echo '{"ours_20": {"PSNR": 20.5, "SSIM": 0.75}, "num_gaussians": {"ours_20": 123},
+       "timing": {"ours_20": {"train_seconds": 4, "frame_seconds": 0.5}}}' > "$model/results.json"
+)";
+
+class CellRunnerTest : public ::testing::Test {
+  protected:
+    CellRunnerTest() {
+        hooks_.program = tmp_.write("program", kProgram);
+        fs::permissions(hooks_.program, fs::perms::owner_all);
+        hooks_.done = [this](std::size_t k, const CellOutcome& outcome) {
+            done_.push_back(k);
+            outcomes_.push_back(outcome);
+        };
+    }
+    Cell cell(const std::string& name) const {
+        TrainOptions options;
+        options.source = "builtin:diffuse";
+        options.device = Device::kCpu;
+        options.iterations = 20;
+        options.eval = true;
+        options.model = (tmp_.path() / name).string();
+        validate(options);
+        return {name, options};
+    }
+    bool called() const { return fs::exists(tmp_.path() / "calls"); }
+
+    test::TemporaryFolder tmp_;
+    CellHooks hooks_;
+    Indices done_;
+    std::vector<CellOutcome> outcomes_;
+};
+
+TEST_F(CellRunnerTest, TrainsCellsAndKeepsThoseThatAreFinished) {
+    const std::vector<Cell> cells = {cell("a"), cell("b")};
+    const CellsSummary summary = run_cells(cells, hooks_);
+    EXPECT_EQ(summary.num_failed, 0);
+    EXPECT_FALSE(summary.interrupted);
+    ASSERT_EQ(done_, (Indices{0, 1}));
+    ASSERT_TRUE(outcomes_[1].result) << outcomes_[1].error;
+    EXPECT_EQ(outcomes_[1].result->psnr, 20.5);
+    EXPECT_EQ(outcomes_[1].result->bytes, 10);
+    EXPECT_TRUE(outcomes_[1].wall_seconds);
+    EXPECT_NO_THROW(throw_unless_complete(summary, 2, "out/table.md"));
+
+    fs::remove(tmp_.path() / "calls");
+    run_cells(cells, hooks_);
+    EXPECT_FALSE(called()) << "nothing is missing";
+    ASSERT_EQ(outcomes_.size(), 4u);
+    EXPECT_TRUE(outcomes_[3].result);
+    EXPECT_FALSE(outcomes_[3].wall_seconds);
+
+    std::vector<Cell> again = cells;
+    for (Cell& c : again) c.options.overwrite = true;
+    run_cells(again, hooks_);
+    EXPECT_TRUE(called()) << "--overwrite trains all of them";
+}
+
+TEST_F(CellRunnerTest, AFailureDoesNotStopTheOthers) {
+    const CellsSummary summary = run_cells({cell("broken"), cell("silent"), cell("good")}, hooks_);
+    EXPECT_EQ(summary.num_failed, 2);
+    EXPECT_EQ(summary.first_code, ExitCode::kDataset);
+    ASSERT_EQ(done_, (Indices{0, 1, 2}));
+    EXPECT_EQ(outcomes_[0].error, "the disk is full");
+    EXPECT_NE(outcomes_[1].error.find("no scores"), std::string::npos) << outcomes_[1].error;
+    EXPECT_TRUE(outcomes_[2].result);
+    try {
+        throw_unless_complete(summary, 3, "out/table.md");
+        FAIL() << "two runs failed";
+    } catch (const Error& e) {
+        EXPECT_EQ(e.code(), ExitCode::kDataset);
+        EXPECT_STREQ(e.what(), "2 of 3 runs failed; the messages are in out/table.md");
+    }
+}
+
+TEST_F(CellRunnerTest, TheCallerChoosesTheOrderAndMayStop) {
+    std::vector<Indices> asked;
+    hooks_.choose = [&](const Indices& pending) {
+        asked.push_back(pending);
+        return pending.size() > 1 ? std::optional(pending.back()) : std::nullopt;
+    };
+    const CellsSummary summary = run_cells({cell("a"), cell("b"), cell("c")}, hooks_);
+    EXPECT_EQ(done_, (Indices{2, 1}));
+    EXPECT_EQ(asked, (std::vector<Indices>{{0, 1, 2}, {0, 1}, {0}}));
+    EXPECT_EQ(summary.num_failed, 0) << "a cell that was not reached has not failed";
+}
+
+TEST_F(CellRunnerTest, NothingStartsAfterTheDeadline) {
+    hooks_.deadline = std::chrono::steady_clock::now();
+    const CellsSummary summary = run_cells({cell("a")}, hooks_);
+    EXPECT_FALSE(called());
+    EXPECT_TRUE(done_.empty());
+    EXPECT_FALSE(summary.interrupted);
+}
+
+TEST_F(CellRunnerTest, AnExceptionOfTheCallerEndsTheRuns) {
+    hooks_.done = [](std::size_t, const CellOutcome&) { throw std::runtime_error("no space for the table"); };
+    EXPECT_THROW(run_cells({cell("a"), cell("b")}, hooks_), std::runtime_error);
+    EXPECT_FALSE(fs::exists(tmp_.path() / "b"));
+}
+
+TEST(CellsSummary, AnInterruptNamesTheFolderToGoOnIn) {
+    EXPECT_THROW(throw_unless_complete({.num_failed = 1, .first_code = ExitCode::kDevice, .interrupted = true}, 2,
+                                       "out/table.md"),
+                 Interrupted);
+}
+
+}  // namespace
+}  // namespace gs
