@@ -43,6 +43,8 @@ function(gs_precompile target kind)
     gs_kind_options(${holder} ${kind})
     target_precompile_headers(${holder} PRIVATE ${GSAPP_PRECOMPILED_${kind}})
   endif()
+  # The same definitions and include folders as the holder's, without which the compiler would not take its headers.
+  target_link_libraries(${target} PRIVATE Eigen3::Eigen nlohmann_json::nlohmann_json spdlog::spdlog)
   target_precompile_headers(${target} REUSE_FROM ${holder})
   # Once inlined library code comes from a precompiled header, GCC 12 no longer knows it for a system's: it warns of accesses
   # out of bounds that are none, and of registers inside its own AVX-512 header (GCC bug 105593).
