@@ -73,8 +73,10 @@ TEST(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
 TEST(Bench, TabulatesStabilityWithoutAScene) {
     const Program program;
     expect_lines(program.run("bench stability"), {"| softplus ", "| sh ", "on the axis", "N = 0.1542"});
-    expect_lines(program.run("bench --stability --help"), {"gsapp bench stability"}); // measuring takes long enough once
-    for (const std::string command : {"bench stability", "bench --stability"}) EXPECT_EQ(program.run(command + " --generate 1k").exit_code, 2);
+    expect_lines(program.run("bench --stability --help"),
+                 {"gsapp bench stability"});  // measuring takes long enough once
+    for (const std::string command : {"bench stability", "bench --stability"})
+        EXPECT_EQ(program.run(command + " --generate 1k").exit_code, 2);
 }
 
 TEST(Bench, ComparesPrecisionsOfTheTrainedModel) {
