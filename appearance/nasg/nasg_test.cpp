@@ -342,8 +342,9 @@ TEST(Nasg, RatesAreConstantOrFollowTheCameraSpacing) {
     for (const ModelInfo* info : {&appearance::nasg_info(), &appearance::nasgabor_info()}) {
         EXPECT_EQ(info->initial_degree, 0);
         EXPECT_EQ(info->default_max_degree, 1);
-        const auto rates = [&](double spacing) { return info->rates(1, {spacing, NAN}); };
-        EXPECT_DOUBLE_EQ(info->rates(1, {3, .001}).residual.at(0).at(1), .001) << "given: whatever the cameras are";
+        const auto rates = [&](double spacing) { return info->rates(1, {spacing, {{"lobe-lr", NAN}}}); };
+        EXPECT_DOUBLE_EQ(info->rates(1, {3, {{"lobe-lr", .001}}}).residual.at(0).at(1), .001)
+            << "given: whatever the cameras are";
         EXPECT_DOUBLE_EQ(info->rates(1, {}).residual.at(0).at(1), .0025);
         EXPECT_DOUBLE_EQ(rates(.3536).residual.at(0).at(1), .0025);
         EXPECT_DOUBLE_EQ(rates(.7072).residual.at(0).at(7000), .000625);

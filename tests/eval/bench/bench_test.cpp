@@ -198,10 +198,10 @@ TEST(GeneratedSet, ViewsShowTheSetItself) {
 }
 
 TEST(Bench, RepeatsByDeviceUnlessTheUserSays) {
-    EXPECT_EQ(bench_options("cpu", 0, 0).repeat, 20);
-    EXPECT_EQ(bench_options("cpu", 0, 0).frame_repeat, 3);
-    EXPECT_EQ(bench_options("cpu", 7, 5).repeat, 7);
-    EXPECT_EQ(bench_options("cpu", 7, 5).frame_repeat, 5);
+    EXPECT_EQ(bench_options(Device::kCpu, 0, 0).repeat, 20);
+    EXPECT_EQ(bench_options(Device::kCpu, 0, 0).frame_repeat, 3);
+    EXPECT_EQ(bench_options(Device::kCpu, 7, 5).repeat, 7);
+    EXPECT_EQ(bench_options(Device::kCpu, 7, 5).frame_repeat, 5);
 }
 
 TEST(Bench, ComparesBothSettingsOfDeterminismOnlyWhenAsked) {

@@ -6,6 +6,7 @@
 
 #include "eval/experiments/train_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/options.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {

@@ -54,7 +54,7 @@ TEST(Suite, ActivationsVaryTheFunctionAndTheOpacityRate) {
     const auto lines = suite_lines("activations", {"sh"}, base_options());
     ASSERT_EQ(lines.size(), 12u);
     EXPECT_EQ(lines[4].row, "softplus, opacity rate 0.025");
-    EXPECT_EQ(lines[4].cell.options.color_activation, "softplus");
+    EXPECT_EQ(lines[4].cell.options.color_activation, ColorActivation::kSoftplus);
     EXPECT_EQ(lines[4].cell.options.opacity_lr, 0.025);
     EXPECT_TRUE(std::isnan(lines[11].cell.options.opacity_lr));
     EXPECT_EQ(lines[11].cell.options.model, "out/hardsigmoid-auto-sh");

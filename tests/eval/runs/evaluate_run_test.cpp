@@ -39,13 +39,13 @@ TEST(EvaluateRun, ResultsOfAnotherSceneLieApart) {
 
 TEST(RunFrameTimes, AreAddedToTheResults) {
     const test::TinyRun saved;
-    const FrameTimesLine line = time_run_frames(saved.path(), std::nullopt, "cpu", 1);
+    const FrameTimesLine line = time_run_frames(saved.path(), std::nullopt, Device::kCpu, 1);
     EXPECT_EQ(line.run, saved.path());
     EXPECT_EQ(line.scene, "diffuse");
     EXPECT_EQ(line.num_gaussians, 1);
     EXPECT_EQ(line.times.num_views, 8) << "the test views";
     EXPECT_EQ(results(saved.path())["frame_times"]["ours_100"]["mean_seconds"], line.times.mean);
-    EXPECT_THROW(time_run_frames(saved.path(), 7, "cpu", 1), DataError);
+    EXPECT_THROW(time_run_frames(saved.path(), 7, Device::kCpu, 1), DataError);
 }
 
 TEST(BenchSubject, IsTheTrainedModelWhereThereIsOne) {

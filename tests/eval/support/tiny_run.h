@@ -42,11 +42,11 @@ struct TinyRun {
         options.source = "builtin:diffuse";
         options.model = (folder.path() / "run").string();
         options.resolution = 40;
-        options.device = "cpu";
+        options.device = Device::kCpu;
         options.eval = eval;
         options.appearance = model.appearance.model;
-        options.sh_degree = model.appearance.model == "sh" ? model.appearance.max_degree : options.sh_degree;
-        options.background = "0,0,1";
+        if (model.appearance.model == "sh") options.model_options["sh-degree"] = model.appearance.max_degree;
+        options.background = {.color = {0, 0, 1}};
         validate(options);
         write_ply(names().point_cloud(100), model, {.iteration = 100});
         folder.write("run/config.yaml", options_to_yaml(options));
