@@ -6,12 +6,12 @@
 
 namespace gs::appearance {
 
-/// min(raw, limit). NaN stays NaN, which gs_min(raw, limit) would turn into the limit.
+/// Returns min(raw, limit). NaN stays NaN, which gs_min(raw, limit) would turn into the limit.
 template <class T> GS_HD T at_most(T raw, T limit) { return gs_min(limit, raw); }
 template <class T> GS_HD T at_least(T raw, T limit) { return gs_max(limit, raw); }
 
-/// Gradient of a parameter behind at_most: 0 only where the optimizer would raise it further. With 0 on the whole flat
-/// part a parameter that once overshot could never return.
+/// The gradient of a parameter behind at_most: 0 only where the optimizer would raise it further. With 0 on the whole
+/// flat part a parameter that once overshot could never return.
 template <class T> GS_HD T gradient_at_most(T gradient, T raw, T limit) {
     return raw >= limit && gradient < T(0) ? T(0) : gradient;
 }

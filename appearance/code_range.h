@@ -15,7 +15,7 @@ struct SampledRow {
     double stands_for;  ///< rows of the scene
 };
 
-/// Rows on which ranges are compared, at most 20,000: those with the largest |x| in columns [first, first + count),
+/// The rows on which ranges are compared, at most 20,000: those with the largest |x| in columns [first, first + count),
 /// each for itself, as few of them decide whether a cut is seen, and others at even distances for all the rest.
 std::vector<SampledRow> sample_rows(const GroupArrays<float>& group, int first, int count);
 

@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-/// Binary operators by how tightly they bind. Of two where one begins the other, the longer stands first.
+/// The binary operators by how tightly they bind. Of two where one begins the other, the longer stands first.
 const std::vector<std::vector<std::string_view>> kOperators = {
     {"||"}, {"&&"}, {"==", "!=", "<=", ">=", "<", ">"}, {"+", "-"}, {"*", "/", "%"}};
 

@@ -21,7 +21,7 @@ enum class PackedResidualActivation : std::uint32_t { kNone, kTanh, kSoftplus };
 struct PackedHeader {
     std::uint32_t model = 0;        ///< PackingDescription::id
     std::uint32_t features = 0;     ///< sites, lobes, or inputs of a network that belong to the Gaussian
-    std::uint32_t frequencies = 0;  ///< of a network's encoding; for information, features are stored encoded
+    std::uint32_t frequencies = 0;  ///< in a network's encoding; for information, features are stored encoded
     std::uint32_t bands = 0;        ///< bit l: band l of spherical harmonics is stored, or an input of a network
     PackedResidualActivation activation = PackedResidualActivation::kNone;
     std::uint32_t neurons = 0, hidden_layers = 0;
@@ -33,7 +33,7 @@ struct PackedHeader {
 /// Sizes that follow from a header.
 struct PackedLayout {
     std::vector<int> texture_words;  ///< 32-bit words of a Gaussian in each texture: 4 or 2
-    std::int64_t weight_halves = 0;  ///< of the shared weights
+    std::int64_t weight_halves = 0;  ///< halves of the shared weights
 
     int bytes_per_gaussian() const {
         int words = 0;
@@ -51,7 +51,7 @@ struct PackedAppearance {
 /// What a model's folder gives to put it into a file and to show what is in one.
 struct Packing {
     const PackingDescription* description;
-    /// Header, weights and zeroed textures; degrees above the active one are left out, or can have no effect.
+    /// Returns header, weights and zeroed textures; degrees above the active one are left out, or can have no effect.
     /// Parameters are finite.
     PackedAppearance (*prepare)(const Gaussians& gaussians);
     /// Fills the row of one Gaussian; different rows from different threads.
@@ -65,7 +65,7 @@ struct Packing {
 /// zeros.
 inline constexpr int kHalvesPerTexel = 8, kMaxHalves = 64;
 
-/// Half `k` of Gaussian `row`.
+/// Sets half `k` of Gaussian `row`.
 inline void set_half(PackedAppearance& packed, std::int64_t row, int k, double value) {
     std::uint32_t& word =
         packed.textures[std::size_t(k / kHalvesPerTexel)][std::size_t(4 * row + k % kHalvesPerTexel / 2)];
@@ -82,13 +82,13 @@ inline double get_half(const PackedAppearance& packed, std::int64_t row, int k) 
 /// model cannot have.
 PackedLayout packed_layout(const PackedHeader& header);
 
-/// Zeroed weights and textures of that header for `count` Gaussians.
+/// Returns zeroed weights and textures of that header for `count` Gaussians.
 PackedAppearance make_packed(const PackedHeader& header, std::int64_t count);
 
-/// alpha of a stored residual.
+/// Returns alpha of a stored residual.
 Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x);
 
-/// The packing of the models with that number in the file.
+/// The packing of the models with this number in files. Throws DataError where no model has it.
 const Packing& packing_of(std::uint32_t model);
 
 }  // namespace gs

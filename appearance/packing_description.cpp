@@ -8,7 +8,7 @@
 namespace gs {
 namespace {
 
-/// Bits that the file has for a model's number.
+/// The largest number of a model that fits into the file's bits for it.
 constexpr std::uint32_t kLargestId = 7;
 
 PackingDescription description_of(const nlohmann::ordered_json& json) {

@@ -15,10 +15,10 @@ struct ShBasis {
     static constexpr double k3a = 0.5900435899266435, k3c = 2.890611442640554, k3d = 0.4570457994644658;
     static constexpr double k3f = 0.3731763325901154, k3h = 1.445305721320277;
 
-    /// Number of basis functions above band 0 that are active at `degree`.
+    /// The number of basis functions above band 0 that are active at `degree`.
     static GS_HD int num_bases(int degree) { return (degree + 1) * (degree + 1) - 1; }
 
-    /// Values of the active Y_i, i = 1.., into y[0..num_bases-1].
+    /// Writes the active Y_i, i = 1.., into y[0..num_bases-1].
     template <class T> static GS_HD void basis(const Vec3<T>& d, int degree, T* y) {
         const T x = d.x, yy = d.y, z = d.z;
         if (degree >= 1) {
@@ -44,7 +44,7 @@ struct ShBasis {
         }
     }
 
-    /// sum_i a_i grad Y_i(d): the direction gradient, given a_i = k_i . dL_dresidual.
+    /// Returns sum_i a_i grad Y_i(d), which is dL_ddirection for a_i = k_i . dL_dresidual.
     template <class T> static GS_HD Vec3<T> basis_gradient(const Vec3<T>& d, int degree, const T* a) {
         const T x = d.x, y = d.y, z = d.z;
         Vec3<T> g{T(0), T(0), T(0)};

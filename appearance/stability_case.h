@@ -14,11 +14,11 @@ namespace gs {
 /// numbers.
 struct StabilityCase {
     std::string kind;  ///< the row of the table it belongs to
-    /// Raw parameters, as wide as the model's residual at its highest degree; where a case sets them, the shared
+    /// The raw parameters, as wide as the model's residual at its highest degree; where a case sets them, the shared
     /// weights behind.
     std::vector<double> residual;
     std::array<double, 3> view = {};  ///< mean minus camera centre, any length
-    /// Exact residual where it is known without the model's own formulas, and what it is, e.g. "N".
+    /// The exact residual where it is known without the model's own formulas, and what it is, e.g. "N".
     std::optional<std::array<double, 3>> limit;
     std::string limit_name;
 };

@@ -80,7 +80,7 @@ struct StepRequest {
     double isp_rate = 0;
 };
 
-/// Statistics of the steps since the last call of `take_stats`.
+/// The statistics of the steps since the last call of `take_stats`.
 struct StepStats {
     std::int64_t steps = 0;
     double loss = 0, l1 = 0, ssim = 0;         ///< values of the last step
@@ -143,7 +143,8 @@ struct DensifyStats {
     std::int64_t relocated = 0, added = 0, cloned = 0, split = 0, pruned = 0, count = 0;
 };
 
-/// Selects Gaussians whose parameters are not finite or beyond kLargestParameter (kernels/densify/rows_device.h).
+/// Selects Gaussians with a parameter that is not finite or is beyond kLargestParameter
+/// (kernels/densify/rows_device.h).
 struct NonFiniteRows {};
 
 /// Selects Gaussians that can never be seen: opacity below 1/255 or |q|^2 < 1e-8.

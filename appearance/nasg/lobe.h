@@ -12,16 +12,18 @@ namespace gs::appearance {
 /// Keeps |tanh| of an angle parameter below 0.999999 = tanh(7.254...), so that every angle is in (0, pi) and its sine
 /// at least 1.4e-3.
 inline constexpr double kLargestRawAngle = 7.254328619247669;
-/// ln 1e4. Sharpness and anisotropy stay below 1e4, beyond which a lobe is narrower than any pixel.
+/// The largest raw sharpness or anisotropy, ln 1e4. Sharpness and anisotropy stay below 1e4, beyond which a lobe is
+/// narrower than any pixel.
 inline constexpr double kLargestRawShape = 9.210340371976184;
-/// ln 1e-6. Below that sharpness the density is uniform to float's precision, and its terms would be 0/0 at 0.
+/// The smallest raw sharpness, ln 1e-6. Below that sharpness the density is uniform to float's precision, and its terms
+/// would be 0/0 at 0.
 inline constexpr double kSmallestRawSharpness = -13.815510557964274;
 /// A constant that the reference implementation adds to the exponent of K.
 inline constexpr double kExponentFloor = 5e-6;
-/// Floor of the squared sine to the axis: a tenth of float's resolution of a direction.
+/// The floor of the squared sine to the axis: a tenth of float's resolution of a direction.
 inline constexpr double kSmallestSine2 = 1e-14;
-/// Squared sine (4.9e-4 radians) around the antipode within which the unbounded terms of the gradient are left out, as
-/// in the reference. The density has no limit at the antipode, since it depends on the azimuth.
+/// The squared sine (4.9e-4 radians) around the antipode within which the unbounded terms of the gradient are left out,
+/// as in the reference. The density has no limit at the antipode, since it depends on the azimuth.
 inline constexpr double kAntipodeSine2 = 2.4e-7;
 
 /// An angle whose cosine is tanh(raw), kept off 0 and pi.

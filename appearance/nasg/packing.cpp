@@ -22,7 +22,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
     return make_packed(header, g.count);
 }
 
-/// Per lobe: axes x and z (6), 2 lambda, a, with a carrier k, N, amplitude (3).
+/// Writes for each lobe: axes x and z (6), 2 lambda, a, with a carrier k, N, amplitude (3).
 template <class Model> void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {
     using Density = LobeDensity<double>;
     const auto& residual = g[Group::kResidual];

@@ -6,11 +6,11 @@
 
 namespace gs::appearance {
 
-/// A normalization beyond this is stored as this, and the rest of it as a factor of the amplitude: only their product
-/// shows.
+/// The largest normalization that is stored. The rest of a larger one becomes a factor of the amplitude: only their
+/// product shows.
 inline constexpr double kLargestPackedNorm = 6e4;
 
-/// Of Nasg and Nasgabor.
+/// The packing of Nasg or Nasgabor.
 template <class Model> const Packing& lobe_packing();
 
 }  // namespace gs::appearance

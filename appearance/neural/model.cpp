@@ -12,8 +12,8 @@
 namespace gs::appearance {
 namespace {
 
-/// Uniform in +-sqrt(6 / (inputs + outputs)) (Glorot), but for the output matrix: 0, so that training starts at the
-/// base colour. The random layers break the symmetry between neurons.
+/// Draws weights uniformly from +-sqrt(6 / (inputs + outputs)) (Glorot). The output matrix becomes 0, so that training
+/// starts at the base colour. The random layers break the symmetry between neurons.
 template <class Model> void init_weights(std::uint64_t seed, float* weights) {
     std::fill_n(weights, Model::kNumShared, 0.0f);
     for (int layer = 0; layer < Model::kLayers; ++layer) {

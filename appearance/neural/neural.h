@@ -10,8 +10,8 @@
 
 namespace gs::appearance {
 
-/// Limit of features that enter the network as they are, so that products with weights over a few layers stay finite.
-/// The gradient passes, so that a feature beyond the limit comes back.
+/// The limit of features that enter the network as they are, so that products with weights over a few layers stay
+/// finite. The gradient passes, so that a feature beyond the limit comes back.
 inline constexpr double kLargestFeature = 1e4;
 
 /// The sine and cosine of the encoding at full precision.

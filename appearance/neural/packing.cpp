@@ -13,14 +13,14 @@ constexpr int kMaxBand = 3, kMaxNeurons = 256;  // as in packing.json
 
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 
-/// Directional inputs of the first layer: the basis functions of all bands in `bands`.
+/// Returns the number of directional inputs of the first layer: the basis functions of all bands in `bands`.
 int num_directional(const PackedHeader& header) {
     int n = 0;
     for (int band = 1; band <= kMaxBand; ++band) n += (header.bands >> band & 1) ? 2 * band + 1 : 0;
     return n;
 }
 
-/// Inputs whose weights are stored. Of a folded layer these are the directional ones alone.
+/// Returns the number of inputs whose weights are stored. A folded layer has the directional ones alone.
 int num_inputs(const PackedHeader& header) {
     const int other = header.folded ? 0 : int(header.features) + (header.constant_input ? 1 : 0);
     return other + num_directional(header);

@@ -7,7 +7,7 @@
 
 namespace gs::appearance {
 
-/// Of the networks of neural.h.
+/// The packing of a network of neural.h.
 template <class Model> const Packing& network_packing();
 
 }  // namespace gs::appearance

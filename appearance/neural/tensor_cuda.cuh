@@ -12,7 +12,7 @@
 
 namespace gs::tensor {
 
-/// Magnitude at which values saturate when they become halves. The largest half is 65504.
+/// The magnitude at which values saturate when they become halves. The largest half is 65504.
 inline constexpr float kSaturation = 60000.0f;
 
 /// Adds A B to C.

@@ -24,7 +24,7 @@ int degree_of(const PackedHeader& header) {
     return degree;
 }
 
-/// Largest code of a band.
+/// The largest code of a band.
 constexpr int code_limit(int band) { return (1 << (kPackedShBits[band - 1] - 1)) - 1; }
 
 int code_of(double coefficient, double scale, int band) {
@@ -44,8 +44,8 @@ double visible_error(const float* coefficients, int band, double scale, double o
     return sum;
 }
 
-/// Coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside where
-/// that shows less error.
+/// The coefficient that the largest code of a band stands for: the largest of the scene, or what leaves some outside
+/// where that shows less error.
 float find_band_scale(const Gaussians& g, int band) {
     const auto& residual = g[Group::kResidual];
     const auto coefficients = [&](std::int64_t row) {

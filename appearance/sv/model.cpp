@@ -24,7 +24,7 @@ AppearanceRates sv_rates(int sites, const RateContext&) {
     return rates;
 }
 
-/// Sites on a Fibonacci lattice, temperature 1, colours 0.
+/// Puts the sites on a Fibonacci lattice, with temperature 1 and colours 0.
 void sv_init(int sites, float* row) {
     for (int i = 0; i < sites; ++i, row += Sv::kPerSite) {
         const double p = i + 0.5, y = 1 - 2 * p / sites, r = std::sqrt(1 - y * y),

@@ -10,7 +10,7 @@ namespace gs::appearance {
 /// Keeps temperatures below e^11 = 6e4. Cells are then harder than a pixel can tell, and weights in float still exact
 /// enough.
 inline constexpr double kLargestRawTemperature = 11;
-/// Shortest raw site that still has a gradient. Only the direction of a site matters.
+/// The shortest raw site that still has a gradient. Only the direction of a site matters.
 inline constexpr double kShortestSite = 1e-6;
 
 /// residual(d) = sum_i w_i c_i, w = softmax(-tau_i |s_i - d|) over the first `degree` sites.
@@ -23,7 +23,7 @@ template <int kSites> struct SphericalVoronoi {
     /// One site seen from one direction d.
     template <class T> struct Site {
         Vec3<T> unit, offset;  ///< the unit site s; s - d
-        T length, distance;    ///< of the raw site; |s - d| (2 - 2 s.d would cancel)
+        T length, distance;    ///< length of the raw site; |s - d| (2 - 2 s.d would cancel)
         T temperature, logit;
 
         static GS_HD Site of(const T* raw, const Vec3<T>& d) {

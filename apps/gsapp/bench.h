@@ -25,17 +25,17 @@ void add_bench_stability_command(CLI::App& bench, Command& selected);
 /// old spelling.
 std::vector<std::string> with_bench_subcommand(std::vector<std::string> words);
 
-/// --repeat and --frame-repeat.
+/// The values of --repeat and --frame-repeat.
 struct BenchRepeats {
     int repeat = 0, frame_repeat = 0;  ///< 0 = by device
 };
 void add_repeat_option(CLI::App& command, BenchRepeats& repeats);
 void add_frame_repeat_option(CLI::App& command, BenchRepeats& repeats);
 
-/// --generate. Returns the option.
+/// Adds --generate. Returns the option.
 CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& sizes);
 
-/// --iteration; -1 = the last saved one. Returns the option.
+/// Adds --iteration; -1 = the last saved one. Returns the option.
 CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration);
 inline std::optional<std::int64_t> saved_iteration(std::int64_t iteration) {
     return iteration < 0 ? std::nullopt : std::optional(iteration);

@@ -31,7 +31,8 @@ std::vector<std::string> known_words(const CLI::App& app) {
     return words;
 }
 
-/// CLI11's own message, unless the cause is a word it does not know: then the nearest known one is named.
+/// Returns the message for a wrong command line. For an unknown word it names the nearest known one; otherwise it is
+/// CLI11's own message.
 std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     const CLI::App* command = &app;
     while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
@@ -45,7 +46,7 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     return error.what();
 }
 
-/// Version, backends, and what CUDA was built for and found, or why there is none.
+/// Returns version, backends, and what CUDA was built for and found, or why there is none.
 std::string version_report() {
     std::string text = version_text();
     if (cuda_available())

@@ -16,7 +16,7 @@ struct MetricArguments {
     std::optional<Device> device = {};
 };
 
-/// --metrics, --metric-weights and --device, into `arguments`, which must outlive `command`.
+/// Adds --metrics, --metric-weights and --device. Their values go into `arguments`, which must outlive `command`.
 void add_metric_options(CLI::App& command, MetricArguments& arguments);
 
 /// Throws UsageError.

@@ -13,8 +13,8 @@ namespace {
 /// more than half of what it takes off theirs. Measured: builtin:moved -0.42 (0.09 taken off the others),
 /// builtin:shadow -0.08 (0.03); builtin:polished -0.01 (0.06), diffuse 0.01, glossy 0.07, exposure 0.09, lego 0.13.
 constexpr double kNotableHarm = 0.03;
-/// Share of an affine map of colours from which images count as differently exposed: builtin:exposure 0.68, all others
-/// up to 0.16, which short trainings leave.
+/// The share of an affine map of colours from which images count as differently exposed: builtin:exposure 0.68, all
+/// others up to 0.16, which short trainings leave.
 constexpr double kNotablePhotometric = 0.3;
 
 bool worked(const AppearanceTrial& trial) { return std::isfinite(trial.psnr); }

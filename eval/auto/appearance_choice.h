@@ -39,7 +39,7 @@ enum class RemainingError {
 /// The rise of PSNR, in dB, if this share of the squared error went away.
 double gain_in_decibels(double share);
 
-/// `tolerance`: the rise of PSNR, in dB, from which direction counts as a cause.
+/// Names the main cause of the error. `tolerance`: the rise of PSNR, in dB, from which direction counts as a cause.
 RemainingError classify_remaining_error(const ResidualParts& parts, double tolerance);
 
 /// Whether models have to be tried: direction explains more than `tolerance` dB.

@@ -36,7 +36,7 @@ CauseText cause_text(RemainingError error) {
             "detail that a short training does not reach; less of it depends on the direction than is allowed"};
 }
 
-/// Shares of the squared error without view dependence.
+/// The shares of the squared error without view dependence.
 struct Explained {
     double direction, direction_held_out, photometric, neither;
 };

@@ -27,8 +27,8 @@ constexpr std::size_t kHeldOutEvery = 8;
 /// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
 /// 3000 and 1500 at 800 pixels with three times the Gaussians.)
 constexpr int kStageWidth = 400;
-/// Shares of options.iterations: the length of the training without view dependence that all trials begin from, and of
-/// each trial.
+/// The shares of options.iterations: the length of the training without view dependence that all trials begin from, and
+/// of each trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
 /// The largest share of the time of the following run that the measurements may take.
 constexpr double kTimeShare = 0.5;

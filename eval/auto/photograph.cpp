@@ -14,10 +14,10 @@
 namespace gs {
 namespace {
 
-/// Mask values from which a pixel counts.
+/// The mask value from which a pixel counts.
 constexpr int kCounts = 128;
-/// Mean squared difference of colours to their 8 bits. Differences below it say nothing, and none at all, as in a view
-/// past everything, would outweigh the other photographs of a mean.
+/// The mean squared difference of colours to their 8 bits. Differences below it say nothing, and none at all, as in a
+/// view past everything, would outweigh the other photographs of a mean.
 constexpr double kRounding = 1.0 / (12 * 255 * 255);
 
 Photograph photograph_of(const View& view, const ViewImage& image, const Vec3<float>& background) {

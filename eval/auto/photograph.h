@@ -17,7 +17,7 @@ struct Photograph {
     Camera camera;
     int camera_id = 0;
     std::vector<std::int32_t> pixels;  ///< those that count, ascending: y * camera.width + x
-    Image colors;                      ///< of these pixels in one row, 8-bit rgb on the background
+    Image colors;                      ///< colours of these pixels in one row, 8-bit rgb on the background
 };
 
 /// Returns the image of view k, which is in memory already. Called from several threads.

@@ -17,12 +17,13 @@
 namespace gs {
 namespace {
 
-/// Side of a voxel, pixels at the middle distance; small voxels catch noise of unresolved detail, large ones miss small
-/// highlights.
+/// The side of a voxel, pixels at the middle distance; small voxels catch noise of unresolved detail, large ones miss
+/// small highlights.
 constexpr double kVoxelPixels = 16;
 constexpr int kDegree = 3, kTerms = (kDegree + 1) * (kDegree + 1);
-/// Weight of small coefficients against the data, which keeps predictions beyond a voxel's directions tame. From 0.005
-/// to 0.07 the share of direction of builtin:diffuse stays below a fourth of that of polished, glossy, moved and lego.
+/// The weight of small coefficients against the data, which keeps predictions beyond a voxel's directions tame. From
+/// 0.005 to 0.07 the share of direction of builtin:diffuse stays below a fourth of that of polished, glossy, moved and
+/// lego.
 constexpr double kRidge = 0.025;
 /// Fewer photographs of a voxel say nothing about directions.
 constexpr int kFewestPhotographs = 4;
@@ -125,7 +126,7 @@ class Measurement {
     }
 
   private:
-    static constexpr double kSide = 4;  ///< of the cube around the ball
+    static constexpr double kSide = 4;  ///< side of the cube around the ball
     Backend& plain_;
     Backend& positions_;
     const Vec3<float> background_;
@@ -156,7 +157,7 @@ struct Voxel {
     Eigen::Vector3d all(const Basis& y) const { return coefficients.transpose() * y; }
 };
 
-/// Squared error that direction takes off a sample: how far the mean alone is off, and all terms.
+/// The squared error that direction takes off a sample: how far the mean alone is off, and all terms.
 double explained_error(const Sample& sample, const Eigen::Vector3d& mean_off, const Eigen::Vector3d& all_off) {
     return sample.pixels * (mean_off.squaredNorm() - all_off.squaredNorm());
 }

@@ -10,12 +10,12 @@
 
 namespace gs {
 
-/// Shares of squared errors.
+/// The shares of squared errors.
 struct ResidualParts {
     double photometric = 0;  ///< what an affine map of colours takes off the error of each held-out photograph
-    /// What a smooth function of the direction takes off the rest, over photographs that were trained on. At each place
-    /// it is predicted from all photographs but the one it is tried on. Near 0 or below where there is nothing to
-    /// learn.
+    /// The share that a smooth function of the direction takes off the rest, over photographs that were trained on. The
+    /// function is predicted at each place from all photographs but the one that it is tried on. The share is near 0 or
+    /// below where there is nothing to learn.
     double direction = 0;
     double held_out_direction = 0;  ///< the same on held-out photographs; below 0 where images contradict each other
 };

@@ -14,10 +14,10 @@
 namespace gs {
 namespace {
 
-/// Most views that are used: enough to average over, few enough that their images fit every memory.
+/// The most views that are used: enough to average over, few enough that their images fit every memory.
 constexpr std::size_t kMaxViews = 64;
-/// Factor on all rates. Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps without
-/// the moments of a real run would change the model that is measured.
+/// The factor on all rates. Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
+/// without the moments of a real run would change the model that is measured.
 constexpr double kFrozen = 1e-6;
 
 /// Takes training steps over decoded views, one after another.

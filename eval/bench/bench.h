@@ -15,7 +15,7 @@ namespace gs {
 /// The size at which renderers are usually compared.
 constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 
-/// Numbers of repetitions.
+/// The numbers of repetitions.
 struct BenchOptions {
     int repeat = 20;       ///< iterations in one measurement
     int frame_repeat = 3;  ///< rounds through all views when frames are timed

@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// How often things are measured on `device`; 0 = by device. A GPU needs many short steps for one good number, and on
-/// the CPU the same number of steps would take minutes.
+/// Returns how often things are measured on `device`; 0 leaves a number to the device. A GPU needs many short steps for
+/// one good number, and on the CPU the same number of steps would take minutes.
 BenchOptions bench_options(Device device, int repeat, int frame_repeat);
 
 /// Runs run_bench. With `compare_deterministic` also times iterations with the other setting of --deterministic, on a
@@ -18,8 +18,8 @@ BenchOptions bench_options(Device device, int repeat, int frame_repeat);
 BenchResult bench_model(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
                         const BenchOptions& bench, bool compare_deterministic);
 
-/// The same for a generated set (eval/bench/generated_set.h) of `count` Gaussians. `backend` is of the options'
-/// appearance.
+/// Measures a generated set (eval/bench/generated_set.h) of `count` Gaussians as bench_model does. `backend` is of the
+/// options' appearance.
 BenchResult bench_generated(Backend& backend, const TrainOptions& options, std::int64_t count,
                             const BenchOptions& bench, bool compare_deterministic);
 

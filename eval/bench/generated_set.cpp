@@ -22,7 +22,7 @@ using Eigen::Vector3d;
 
 constexpr int kNumSpheres = 16;
 constexpr int kNumCameras = 8;
-/// Distance (world units) and focal length (px) with which the ball fills the image's height and most of its width.
+/// The distance (world units) and focal length (px) with which the ball fills the image's height and most of its width.
 constexpr double kDistance = 1.9, kFocal = 800;
 
 /// Draws the random numbers of one Gaussian, four at a time.

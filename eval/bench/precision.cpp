@@ -17,7 +17,7 @@
 namespace gs {
 namespace {
 
-/// Most views that errors are measured on; the reference takes seconds for each.
+/// The most views that errors are measured on; the reference takes seconds for each.
 constexpr std::size_t kViews = 4;
 
 struct ReferenceView {

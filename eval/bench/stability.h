@@ -31,7 +31,8 @@ struct StabilityRow {
     double ulp = 0;                                  ///< largest error of the float evaluation in ULP
     double double_error = 0;                         ///< largest error of the double evaluation in the scale of the ULP
     std::int64_t num_values = 0, num_nonfinite = 0;  ///< values in float, and how many are not finite
-    /// Gradients of the wrong sign in float (zero has none), while the reference is larger than rounding can explain.
+    /// The number of gradients that have the wrong sign in float while the reference is larger than rounding can
+    /// explain. Zero has no sign.
     std::int64_t num_sign_flips = 0;
     std::int64_t num_wrong_limits = 0;  ///< exact limits that float misses by more than 0.03 %
     std::string limit;                  ///< values reached at the ends, for readers

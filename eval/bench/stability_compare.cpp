@@ -17,13 +17,13 @@ namespace {
 using Real = long double;
 using Results = StabilitySubject::Results;
 
-/// Relative change of an input by rounding: half a spacing of float.
+/// The relative change of an input by rounding: half a spacing of float.
 constexpr Real kRounding = 0x1p-24L;
-/// Floor of both scales: below it products of a few factors underflow in float.
+/// The floor of both scales: below it products of a few factors underflow in float.
 constexpr Real kFloor = 1e-30L;
 /// A value counts for the relative error where its scale is this many times the change by one rounding of the inputs.
 constexpr Real kDetermined = 1000;
-/// Number of perturbations: enough to come close to the worst one of a few inputs, cheap enough for 1e5 cases.
+/// The number of perturbations: enough to come close to the worst one of a few inputs, cheap enough for 1e5 cases.
 constexpr int kPerturbations = 8;
 
 template <class T> StabilityInputs<T> widened(const StabilityInputs<float>& in) {

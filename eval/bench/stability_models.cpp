@@ -24,14 +24,14 @@ namespace {
 using Results = StabilitySubject::Results;
 
 constexpr float kLargest = std::numeric_limits<float>::max();
-/// Largest value that all columns of a kind take at once. A sum of larger ones would exceed float's range.
+/// The largest value that all columns of a kind take at once. A sum of larger ones would exceed float's range.
 constexpr float kLargestTogether = 1e30f;
-/// Upper end of the usual gradient of a Gaussian's colour when the loss is a mean over an image.
+/// The upper end of the usual gradient of a Gaussian's colour when the loss is a mean over an image.
 constexpr float kTypicalGradient = 1e-3f;
-/// Allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
+/// The allowed relative error of an exact limit. NASG's floor under the exponent of K alone costs 2e-4.
 constexpr double kLimitTolerance = 3e-4;
 constexpr const char* kSharedKind = "shared weights";
-/// Fewest cases per value, and cases per column and value.
+/// The fewest cases per value, and cases per column and value.
 constexpr int kTrials = 24, kTrialsPerColumn = 2;
 
 /// The indices of a model's inputs among the numbers of a case.

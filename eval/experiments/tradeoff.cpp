@@ -25,12 +25,12 @@ std::vector<Objectives> objectives(const Tradeoff& tradeoff, const std::vector<s
     return points;
 }
 
-/// "2.1 times the bytes"
+/// Returns e.g. "2.1 times the bytes".
 std::string times(double ratio, const std::string& of_what) {
     return fmt::format("{:.{}f} times {}", ratio, ratio < 9.95 ? 1 : 0, of_what);
 }
 
-/// "2.1 times LESS" or "1.3 times MORE", or SAME.
+/// Returns "2.1 times LESS" or "1.3 times MORE", or SAME.
 std::string compared(double own, double other, const std::string& less, const std::string& more,
                      const std::string& same) {
     if (!(own > 0 && other > 0) || std::abs(own / other - 1) < kSame) return same;
@@ -64,8 +64,8 @@ class Recommender {
     const CellResult& result(std::size_t k) const { return *tradeoff_.runs[k].result; }
     double quality(std::size_t k) const { return quality_of(result(k), tradeoff_.quality); }
 
-    /// Among the runs near enough to the best in quality, returns the one of least cost, or a better one that costs
-    /// about the same.
+    /// Returns the run of least cost among those near enough to the best in quality, or a better one that costs about
+    /// the same.
     template <class Cost> std::size_t least(const Cost& cost) const {
         std::vector<std::size_t> allowed;
         for (const std::size_t k : front_)

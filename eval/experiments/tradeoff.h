@@ -37,7 +37,7 @@ struct Tradeoff {
 std::string quality_name(Quality quality);
 double quality_of(const CellResult& result, Quality quality);
 
-/// Indices of the finished runs, each list by falling quality.
+/// The indices of the finished runs, each list by falling quality.
 struct Ranking {
     std::vector<std::size_t> frontier;  ///< no other dominates these in quality, training time, frame time and bytes
     std::vector<std::size_t> dominated;

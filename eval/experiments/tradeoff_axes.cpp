@@ -104,7 +104,8 @@ std::string folder_name(const std::vector<TradeoffAxis>& axes, const std::vector
     return name;
 }
 
-/// Between two values of an axis: numbers by their places among its values, 0 to 1; words are the same or not.
+/// Returns the distance of two values of an axis, 0 to 1. Numbers count by their places among its values; words are the
+/// same or not.
 double distance_on(const TradeoffAxis& axis, const std::string& a, const std::string& b) {
     if (a == b) return 0;
     std::vector<double> numbers;

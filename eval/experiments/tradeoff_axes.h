@@ -28,17 +28,18 @@ struct Configuration {
 /// default ones.
 std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, const TrainOptions& base);
 
-/// `base` (not validated, so that "0 or -1 = by strategy" is decided by each configuration) with these values, in the
-/// folder <base.model>/<axis>-<value>_<axis>-<value>. Throws UsageError for a value that its option refuses.
+/// Returns `base` with these values (`base` is not validated, so that each configuration decides "0 or -1 = by
+/// strategy"), in the folder <base.model>/<axis>-<value>_<axis>-<value>. Throws UsageError for a value that its option
+/// refuses.
 Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const std::vector<std::string>& values,
                                  const TrainOptions& base);
 
-/// All combinations in the order in which they are to be trained: first the cheapest (iterations times --cap-max), then
-/// always the one that differs most from all before, so that whatever is left of the time, those that are trained span
-/// the whole. Throws UsageError for less than two, more than 1000, and equal ones.
+/// All combinations in the order in which they are to be trained. The cheapest (iterations times --cap-max) comes
+/// first, then always the one that differs most from all before it. Those that are trained when time runs out therefore
+/// span the whole. Throws UsageError for fewer than two, more than 1000, and equal ones.
 std::vector<Configuration> spread_grid(const std::vector<TradeoffAxis>& axes, const TrainOptions& base);
 
-/// "appearance sh, budget 0.3, iterations 7500"
+/// Names a configuration, e.g. "appearance sh, budget 0.3, iterations 7500".
 std::string configuration_name(const std::vector<TradeoffAxis>& axes, const Configuration& configuration);
 
 }  // namespace gs

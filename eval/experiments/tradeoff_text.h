@@ -9,16 +9,16 @@
 
 namespace gs {
 
-/// "30.12 dB", "0.9321"
+/// Formats a quality: "30.12 dB", "0.9321".
 std::string quality_text(double value, Quality quality);
-/// A difference: "0.42 dB", "0.0130 SSIM"
+/// Formats a difference: "0.42 dB", "0.0130 SSIM".
 std::string loss_text(double difference, Quality quality);
-/// "4.8 MB"
+/// Formats a size: "4.8 MB".
 std::string bytes_text(std::int64_t bytes);
-/// "143.2"
+/// Formats the frames per second of a result: "143.2".
 std::string fps_text(const CellResult& result);
 
-/// Finished runs: the frontier, then the dominated ones in grey.
+/// Tabulates the finished runs: the frontier, then the dominated ones in grey.
 TextTable tradeoff_table(const Tradeoff& tradeoff);
 
 /// The remarks, then what the numbers are: what marks the frontier, how often each was trained, the protocol.

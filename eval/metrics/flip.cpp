@@ -20,10 +20,10 @@ namespace {
 using Colour = std::array<double, 3>;
 using Taps = std::vector<double>;  ///< an odd number of weights; the middle one is for the pixel itself
 
-/// Exponents of colour and feature differences, and the bend of the curve that maps colour differences to [0,1].
+/// The exponents of colour and feature differences, and the bend of the curve that maps colour differences to [0,1].
 /// Source: section 4 of the paper.
 constexpr double kColourExponent = 0.7, kFeatureExponent = 0.5, kBendAt = 0.4, kBendValue = 0.95;
-/// Width of the human detector of edges, in degrees. Source: section 4.2.
+/// The width of the human detector of edges, in degrees. Source: section 4.2.
 constexpr double kFeatureWidth = 0.082;
 
 /// The white of the standard illuminant D65, and the matrices from linear rgb to XYZ and back.

@@ -21,7 +21,7 @@ struct MetricScore {
     std::string reason;           ///< "not measured: ..." where there is no value
 };
 
-/// Names, direction and precision of a metric in tables.
+/// The names, direction and precision of a metric in tables.
 struct MetricInfo {
     std::string name;  ///< word on the command line, e.g. lpips-vgg
     std::string key;   ///< key in results.json and heading of its column, e.g. LPIPS-VGG (3DGS writes LPIPS)

@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// Statistics of one column over the runs of a line.
+/// The statistics of one column over the runs of a line.
 struct ColumnStats {
     double mean = 0;
     std::optional<double> deviation;  ///< sample deviation (n - 1); empty for one run and for infinite values

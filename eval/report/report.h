@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Limits of the pictures on the page.
+/// The limits of the pictures on the page.
 struct ReportOptions {
     int max_views = 3;    ///< most views of a scene that are shown, evenly spread
     int max_width = 800;  ///< px; wider pictures are shrunk

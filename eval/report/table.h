@@ -25,9 +25,9 @@ struct TableRow {
     std::map<std::string, std::string> not_measured;  ///< reason by name, for metrics that were asked for
     std::optional<double> train_seconds;
     std::optional<double> frame_seconds;
-    std::optional<FrameTimes> frame_times;           ///< of `gsapp bench frames`
-    std::optional<std::int64_t> peak_device_bytes;   ///< of training on a GPU
-    std::optional<std::int64_t> bytes_per_gaussian;  ///< of the appearance
+    std::optional<FrameTimes> frame_times;           ///< result of `gsapp bench frames`
+    std::optional<std::int64_t> peak_device_bytes;   ///< peak of training on a GPU
+    std::optional<std::int64_t> bytes_per_gaussian;  ///< size of the appearance
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string protocol_name;  ///< one of protocols(); empty: the file does not say
     std::string protocol;       ///< protocol_line; rows with different ones do not compare

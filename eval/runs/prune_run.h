@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// Mean scores over the test views.
+/// The mean scores over the test views.
 struct PruneScores {
     double psnr = 0, ssim = 0;
 };
@@ -35,10 +35,10 @@ std::filesystem::path pruned_folder(const std::filesystem::path& run);
 /// cannot be written.
 PruneReport prune_run(SavedRun& run, const std::filesystem::path& output);
 
-/// Two sentences for readers.
+/// Returns the report as two sentences for readers.
 std::string format_prune_report(const PruneReport& report);
 
-/// The same for programs: pruned.json.
+/// Returns the report for programs: pruned.json.
 nlohmann::ordered_json prune_report_json(const PruneReport& report);
 
 }  // namespace gs

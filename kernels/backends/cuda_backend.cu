@@ -18,7 +18,7 @@ namespace {
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
 /// The largest side of an image in pixels. Pixel bounds have 16 bits and are padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
-/// Threads of a block that rounds parameters.
+/// The threads of a block that rounds parameters.
 constexpr int kHalfBlock = 256;
 
 std::uint32_t bits_of(float x) {

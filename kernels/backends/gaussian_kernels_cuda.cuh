@@ -172,10 +172,11 @@ struct RowStep {
     ColumnSteps columns;
     float* out;  ///< (32, width): the parameters
     MomentRows moments;
-    std::uint32_t seed;  ///< of the rounding of packed moments
+    std::uint32_t seed;  ///< seed of the rounding of packed moments
 };
 
-/// Adam on the selected residual rows of a warp; the moments are multiplied by the factors of their row first.
+/// Takes Adam's step on the selected residual rows of a warp; the moments are multiplied by the factors of their row
+/// first.
 __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const float* decay_m, const float* decay_v,
                                    const RowStep& rows) {
     const float *parameters = rows.parameters, *gradients = rows.gradients;
@@ -201,7 +202,7 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const floa
     }
 }
 
-/// The same for all 32 rows, none of which has missed a step: four values at a time.
+/// Takes the step on all 32 rows, none of which has missed one: four values at a time.
 __device__ inline void update_all_rows(const RowStep& rows) {
     constexpr int kUnroll = 3;
     const int width = rows.width;

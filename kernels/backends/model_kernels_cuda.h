@@ -13,7 +13,7 @@
 
 namespace gs {
 
-/// The weights that all Gaussians of a model share. Null without any.
+/// The weights that all Gaussians of a model share. The pointers are null for a model that has none.
 struct SharedArgs {
     unsigned* prepared;  ///< weights in the form that kernels read
     float* sums;         ///< gradients, one row per block of the backward pass

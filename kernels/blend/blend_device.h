@@ -65,11 +65,11 @@ template <class P> struct PixelBackward {
 /// The factors of one fragment's gradients: w = T alpha for the colour, h = -alpha dL/dalpha for the shape.
 template <class P> struct FragmentGradient { P w, h; };
 
-/// w = T alpha and dL/dalpha of one fragment. Both are 0 where it is not blended.
+/// The weight w = T alpha and dL/dalpha of one fragment. Both are 0 where it is not blended.
 template <class P> struct FragmentSlope { P w, dL_dalpha; };
 
-/// Passes a fragment front to back. `t`, `behind` and `background` are those of PixelBackward; color_gradient is
-/// dL/dpixel . colour of the fragment.
+/// Passes one fragment on the way from front to back, and returns its w and dL/dalpha. `t`, `behind` and `background`
+/// are those of PixelBackward; color_gradient is dL/dpixel . colour of the fragment.
 template <class P, class T>
 GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
                                      const Cutoffs<T>& cutoffs) {

@@ -12,7 +12,7 @@
 namespace gs {
 namespace {
 
-/// Best of a few runs: a ceiling is what is possible.
+/// Returns the best time of a few runs: a ceiling is what is possible.
 template <class Fn> double best_seconds(Fn&& fn) {
     double best = 1e9;
     for (int k = 0; k < 5; ++k) {

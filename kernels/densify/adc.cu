@@ -111,7 +111,8 @@ struct AdcSpace {
     CubSpace cub;
     RowSlice slice;
 
-    /// For n rows, of which at most `room` grow; `block`: bytes of the scratch before it was carved.
+    /// Takes memory for the rows of `model`, of which at most `room` grow. `block`: bytes of the scratch before it was
+    /// carved.
     void take(Carver& c, const CudaModel& model, std::int64_t room, bool capped, std::int64_t block) {
         const std::int64_t n = model.count;
         fates = c.take<unsigned char>(n), counts = c.take<AdcCounts>(1), num_selected = c.take<std::int64_t>(1);

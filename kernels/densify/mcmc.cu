@@ -74,8 +74,8 @@ struct RowsToFill {
     RngStream draws;
 };
 
-/// `rows` become copies of rows drawn among the first n. Drawn rows get the opacity and scale of their share and lose
-/// their moments.
+/// Fills `rows` with copies of rows drawn among the first n. Drawn rows get the opacity and scale of their share and
+/// lose their moments.
 void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const RowsToFill& rows, float min_opacity,
                std::int64_t iteration, std::uint64_t seed, cudaStream_t stream) {
     const auto [num_rows, to, stream_of_draws] = rows;

@@ -66,7 +66,7 @@ void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>&
     }
 }
 
-/// Row y of a map filtered vertically (zero padding).
+/// Filters a map vertically (zero padding) and writes row y of the result.
 template <class Real> void filter_column(Plane<Real> map, int y, const SsimTaps<Real>& taps, Real* out) {
     std::fill(out, out + map.width, Real(0));
     for (int j = std::max(0, y - kSsimRadius); j <= std::min(map.height - 1, y + kSsimRadius); ++j) {

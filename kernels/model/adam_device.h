@@ -10,8 +10,8 @@
 namespace gs {
 
 inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
-/// beta2 of weights that all Gaussians share. Every view has a gradient for them, so they need less memory of past
-/// ones.
+/// Adam's beta2 of the weights that all Gaussians share. Every view has a gradient for them, so they need less memory
+/// of past ones.
 inline constexpr double kAdamBeta2Shared = 0.99;
 /// Adam's epsilon. It is far below any gradient that matters: the step is lr * m / sqrt(v) for all of them.
 inline constexpr double kAdamEpsilon = 1e-15;

@@ -12,7 +12,7 @@
 
 namespace gs {
 
-/// Parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
+/// The parameter groups of one Gaussian, in file order. Every densification operation treats them alike, as rows.
 enum class Group : int { kMean, kScale, kRotation, kOpacity, kBase, kResidual };
 inline constexpr int kNumGroups = 6;
 inline constexpr std::array<const char*, kNumGroups> kGroupNames = {"means",         "raw_scales",  "rotations",

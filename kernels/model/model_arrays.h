@@ -6,7 +6,7 @@
 
 namespace gs {
 
-/// Pointers to the rows of all groups.
+/// The pointers to the rows of all groups.
 struct ModelArrays {
     float *param[kNumGroups], *m[kNumGroups], *v[kNumGroups];
     int width[kNumGroups];

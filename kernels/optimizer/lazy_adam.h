@@ -21,7 +21,7 @@ namespace gs {
 /// The number of steps that a residual may lag behind. Before one lags further, all are caught up.
 inline constexpr int kMaxLag = 127;
 
-/// T_t(k) by k. It is plain data, passed to kernels by value.
+/// The values T_t(k) by k. The table is plain data, passed to kernels by value.
 struct LazyTable {
     float sums[kMaxLag + 1];
     float epsilon;  ///< eps / b

@@ -26,7 +26,7 @@ GS_HD std::uint32_t pack_moments(std::uint32_t m_bits, std::uint32_t v_bits, std
     return (m & 0xffff0000u) | v >> 16;
 }
 
-/// These return the bits of the moments in a word.
+/// Returns the bits of one moment in a word.
 GS_HD std::uint32_t first_moment_bits(std::uint32_t word) { return word & 0xffff0000u; }
 GS_HD std::uint32_t second_moment_bits(std::uint32_t word) { return word << 16; }
 

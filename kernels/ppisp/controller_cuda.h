@@ -34,7 +34,7 @@ class CudaController {
 
     /// Evaluates the controller of one camera; the result stays on the device.
     const float* forward(int camera, const ControllerImage& image, float prior_exposure, cudaStream_t stream);
-    /// Optimizer step of that controller. dL_dout: kIspFrameValues, on the device.
+    /// Takes an optimizer step of that controller. dL_dout: kIspFrameValues, on the device.
     void step(int camera, const ControllerImage& image, const float* dL_dout, double rate, std::int64_t step,
               StepControl* control, cudaStream_t stream);
 

@@ -15,7 +15,7 @@ struct CudaBins {
     const std::uint32_t* instances = nullptr;
     const std::uint32_t* gaussians = nullptr;     ///< Gaussian of each slot; only where the order of sums is fixed
     const std::uint32_t* tile_offsets = nullptr;  ///< (tiles+1)
-    /// (tiles) The tiles with the longest lists first, about in order, so that no long list is left for last.
+    /// The tiles, those with the longest lists first (about in order), so that no long list is left for last.
     const std::uint32_t* longest_first = nullptr;
 
     __host__ __device__ int num_tiles() const { return tiles_x * tiles_y; }

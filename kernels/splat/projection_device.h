@@ -23,8 +23,8 @@ struct PixelBounds {
     int x_min, x_max, y_min, y_max;
 };
 
-/// Intermediate results that the forward and backward pass share. The backward pass recomputes them instead of storing
-/// them.
+/// The intermediate results that the forward and backward pass share. The backward pass recomputes them instead of
+/// storing them.
 template <class T> struct Projection {
     Vec3<T> cam;     ///< mean in camera space
     T u, v, uc, vc;  ///< normalised image coordinates, and their values clipped for the Jacobian

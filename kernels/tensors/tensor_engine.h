@@ -26,7 +26,7 @@ struct ConvLayer {
     Tensor bias = {};     ///< (out, 1, 1)
 };
 
-/// Statistics of one channel of two maps over its pixels, computed in double.
+/// The statistics of one channel of two maps over its pixels, computed in double.
 struct ChannelComparison {
     double mean_a = 0, mean_b = 0;
     double variance_a = 0, variance_b = 0;  ///< population variances

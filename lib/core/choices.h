@@ -24,9 +24,9 @@ enum class PpispMode { kOff, kOn, kAuto };
 enum class MaskMode { kIgnore, kTransparent };
 /// What the alpha channel of photographs means; kMask: weights of the loss.
 enum class AlphaMode { kTransparent, kMask };
-/// Precision in which frames read the residual of the appearance.
+/// The precision in which frames read the residual of the appearance.
 enum class AppearanceStorage { kFp32, kFp16 };
-/// Precision of Adam's moments of the residual.
+/// The precision of Adam's moments of the residual.
 enum class AppearanceMoments { kFp32, kBf16 };
 /// The least important messages that are shown.
 enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };

@@ -30,7 +30,7 @@ template <class... Args> void log_error(fmt::format_string<Args...> format, Args
     log_message(LogLevel::kError, format, fmt::make_format_args(args...));
 }
 
-/// Also writes the messages to `file`, appending. Throws DataError when the file cannot be written.
+/// Appends the messages to `file` as well. Throws DataError when the file cannot be written.
 void add_log_file(const std::filesystem::path& file);
 
 }  // namespace gs

@@ -42,8 +42,8 @@ struct Option {
     std::string group = {};                    ///< heading in help, files and docs
     std::string help;                          ///< what it does, one sentence
     std::string unit = {};                     ///< empty for pure numbers and words
-    std::optional<double> min = {}, max = {};  ///< of numbers, inclusive; of each element of a list
-    std::string nan_word = {};              ///< of doubles: a word that may stand in place of a number, stored as NaN
+    std::optional<double> min = {}, max = {};  ///< limits of numbers, inclusive; of a list, those of each element
+    std::string nan_word = {};              ///< for doubles: a word that may stand in place of a number, stored as NaN
     std::vector<std::string> choices = {};  ///< allowed words; empty = see `values`
     std::string values = {};                ///< allowed values in words, where neither range nor choices say it
     std::vector<std::string> names = {};    ///< further spellings shown in the help ("-s", "--output")
@@ -54,10 +54,10 @@ struct Option {
 /// All options, grouped, in the order of TrainOptions.
 const std::vector<Option>& train_option_table();
 
-/// Headings in the order of the table.
+/// The headings in the order of the table.
 std::vector<std::string> option_groups();
 
-/// "1..8", "0..10 or auto", "relu, softplus", ...: the allowed values of an option in words.
+/// Returns the allowed values of an option in words: "1..8", "0..10 or auto", "relu, softplus", ...
 std::string option_range(const Option& option);
 
 /// The value of `option` in `options` as it is written in YAML and shown in help ("true", "0.2", "[7000, 30000]").
@@ -76,18 +76,20 @@ LogLevel shown_messages(const TrainOptions& options);
 /// values by the numbers they stand for. Throws UsageError naming option, value and range.
 void validate(TrainOptions& options);
 
-/// Defaults overlaid with the file, its `parent:` (relative to the file) first. Not validated: the command line may
-/// still add the missing parts. Throws UsageError naming file, line, key, and for an unknown key the nearest known one.
+/// Returns the defaults overlaid with the file, its `parent:` (relative to the file) first. They are not validated: the
+/// command line may still add the missing parts. Throws UsageError naming file, line, key, and for an unknown key the
+/// nearest known one.
 TrainOptions load_options_yaml(const std::filesystem::path& path);
 
 /// Every option with its value, grouped by headings, after a comment naming the program; load_options_yaml reads it
 /// back to equal options.
 std::string options_to_yaml(const TrainOptions& options);
 
-/// Options of a finished or running run: config.yaml in its folder. Throws DataError when the folder holds no run.
+/// Loads the options of a finished or running run: config.yaml in its folder. Throws DataError when the folder holds no
+/// run.
 TrainOptions load_run_options(const std::filesystem::path& run_folder);
 
-/// docs/options.md.
+/// Returns the text of docs/options.md.
 std::string options_markdown();
 
 }  // namespace gs

@@ -17,9 +17,9 @@ constexpr double kMaxIterations = 2147483647.0;
 
 /// An option under construction.
 struct Entry : Option {
-    /// Further spellings shown in the help.
+    /// Sets further spellings, which the help shows.
     template <class... Names> Entry also(Names... more) { return names = {more...}, *this; }
-    /// Spellings of other programs.
+    /// Sets the spellings of other programs.
     template <class... Names> Entry also_hidden(Names... more) { return hidden_names = {more...}, *this; }
     /// A word that may stand in place of the number, stored as NaN.
     Entry or_word(std::string text) { return nan_word = std::move(text), *this; }

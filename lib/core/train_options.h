@@ -68,7 +68,7 @@ struct TrainOptions {
     std::int64_t position_lr_max_steps = 30000;
     double scaling_lr = 0.005, rotation_lr = 0.001;
     double opacity_lr = 0;    ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
-    double ppisp_lr = 0.002;  ///< of PPISP's parameters, after their warm-up
+    double ppisp_lr = 0.002;  ///< learning rate of PPISP's parameters, after their warm-up
     // Densification
     Strategy strategy = Strategy::kMcmc;
     bool speedy_splat = false;  ///< with adc: Speedy-Splat's pruning by score

@@ -16,7 +16,7 @@ namespace gs {
 namespace fs = std::filesystem;
 namespace {
 
-/// Largest piece of a file held in memory, bytes.
+/// The largest piece of a file held in memory, bytes.
 constexpr std::size_t kChunk = 1 << 20;
 /// The one other site whose pages may read scenes: the viewer of the paper (docs/formats.md).
 constexpr const char* kPaperViewer = "https://fhahlbohm.github.io";

@@ -24,7 +24,7 @@ constexpr char kMagic[8] = {'N', 'G', 'S', 'P', 'L', 'A', 'T', '\n'};
 constexpr char kTrailerMagic[8] = {'G', 'S', 'A', 'P', 'P', 'E', 'X', 'T'};
 constexpr std::uint32_t kTrailerVersion = 1;
 constexpr std::uint32_t kTextureWidth = 2048;
-/// Largest plausible number of cameras and of bytes of JSON.
+/// The largest plausible number of cameras and of bytes of JSON.
 constexpr std::uint32_t kMaxCameras = 1 << 20, kMaxTrailer = 1 << 26;
 
 namespace flag {

@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-/// Largest logit written: its opacity is 1 in single precision.
+/// The largest logit written: its opacity is 1 in single precision.
 constexpr double kOpaque = 17;
 
 /// Returns phi of a value that already has its shift.

@@ -33,8 +33,8 @@ constexpr std::array<TypeName, 8> kTypes = {{{"char", "int8", 1},
                                              {"float", "float32", 4},
                                              {"double", "float64", 8}}};
 
-/// Upper limits of a header: characters per line, properties, lines. Real files have below 200 characters per line and
-/// properties.
+/// The upper limits of a header: characters per line, properties, lines. Real files have below 200 characters per line
+/// and properties.
 constexpr std::size_t kMaxLine = 4096, kMaxProperties = 4096, kMaxLines = 16384;
 
 constexpr std::int64_t kChunkBytes = 1 << 22;

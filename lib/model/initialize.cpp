@@ -20,7 +20,7 @@
 namespace gs {
 namespace {
 
-/// Squared distance below which neighbours count as duplicates. It keeps the logarithm of the scale finite.
+/// The squared distance below which neighbours count as duplicates. It keeps the logarithm of the scale finite.
 constexpr double kMinSquaredDistance = 1e-7;
 
 /// Presents the points to nanoflann.

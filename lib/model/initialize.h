@@ -11,7 +11,8 @@
 namespace gs {
 
 struct InitOptions {
-    /// opacity 0.5 and a tenth of the neighbour distance as scale; else 0.1 and the whole distance
+    /// Whether Gaussians begin with opacity 0.5 and a tenth of the neighbour distance as scale; otherwise they begin
+    /// with 0.1 and the whole distance.
     bool mcmc = true;
     std::int64_t random_points = 100000;  ///< points drawn if the scene has none; fewer remain after carving
     std::uint64_t seed = 0;

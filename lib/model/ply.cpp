@@ -26,7 +26,7 @@ namespace {
 
 constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"};
 
-/// Number of rows that are packed before they go to the stream.
+/// The number of rows that are packed before they go to the stream.
 constexpr std::int64_t kRowsPerChunk = 4096;
 
 bool is_plain_sh(const AppearanceSpec& a) { return appearance_model(a.model).plain_sh; }

@@ -29,10 +29,10 @@ struct RunFolder {
     std::filesystem::path checkpoint(std::int64_t iteration) const;
     /// Returns preview/000500.png for iteration 500.
     std::filesystem::path preview(std::int64_t iteration) const;
-    /// Paths of the "test" or "train" views of an iteration: <split>/ours_N/renders/00007.png and .../gt/00007.png.
+    /// The paths of the "test" or "train" views of an iteration: <split>/ours_N/renders/00007.png and .../gt/00007.png.
     std::filesystem::path render(const std::string& split, std::int64_t iteration, int index) const;
     std::filesystem::path ground_truth(const std::string& split, std::int64_t iteration, int index) const;
-    /// Path of a part of the render: <split>/ours_N/base/00007.png and .../residual/00007.png.
+    /// The path of a part of the render: <split>/ours_N/base/00007.png and .../residual/00007.png.
     std::filesystem::path picture_part(const std::string& split, std::int64_t iteration, const std::string& part,
                                        int index) const;
 };

@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Offset of secondary rays, world units. It is far above double rounding and far below anything visible.
+/// The offset of secondary rays, world units. It is far above double rounding and far below anything visible.
 constexpr double kSurfaceOffset = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 

@@ -20,10 +20,10 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kDegree = M_PI / 180;
-/// limit of coordinates: far larger than any use needs, and arithmetic is still exact
+/// The limit of coordinates: far larger than any use needs, and arithmetic is still exact.
 constexpr double kFar = 1e6;
 constexpr double kGoldenTurn = 0.6180339887498949;  ///< golden ratio - 1: spreads directions evenly for any count
-/// lights may be brighter than white, but a mistyped digit is caught
+/// The limit of colours: lights may be brighter than white, but a mistyped digit is caught.
 constexpr double kMaxColor = 10;
 
 const std::vector<std::string> kTopKeys = {"base",       "shapes",  "lights",     "sky",    "ambient",

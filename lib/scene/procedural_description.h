@@ -34,7 +34,7 @@ struct MovedShape {
 struct ExposureJitter {
     double stops = 0.5;        ///< exposure: factor 2^e, e in (-stops, stops)
     double white_balance = 0;  ///< channels: factors 2^g, g in (-white_balance, white_balance) less their mean
-    /// light lost in the corner of the image, 0..1; grows with the square of the distance to the centre
+    /// The share of light lost in the corner of the image, 0..1; grows with the square of the distance to the centre
     double vignetting = 0;
     std::uint64_t seed = 0;
 };

@@ -9,7 +9,8 @@ namespace gs {
 /// Returns the camera of the same picture in width x height pixels, with scaled intrinsics.
 Camera resized(Camera camera, int width, int height);
 
-/// Resizes image and mask, with a box filter where they shrink. Returns an image that already has the size unchanged.
+/// Resizes image and mask, with a box filter where they shrink. An image that already has this size is returned as it
+/// is.
 ViewImage resized(ViewImage image, int width, int height);
 
 /// Returns `view` with at most `width` pixels in width and at least 1 in height. A view that is not wider is unchanged.

@@ -37,7 +37,7 @@ struct View {
     Camera camera;
     std::function<ViewImage()> load;
     std::size_t image_bytes = 0;  ///< expected bytes of `load()`, for the memory plan
-    /// index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
+    /// The index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
     /// Exposure in stops: log2(seconds * ISO/100 / f-number^2). Empty where the file does not say, or nobody asked
     /// (SceneOptions::exif).
@@ -54,13 +54,13 @@ struct Scene {
     std::string kind;          ///< "colmap", "nerf-synthetic", "transforms", "builtin"
     std::string image_folder;  ///< e.g. "images_4"; empty if not applicable
     std::vector<View> train, test;
-    /// Number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is 1
-    /// where the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.
+    /// The number of devices that took training images: the cameras of a COLMAP model, in the order of their ids. It is
+    /// 1 where the dataset does not tell devices apart; a COLMAP model with a camera for every image is such a dataset.
     int num_cameras = 1;
     std::string split_rule;  ///< how the views were split, in words; written to the results
     PointCloud points;       ///< empty = random initialisation
     bool has_alpha = false;  ///< images carry alpha
-    /// Half side of the cube for random initialisation, world units; 0 = derive from the cameras (real scenes).
+    /// The half side of the cube for random initialisation, world units; 0 = derive from the cameras (real scenes).
     double random_init_half_extent = 0;
     /// E = 1.1 * max distance of a training camera from their mean (docs/math/optimization.md#scene-extent).
     double extent = 1;

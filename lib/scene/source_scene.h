@@ -31,7 +31,7 @@ struct SourceScene {
     std::string kind, image_folder;
     std::vector<SourceView> views;
     std::string given_split;  ///< name of the dataset's own split; empty if it has none
-    /// divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
+    /// The divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
     int prescaled = 1;
     PointCloud points;
     double random_init_half_extent = 0;

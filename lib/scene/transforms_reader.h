@@ -32,7 +32,7 @@ struct TransformsFrame {
 struct TransformsFile {
     std::filesystem::path path;
     std::vector<TransformsFrame> frames;  ///< in the order of the file
-    /// nerfstudio's explicit test views, named as in file_path; nothing without that key.
+    /// The explicit test views of nerfstudio, named as in file_path; nothing without that key.
     std::optional<std::vector<std::string>> test_filenames;
     std::string point_file;  ///< ply_file_path; empty if absent
     std::vector<std::string> notes;

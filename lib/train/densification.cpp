@@ -9,7 +9,7 @@
 namespace gs {
 namespace {
 
-/// Iterations between Morton sorts. Locality decays as rows are appended.
+/// The iterations between Morton sorts. Locality decays as rows are appended.
 constexpr std::int64_t kMortonInterval = 5000;
 /// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
 /// needed.

@@ -9,7 +9,7 @@
 
 namespace gs {
 
-/// Iterations between steps of the active degree.
+/// The iterations between steps of the active degree.
 inline constexpr std::int64_t kDegreeInterval = 1000;
 
 /// The result of a densification, and the number of Gaussians that Speedy-Splat's pruning removed after it.

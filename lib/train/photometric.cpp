@@ -14,7 +14,7 @@
 namespace gs {
 namespace {
 
-/// Number of names that a message lists.
+/// The number of names that a message lists.
 constexpr std::size_t kNamed = 3;
 
 }  // namespace

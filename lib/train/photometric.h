@@ -17,16 +17,16 @@
 
 namespace gs {
 
-/// Iteration at which --ppisp auto decides. It is late enough for a rough scene, and early enough that colour does not
-/// depend on the view yet (degree 1 begins here). It is no share of the run's length, so that a resumed run may be
+/// The iteration at which --ppisp auto decides. It is late enough for a rough scene, and early enough that colour does
+/// not depend on the view yet (degree 1 begins here). It is no share of the run's length, so that a resumed run may be
 /// longer.
 inline constexpr std::int64_t kPhotometricDecision = 1000;
 
-/// Standard deviation of the exposures, in stops, above which view dependence waits. It lies between scenes that need
-/// no waiting (bonsai at 200 pixels: 0.10) and those that lose without it (builtin:exposure: 0.21 after 1000
+/// The standard deviation of the exposures, in stops, above which view dependence waits. It lies between scenes that
+/// need no waiting (bonsai at 200 pixels: 0.10) and those that lose without it (builtin:exposure: 0.21 after 1000
 /// iterations, 0.4 after 4000).
 inline constexpr double kSpreadThatHolds = 0.15;
-/// Iterations after which view dependence begins in any case; a third of a shorter run.
+/// The iterations after which view dependence begins in any case; a third of a shorter run.
 inline constexpr std::int64_t kLongestHold = 10000;
 
 /// The decision of --ppisp auto.
@@ -40,7 +40,7 @@ std::string describe(const PhotometricDecision& decision);
 /// Returns the rate of PPISP's parameters after `steps` of their steps: `rate` after a slow start, falling by a factor
 /// of 100 in 30000 (docs/math/ppisp.md#optimizer).
 double ppisp_rate(double rate, std::int64_t steps);
-/// Learning rate of the controllers' weights.
+/// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;
 
 class Photometric {

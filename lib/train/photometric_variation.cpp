@@ -16,7 +16,7 @@ namespace {
 /// Enough images for a standard deviation to within 9 %.
 constexpr std::size_t kMaxImages = 64;
 constexpr int kGrid = 4, kBlocks = kGrid * kGrid;
-/// Mean value below which a block is only noise and rounding.
+/// The mean value below which a block is only noise and rounding.
 constexpr double kDark = 0.02;
 /// An image with fewer blocks left says nothing about its scatter and is not used.
 constexpr int kFewestBlocks = 4;

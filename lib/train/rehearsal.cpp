@@ -22,7 +22,7 @@ namespace {
 /// The part of a run's learning rates that continue_with compresses: from where all models learn at full rate
 /// (spherical Voronoi waits until 1000, the network until 3000) to where they end.
 constexpr double kFirstRate = 3000, kLastRate = 30000;
-/// Iterations between two looks at the backend, as in a run.
+/// The iterations between two looks at the backend, as in a run.
 constexpr std::int64_t kCheckInterval = 100;
 
 void check(Backend& backend, const std::string& model) {

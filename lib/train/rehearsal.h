@@ -20,13 +20,13 @@ namespace gs {
 /// A backend after a stretch, and what that took.
 struct Rehearsed {
     std::unique_ptr<Backend> backend;
-    double seconds = 0;  ///< of the steps
+    double seconds = 0;  ///< time of the steps
 };
 
 class Rehearsal {
   public:
-    /// `options` validated, `scene` with at least one training view; both outlive the object. PPISP is on or off: there
-    /// is nothing to decide.
+    /// Takes validated `options` and a `scene` with at least one training view; both outlive the object. PPISP is on or
+    /// off: there is nothing to decide.
     Rehearsal(const TrainOptions& options, const Scene& scene);
 
     /// The first `iterations` of a run of the options' appearance.
@@ -41,11 +41,11 @@ class Rehearsal {
                                            std::int64_t iterations, double most_seconds);
 
     Vec3<float> background() const { return views_.fixed_background(); }
-    /// Of a training view, from the cache of the steps.
+    /// Returns the image of a training view, from the cache of the steps.
     std::shared_ptr<const ViewImage> image(std::size_t view) { return views_.image(view); }
 
   private:
-    /// False if stopped for the time.
+    /// Returns false if it was stopped for the time.
     bool run(Rehearsed& result, const std::string& model, std::int64_t iterations, std::int64_t first,
              double most_seconds, const std::function<StepRequest(std::int64_t, const StepView&)>& compose);
 

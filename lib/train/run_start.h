@@ -16,7 +16,7 @@ namespace gs {
 struct RunStart {
     RunFolder folder;
     std::optional<Checkpoint> checkpoint;
-    /// first line of the training log of a new run, without its iteration; null = none
+    /// The first line of the training log of a new run, without its iteration; null = none
     nlohmann::json first_event = {};
 };
 

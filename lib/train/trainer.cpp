@@ -26,8 +26,8 @@
 namespace gs {
 namespace {
 
-/// Iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is then
-/// below a hundredth of the work.
+/// The iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is
+/// then below a hundredth of the work.
 constexpr std::int64_t kLogInterval = 100;
 /// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the
 /// statistics: a device may be behind, and asking it each time would make it wait.
@@ -104,7 +104,8 @@ class Run {
         }
     }
 
-    /// On one background, black where that of the steps is random: scores compare Gaussians, not backgrounds.
+    /// Returns requests for all training views on one background, black where that of the steps is random: scores
+    /// compare Gaussians, not backgrounds.
     std::vector<RenderRequest> training_views() const {
         std::vector<RenderRequest> views(scene_.train.size());
         for (std::size_t k = 0; k < views.size(); ++k) {
@@ -205,8 +206,8 @@ class Run {
         photometric_decision_ = describe(*decision);
     }
 
-    /// After the last change of the Gaussians. What it does is in no checkpoint: stopped, it begins anew in the resumed
-    /// run.
+    /// Trains the controllers, after the last change of the Gaussians. What it does is in no checkpoint: if it is
+    /// stopped, it begins anew in the resumed run.
     void train_controllers() {
         if (!photometric_.trains_controllers()) return;
         photometric_.add_controllers(*backend_);

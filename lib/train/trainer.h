@@ -24,13 +24,13 @@ struct TrainHooks {
 struct TrainSummary {
     std::int64_t iterations = 0;
     std::int64_t num_gaussians = 0;  ///< after the final pruning; the #Gs of tables
-    /// time of the loop until its last step was done; without loading, saving and evaluation
+    /// The time of the loop until its last step was done; without loading, saving and evaluation
     double train_seconds = 0;
     double data_wait_seconds = 0;  ///< part of train_seconds spent waiting for images
     MemoryUse memory;              ///< memory of the device at the end of the loop; empty on the CPU
-    /// time of the PPISP controllers, not part of train_seconds; 0 if none were trained
+    /// The time of the PPISP controllers, which is no part of train_seconds; 0 if none were trained
     double controller_seconds = 0;
-    /// decision of --ppisp auto, with its figure; empty if nothing was decided in this part of the run
+    /// The decision of --ppisp auto, with its figure; empty if nothing was decided in this part of the run
     std::string photometric;
 };
 
