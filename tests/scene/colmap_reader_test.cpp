@@ -216,7 +216,7 @@ TEST(FindColmapModel, PrefersTheModelWithMostImagesAndSaysSo) {
     EXPECT_TRUE(notes.empty());
     write_model(folder / "sparse/1", {TestCamera{}}, row_of_images({"a", "b", "c"}), {});
     EXPECT_EQ(find_colmap_model(folder.path(), notes), folder / "sparse/1");
-    EXPECT_TRUE(mentions(notes, "using 1 with 3 images"));
+    EXPECT_TRUE(mentions(notes, "using 1, which has the most images (3)"));
 }
 
 TEST(FindColmapModel, BinaryIsPreferredToText) {

@@ -57,7 +57,7 @@ describe('views', () => {
 
 describe('photometric correction', () => {
   it('of zeros changes nothing', () => {
-    colorMix(new Array(8).fill(0)).forEach((v, i) => expect(v).toBeCloseTo(i % 4 ? 0 : 1, 12));
+    colorMix(Array.from({ length: 8 }, () => 0)).forEach((v, i) => expect(v).toBeCloseTo(i % 4 ? 0 : 1, 12));
     expect(gain(0)).toBe(1);
   });
 
