@@ -7,6 +7,7 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/metrics/compare_images.h"
+#include "lib/core/json_text.h"
 
 namespace gs {
 namespace {
@@ -23,7 +24,8 @@ void run_metrics(const CompareArguments& arguments) {
     options.ssim_border = parse_ssim_border(arguments.ssim_border);
     const auto names = parse_metric_names(arguments.metrics.names);
     const std::vector<ImageScore> scores = compare_images(arguments.render, arguments.truth, names, options);
-    std::fputs(arguments.json ? (scores_json(scores).dump(1) + "\n").c_str() : format_scores(scores).c_str(), stdout);
+    std::fputs(arguments.json ? (json_text(scores_json(scores), 1) + "\n").c_str() : format_scores(scores).c_str(),
+               stdout);
 }
 
 }  // namespace

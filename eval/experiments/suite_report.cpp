@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/experiments/suite.h"
+#include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 
@@ -56,7 +57,7 @@ void write_suite(const std::filesystem::path& folder, const std::string& suite, 
                  {"runs", Json::array()}};
     for (const SuiteLine& line : lines) json["runs"].push_back(json_of(line));
     write_text_atomic(folder / "suite.md", format_suite(lines));
-    write_text_atomic(folder / "suite.json", json.dump(1) + "\n");
+    write_text_atomic(folder / "suite.json", json_text(json, 1) + "\n");
 }
 
 }  // namespace gs

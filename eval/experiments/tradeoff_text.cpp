@@ -9,6 +9,7 @@
 
 #include "eval/pages/escape.h"
 #include "lib/core/duration.h"
+#include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 #include "lib/train/scene_options.h"
@@ -166,7 +167,7 @@ std::string tradeoff_json(const Tradeoff& tradeoff) {
     json["recommendations"] = Json::object();
     for (const Recommendation& r : recommend(tradeoff))
         json["recommendations"][r.name] = {{"run", tradeoff.runs[r.run].configuration.options.model}, {"text", r.text}};
-    return json.dump(1) + "\n";
+    return json_text(json, 1) + "\n";
 }
 
 void write_tradeoff(const std::filesystem::path& folder, const Tradeoff& tradeoff) {

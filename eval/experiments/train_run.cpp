@@ -11,6 +11,7 @@
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/interrupt.h"
+#include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/progress.h"
@@ -31,7 +32,7 @@ void describe_scene(const Scene& scene) {
 }
 
 void write_choice(const fs::path& run_folder, const nlohmann::ordered_json& choice) {
-    write_text_atomic(RunFolder{run_folder}.appearance_choice(), choice.dump(1) + "\n");
+    write_text_atomic(RunFolder{run_folder}.appearance_choice(), json_text(choice, 1) + "\n");
 }
 
 /// Puts a model in the place of `--appearance auto`, and writes down why: to auto.json and as the first event of the

@@ -7,6 +7,7 @@
 
 #include "eval/pages/escape.h"
 #include "eval/report/comparison_format.h"
+#include "lib/core/json_text.h"
 
 namespace gs {
 namespace {
@@ -61,7 +62,7 @@ std::string comparison_json(const Comparison& comparison) {
                                   {"lines", lines}});
     }
     // JSON must be UTF-8, which names of files need not be.
-    return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+    return json_text(json, 1) + "\n";
 }
 
 std::string comparison_csv(const Comparison& comparison) {

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/report/report.h"
+#include "lib/core/json_text.h"
 #include "lib/io/image.h"
 #include "lib/model/run_folder.h"
 
@@ -120,7 +121,7 @@ std::string report_pictures(const Comparison& comparison, const ReportOptions& o
         if (!runs.empty()) scenes.push_back({{"name", table.scene}, {"views", names}, {"runs", runs}});
     }
     const Json json = {{"gain", kErrorGain}, {"scenes", scenes}, {"images", images.uris()}};
-    std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
+    std::string text = json_text(json);
     // A name that contains "</script>" would end the element.
     for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at))
         text.replace(at, 1, "\\u003c");

@@ -13,6 +13,7 @@
 #include "eval/runs/protocol.h"
 #include "eval/runs/training_options.h"
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
 
@@ -35,7 +36,7 @@ double score(const Json& json, const std::string& file, const std::string& key, 
     const Json& value = object.at(name);
     if (value.is_null()) return std::numeric_limits<double>::infinity();
     if (!value.is_number())
-        throw DataError(fmt::format("{}: {}.{} is not a number: {}", file, key, name, value.dump()));
+        throw DataError(fmt::format("{}: {}.{} is not a number: {}", file, key, name, json_text(value)));
     return value.get<double>();
 }
 

@@ -9,6 +9,7 @@
 #include "appearance/model_info.h"
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
+#include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/version.h"
 #include "lib/export/pack_scene.h"
@@ -36,7 +37,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
         json["test_views"] = {{"psnr", loss->psnr},
                               {"packed_psnr", loss->packed_psnr},
                               {"protocol", protocol_line(protocols().front(), run.background)}};
-    return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    return json_text(json);
 }
 
 /// Whether programs that know spherical harmonics alone show these colours as they are.

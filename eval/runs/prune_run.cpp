@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "eval/runs/prune_appearance.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/ply.h"
@@ -66,7 +67,7 @@ PruneReport prune_run(SavedRun& run, const fs::path& output) {
         report.after = score(run);
     }
     write_run(run, model, output);
-    write_text_atomic(output / "pruned.json", prune_report_json(report).dump(1) + "\n");
+    write_text_atomic(output / "pruned.json", json_text(prune_report_json(report), 1) + "\n");
     return report;
 }
 

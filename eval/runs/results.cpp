@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 
@@ -108,8 +109,8 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     per_view[key] = scores;
     if (result.residual_mean) section(per_view, "decomposition")[key] = {{"residual_mean", residuals}};
     section(per_view, "image_names")[key] = names;
-    write_text_atomic(folder.per_view(), per_view.dump(1) + "\n");
-    write_text_atomic(folder.results(), results.dump(1) + "\n");
+    write_text_atomic(folder.per_view(), json_text(per_view, 1) + "\n");
+    write_text_atomic(folder.results(), json_text(results, 1) + "\n");
 }
 
 void write_frame_times(const RunFolder& folder, std::int64_t iteration, const FrameTimes& times) {
@@ -119,7 +120,7 @@ void write_frame_times(const RunFolder& folder, std::int64_t iteration, const Fr
         {"num_views", times.num_views}, {"frames_per_view", times.frames_per_view},
         {"mean_seconds", times.mean},   {"median_seconds", times.median},
         {"min_seconds", times.min},     {"max_seconds", times.max}};
-    write_text_atomic(folder.results(), results.dump(1) + "\n");
+    write_text_atomic(folder.results(), json_text(results, 1) + "\n");
 }
 
 }  // namespace gs

@@ -8,6 +8,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
@@ -88,7 +89,7 @@ nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
     std::error_code ignored;
     if (!fs::exists(path, ignored)) return nullptr;
     std::ifstream file(path, std::ios::binary);
-    auto json = nlohmann::ordered_json::parse(file, nullptr, false);
+    auto json = try_parse_ordered_json(file);
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", path.string()));
     return json;
 }

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/clock.h"
+#include "lib/core/json_text.h"
 
 namespace gs {
 namespace {
@@ -85,11 +86,11 @@ void Progress::show_line(std::int64_t iteration, double loss, std::int64_t num_g
     line["iterations_per_second"] = rate_ > 0 ? finite_or_null(rate_) : nullptr;
     line["eta_seconds"] = rate_ > 0 ? finite_or_null(eta_seconds(iteration)) : nullptr;
     if (!stage_.empty()) line["stage"] = stage_;
-    lines_ << line.dump() << std::endl;
+    lines_ << json_text(line) << std::endl;
 }
 
 void Progress::event(const nlohmann::ordered_json& line) {
-    if (style_ == ProgressStyle::kJsonLines) lines_ << line.dump() << std::endl;
+    if (style_ == ProgressStyle::kJsonLines) lines_ << json_text(line) << std::endl;
 }
 
 void Progress::finish() {

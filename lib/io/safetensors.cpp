@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -55,7 +56,7 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
         sizes.push_back(bytes);
     }
     // Option texts may hold any byte that a path can hold. JSON must be UTF-8, so others are replaced.
-    std::string text = header.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    std::string text = json_text(header);
     text.resize((text.size() + 7) / 8 * 8, ' ');  // aligned, so that readers can map the file
 
     AtomicFile file(path);
@@ -90,7 +91,7 @@ SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : path_(path
 }
 
 void SafetensorsFile::parse_header(const std::string& text) {
-    const nlohmann::json header = nlohmann::json::parse(text, nullptr, false);
+    const nlohmann::json header = try_parse_json(text);
     if (!header.is_object()) fail("the header is not a JSON object");
     for (const auto& [name, entry] : header.items()) {
         if (!entry.is_object()) fail(fmt::format("header entry '{}' is not an object", name));
@@ -114,7 +115,7 @@ void SafetensorsFile::parse_header(const std::string& text) {
                 if (!entry.at(field).is_array()) fail(fmt::format("tensor '{}': '{}' is not a list", name, field));
                 for (const auto& v : entry.at(field)) {
                     if (!v.is_number_unsigned())
-                        fail(fmt::format("tensor '{}': '{}' holds {}, not a count", name, field, v.dump()));
+                        fail(fmt::format("tensor '{}': '{}' holds {}, not a count", name, field, json_text(v)));
                     values.push_back(v.get<std::uint64_t>());
                 }
                 return values;

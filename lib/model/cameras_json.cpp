@@ -5,6 +5,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -27,7 +28,7 @@ void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
                             {"fx", c.fx}});
         }
     }
-    write_text_atomic(path, list.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    write_text_atomic(path, json_text(list));
 }
 
 }  // namespace gs

@@ -10,6 +10,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/portable.h"
+#include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 
@@ -63,12 +64,12 @@ class Node {
     }
     std::int64_t integer(std::int64_t low, std::int64_t high) const {
         if (!json_.is_number_integer() || json_.get<std::int64_t>() < low || json_.get<std::int64_t>() > high)
-            fail(fmt::format("{} is not a whole number in {}..{}", json_.dump(), low, high));
+            fail(fmt::format("{} is not a whole number in {}..{}", json_text(json_), low, high));
         return json_.get<std::int64_t>();
     }
     float number() const {
         if (!json_.is_number() || !gs_isfinite(json_.get<float>()))
-            fail(fmt::format("{} is not a finite number", json_.dump()));
+            fail(fmt::format("{} is not a finite number", json_text(json_)));
         return json_.get<float>();
     }
     void numbers(float* out, std::size_t count) const {
@@ -104,7 +105,7 @@ void write_ppisp_json(const std::filesystem::path& path, const PpispFile& file) 
     out << fmt::format(
         "{{\n\"version\": {},\n\"generator\": {},\n\"iteration\": {},\n\"exif\": {},\n\"mean_exif\": "
         "{:.9g},\n\"cameras\": [",
-        kVersion, Json(version_text()).dump(), file.iteration, file.exif, file.mean_exif);
+        kVersion, json_text(Json(version_text())), file.iteration, file.exif, file.mean_exif);
     for (int c = 0; c < state.num_cameras; ++c) {
         const float* values = state.param.data() + state.camera_offset(c);
         out << (c ? ",\n" : "\n") << "{\"vignetting\": ";
@@ -123,8 +124,7 @@ void write_ppisp_json(const std::filesystem::path& path, const PpispFile& file) 
         const float* values = state.param.data() + std::size_t(f) * kIspFrameValues;
         out << (f ? ",\n" : "\n")
             << fmt::format("{{\"image\": {}, \"camera\": {}, \"exposure\": {:.9g}, \"color\": ",
-                           Json(frame.image).dump(-1, ' ', false, Json::error_handler_t::replace), frame.camera,
-                           values[0]);
+                           json_text(Json(frame.image)), frame.camera, values[0]);
         write_list(out, values + 1, kLatents);
         if (frame.exif_exposure) out << fmt::format(", \"exif_exposure\": {:.9g}", *frame.exif_exposure);
         out << '}';

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 
 namespace gs {
 namespace {
@@ -21,7 +22,7 @@ using nlohmann::json;
 
 /// Returns a value as text for a message, shortened.
 std::string shown(const json& value) {
-    std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
+    std::string text = json_text(value);
     return text.size() > 60 ? text.substr(0, 60) + "..." : text;
 }
 

@@ -3,6 +3,7 @@
 #include "lib/train/train_log.h"
 
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -12,7 +13,7 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
     if (iteration > 0) {
         std::ifstream in(path);
         for (std::string line; std::getline(in, line);) {
-            const auto json = nlohmann::json::parse(line, nullptr, false);  // a crash may have cut the last line short
+            const auto json = try_parse_json(line);  // a crash may have cut the last line short
             if (json.is_object() && json.value("iteration", iteration + 1) <= iteration) kept += line + "\n";
         }
     }
@@ -23,7 +24,7 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
 }
 
 void TrainLog::write(const nlohmann::json& line) {
-    out_ << line.dump() << std::endl;  // flushed, because others read the file during the run
+    out_ << json_text(line) << std::endl;  // flushed, because others read the file during the run
     if (!out_) throw DataError(path_.string() + ": cannot write the training log (disk full?)");
 }
 

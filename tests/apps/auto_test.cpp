@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -20,7 +21,7 @@ TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
     const Program program;
     const Outcome chosen = program.run(std::string(kTrain) + "--iterations 400 --appearance auto -m chosen");
     ASSERT_EQ(chosen.exit_code, 0) << chosen.err;
-    const auto choice = nlohmann::json::parse(program.read("chosen/auto.json"));
+    const auto choice = parse_json(program.read("chosen/auto.json"));
     const std::string model = choice["model"];
     if (choice["no_time_for"].empty()) {  // on a busy machine trials may be cut off
         EXPECT_NE(model, "none") << chosen.err;
@@ -28,8 +29,7 @@ TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
     EXPECT_EQ(choice["lines"].size(), 5u);
     EXPECT_GT(choice["share_of_training"], 0.0);
     EXPECT_NE(program.read("chosen/config.yaml").find("appearance: " + model), std::string::npos);
-    EXPECT_EQ(nlohmann::json::parse(program.read("chosen/results.json"))["appearance_choice"]["ours_400"]["model"],
-              model);
+    EXPECT_EQ(parse_json(program.read("chosen/results.json"))["appearance_choice"]["ours_400"]["model"], model);
     ASSERT_EQ(program.run(std::string(kTrain) + "--iterations 400 --appearance " + model + " -m named").exit_code, 0);
     EXPECT_FALSE(std::filesystem::exists(program.path("named/auto.json")));
     const std::string ply = "/point_cloud/iteration_400/point_cloud.ply";

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -53,13 +54,13 @@ TEST(Bench, FramesOfRunsAndOfGeneratedSetsAreOneTable) {
             program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run")
                 .exit_code,
             0);
-        const auto before = nlohmann::json::parse(program.read("run/results.json"));
+        const auto before = parse_json(program.read("run/results.json"));
         const Outcome frames = program.run(
             frames_command + std::string(" run --generate 1k --appearances none,sv --device cpu --frame-repeat 2"));
         expect_lines(frames, {"| run | scene     | model | device ", "| run | diffuse   | none  | CPU",
                               "| -   | generated | none  | CPU", "| -   | generated | sv    | CPU",
                               "\n\nframe times at 1280x720 pixels"});
-        auto after = nlohmann::json::parse(program.read("run/results.json"));
+        auto after = parse_json(program.read("run/results.json"));
         EXPECT_EQ(after["frame_times"]["ours_2"]["frames_per_view"], 2);
         EXPECT_GE(after["frame_times"]["ours_2"]["max_seconds"], after["frame_times"]["ours_2"]["min_seconds"]);
         after.erase("frame_times");

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -30,7 +31,7 @@ TEST(Compare, RepeatedRunsAreOneLineAndAreNotTrainedTwice) {
 
     const Outcome json = program.run("eval out-1 out-0 --skip-render --format json");
     ASSERT_EQ(json.exit_code, 0) << json.err;
-    const auto line = nlohmann::json::parse(json.out)["tables"][0]["lines"][0];
+    const auto line = parse_json(json.out)["tables"][0]["lines"][0];
     EXPECT_EQ(line["num_runs"], 2);
     EXPECT_EQ(line["runs"][0]["run"], "out-0");
     EXPECT_GT(line["values"]["PSNR"]["deviation"], 0.0);
@@ -49,7 +50,7 @@ TEST(Compare, ProtocolsAreStatedAndNotMixed) {
     ASSERT_EQ(inria.exit_code, 0) << inria.err;
     EXPECT_NE(inria.out.find("\nprotocol inria: "), std::string::npos) << inria.out;
     EXPECT_NE(inria.out.find(" FPS |"), std::string::npos) << inria.out;
-    EXPECT_EQ(nlohmann::json::parse(program.read("a/results.json"))["protocol"]["ours_5"]["name"], "inria");
+    EXPECT_EQ(parse_json(program.read("a/results.json"))["protocol"]["ours_5"]["name"], "inria");
     const Outcome mixed = program.run("eval a b --skip-render");
     EXPECT_EQ(mixed.exit_code, 2) << mixed.out;
     EXPECT_NE(mixed.err.find("a: protocol inria: "), std::string::npos) << mixed.err;

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "lib/io/image.h"
 #include "tests/apps/program.h"
 
@@ -22,7 +23,7 @@ TEST(MetricsCommand, ComparesTwoImages) {
               std::string::npos)
         << text.out;
     const test::Outcome numbers = program.run("metrics a.png a.png --metrics psnr,flip,dists --json");
-    const auto json = nlohmann::json::parse(numbers.out);
+    const auto json = parse_json(numbers.out);
     EXPECT_EQ(json["scores"], (nlohmann::json{{"PSNR", nullptr}, {"FLIP", 0.0}}));
     EXPECT_TRUE(json["not_measured"].contains("DISTS"));
     EXPECT_EQ(program.run("metrics a.png small.png").exit_code, 2);

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -20,7 +21,7 @@ TEST(PruneAppearanceProgram, WritesARunThatLooksTheSame) {
     ASSERT_EQ(program.run(std::string(kTrain) + "--appearance sv -m run").exit_code, 0);
     const Outcome outcome = program.run("prune-appearance run/");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-    const auto facts = nlohmann::json::parse(program.read("run-pruned/pruned.json"));
+    const auto facts = parse_json(program.read("run-pruned/pruned.json"));
     const int pruned = facts["pruned"], count = facts["num_gaussians"];
     EXPECT_GT(pruned, 0);
     EXPECT_LT(pruned, count);
@@ -31,7 +32,7 @@ TEST(PruneAppearanceProgram, WritesARunThatLooksTheSame) {
 
     ASSERT_EQ(program.run("eval run run-pruned").exit_code, 0);
     const auto psnr = [&](const std::string& run) {
-        return nlohmann::json::parse(program.read(run + "/results.json"))["ours_10"]["PSNR"].get<double>();
+        return parse_json(program.read(run + "/results.json"))["ours_10"]["PSNR"].get<double>();
     };
     EXPECT_NEAR(psnr("run"), facts["before"]["PSNR"].get<double>(), 1e-9);
     EXPECT_NEAR(psnr("run-pruned"), facts["after"]["PSNR"].get<double>(), 1e-9);
@@ -42,7 +43,7 @@ TEST(PruneAppearanceProgram, WritesARunThatLooksTheSame) {
     EXPECT_NE(again.err.find("run-pruned is not empty"), std::string::npos) << again.err;
     const Outcome twice = program.run("prune-appearance run-pruned -o twice");
     ASSERT_EQ(twice.exit_code, 0) << twice.err;
-    EXPECT_EQ(nlohmann::json::parse(program.read("twice/pruned.json"))["pruned"], pruned);
+    EXPECT_EQ(parse_json(program.read("twice/pruned.json"))["pruned"], pruned);
     EXPECT_EQ(program.read("twice/point_cloud/iteration_10/point_cloud.ply"),
               program.read("run-pruned/point_cloud/iteration_10/point_cloud.ply"));
 }

@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "lib/io/image.h"
 #include "tests/apps/program.h"
 
@@ -94,7 +95,7 @@ TEST(TradeoffProgram, HalvingTrainsFewerOfThemLonger) {
         program.run(std::string(kTiny) + "--axes appearance=none,sh,nasg --iterations 8 --search halving");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     std::map<std::string, int> runs;
-    const auto json = nlohmann::json::parse(program.read("out/tradeoff.json"));
+    const auto json = parse_json(program.read("out/tradeoff.json"));
     for (const auto& run : json["runs"]) ++runs[run["values"]["iterations"]];
     EXPECT_EQ(runs, (std::map<std::string, int>{{"2", 3}, {"4", 2}, {"8", 1}}));
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 
 namespace gs {
@@ -17,7 +18,7 @@ using test::Program;
 std::vector<nlohmann::json> json_lines(const std::string& text) {
     std::vector<nlohmann::json> lines;
     std::istringstream in(text);
-    for (std::string line; std::getline(in, line);) lines.push_back(nlohmann::json::parse(line));
+    for (std::string line; std::getline(in, line);) lines.push_back(parse_json(line));
     return lines;
 }
 
@@ -34,7 +35,7 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
         EXPECT_TRUE(std::filesystem::exists(program.path("run") / name)) << name;
     }
     EXPECT_FALSE(std::filesystem::exists(program.path("run/test/ours_10"))) << "pictures are for the last iteration";
-    const auto results = nlohmann::json::parse(program.read("run/results.json"));
+    const auto results = parse_json(program.read("run/results.json"));
     EXPECT_TRUE(results.contains("ours_10"));
     EXPECT_GT(results["ours_20"]["PSNR"], 5.0);
     EXPECT_GT(results["timing"]["ours_20"]["train_seconds"], 0.0);
@@ -55,7 +56,7 @@ TEST(Render, DecomposeWritesFullBaseAndResidual) {
     ASSERT_EQ(scored.exit_code, 0) << scored.err;
     for (const char* part : {"renders", "gt", "base", "residual"})
         EXPECT_TRUE(std::filesystem::exists(program.path("run/test/ours_20") / part / "00000.png")) << part;
-    const auto results = nlohmann::json::parse(program.read("run/results.json"));
+    const auto results = parse_json(program.read("run/results.json"));
     EXPECT_GT(results["decomposition"]["ours_20"]["residual_mean"], 0.0);
     EXPECT_LT(results["decomposition"]["ours_20"]["residual_mean"], 1.0);
     EXPECT_EQ(program.run("eval run --decompose --skip-render").exit_code, 2);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Progress lines for programs and for people.
 #include "lib/core/progress.h"
+#include "lib/core/json_text.h"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +17,7 @@ struct Recorder {
     std::vector<nlohmann::json> parsed() const {
         std::vector<nlohmann::json> result;
         std::istringstream in(lines.str());
-        for (std::string line; std::getline(in, line);) result.push_back(nlohmann::json::parse(line));
+        for (std::string line; std::getline(in, line);) result.push_back(parse_json(line));
         return result;
     }
 };

@@ -10,6 +10,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
+#include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {
@@ -60,7 +61,7 @@ class Damage : public ::testing::Test {
         write_ppisp_json(path_, sample(false));
         std::ifstream in(path_);
         text_.assign(std::istreambuf_iterator<char>(in), {});
-        json_ = nlohmann::json::parse(text_);
+        json_ = parse_json(text_);
     }
     std::string error_of(const std::string& text) {
         folder_.write("ppisp.json", text);
@@ -72,7 +73,7 @@ class Damage : public ::testing::Test {
         return "";
     }
     void expect_error(const nlohmann::json& json, const std::string& part) {
-        const std::string error = error_of(json.dump());
+        const std::string error = error_of(json_text(json));
         EXPECT_NE(error.find(part), std::string::npos) << error;
         EXPECT_NE(error.find("ppisp.json"), std::string::npos) << error;
     }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/cameras_json.h"
 #include "tests/io/file_helpers.h"
@@ -182,7 +183,7 @@ TEST(CamerasJson, TestViewsFirstWithWorldFromCamera) {
     view.name = "a.jpg";
     scene.test = {view};
     write_cameras_json(folder / "cameras.json", scene);
-    const auto json = nlohmann::json::parse(slurp(folder / "cameras.json"));
+    const auto json = parse_json(slurp(folder / "cameras.json"));
     ASSERT_EQ(json.size(), 2u);
     EXPECT_EQ(json[0]["img_name"], "a.jpg");
     EXPECT_EQ(json[1]["img_name"], "left/b.jpg");
@@ -193,7 +194,7 @@ TEST(CamerasJson, TestViewsFirstWithWorldFromCamera) {
     EXPECT_EQ(json[0]["fy"], 510);
     // centre = -R^T t, rows of R^T
     EXPECT_EQ(json[0]["position"], (std::vector<double>{-3, -1, -2}));
-    EXPECT_EQ(json[0]["rotation"], nlohmann::json::parse("[[0,0,1],[1,0,0],[0,1,0]]"));
+    EXPECT_EQ(json[0]["rotation"], parse_json("[[0,0,1],[1,0,0],[0,1,0]]"));
     EXPECT_EQ(json[0].size(), 8u);
 }
 

@@ -13,6 +13,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/scene/procedural.h"
 #include "lib/train/trainer.h"
@@ -166,7 +167,7 @@ TEST(Photometric, RecoversTheExposuresOfTheScene) {
     std::ifstream log(RunFolder{o.model}.train_log());
     std::map<std::int64_t, int> degrees;
     for (std::string line; std::getline(log, line);)
-        if (const auto event = nlohmann::json::parse(line); event.at("event") == "step")
+        if (const auto event = parse_json(line); event.at("event") == "step")
             degrees[event.at("iteration")] = event.at("active_degree");
     EXPECT_EQ(degrees.at(1100), 0);
     EXPECT_EQ(degrees.at(1900), 0);

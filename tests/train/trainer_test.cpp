@@ -11,6 +11,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/ply.h"
@@ -90,7 +91,7 @@ double last_loss(const TrainOptions& o) {
     std::ifstream log(RunFolder{o.model}.train_log());
     double loss = -1;
     for (std::string line; std::getline(log, line);) {
-        const auto json = nlohmann::json::parse(line);
+        const auto json = parse_json(line);
         if (json["event"] == "step") loss = json["loss"];
     }
     return loss;
@@ -136,7 +137,7 @@ std::vector<std::int64_t> logged(const TrainOptions& o, const std::string& event
     std::ifstream log(RunFolder{o.model}.train_log());
     std::vector<std::int64_t> values;
     for (std::string line; std::getline(log, line);) {
-        const auto json = nlohmann::json::parse(line);
+        const auto json = parse_json(line);
         if (json["event"] == event) values.push_back(json[name]);
     }
     return values;
@@ -229,7 +230,7 @@ TEST_P(TrainStrategies, LowersTheLossAndKeepsTheBudget) {
     std::ifstream log(RunFolder{o.model}.train_log());
     std::int64_t densifications = 0;
     for (std::string line; std::getline(log, line);) {
-        const auto json = nlohmann::json::parse(line);
+        const auto json = parse_json(line);
         if (json["event"] == "densify") ++densifications;
     }
     EXPECT_EQ(densifications > 0, o.strategy != Strategy::kNone);
@@ -251,7 +252,7 @@ double hostile_run(const fs::path& folder, const std::string& model, double shar
     std::ifstream log(RunFolder{o.model}.train_log());
     std::vector<double> losses;
     for (std::string line; std::getline(log, line);) {
-        const auto json = nlohmann::json::parse(line);
+        const auto json = parse_json(line);
         if (json["event"] == "step") losses.push_back(json["loss"]);
     }
     EXPECT_LT(losses.back(), losses.front());

@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {
@@ -108,7 +109,7 @@ TEST_F(TradeoffFigures, APerfectScoreHasWordsAndNoPlaceInPlots) {
     EXPECT_NE(text("best").find("inf dB"), std::string::npos);
     EXPECT_EQ(recommend(tradeoff_)[1].run, 0u) << "nothing is near it";
     EXPECT_EQ(tradeoff_page(tradeoff_).find("nan"), std::string::npos);
-    EXPECT_TRUE(nlohmann::json::parse(tradeoff_json(tradeoff_))["runs"][0]["PSNR"].is_null());
+    EXPECT_TRUE(parse_json(tradeoff_json(tradeoff_))["runs"][0]["PSNR"].is_null());
 }
 
 TEST_F(TradeoffFigures, TextNamesEveryConfiguration) {
@@ -159,7 +160,7 @@ TEST_F(TradeoffFigures, FilesAreWrittenEvenWithoutAResult) {
     add("none", "1");
     write_tradeoff(folder.path() / "new", tradeoff_);
     std::ifstream file(folder.path() / "new/tradeoff.json");
-    const auto json = nlohmann::json::parse(file);
+    const auto json = parse_json(file);
     EXPECT_EQ(json["runs"][0]["status"], "not reached");
     EXPECT_EQ(json["runs"][0]["values"]["appearance"], "none");
     EXPECT_TRUE(json["recommendations"].empty());

@@ -10,6 +10,7 @@
 #include "eval/report/table.h"
 #include "eval/runs/results.h"
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/fake_backend.h"
 #include "tests/eval/support/random_weights.h"
@@ -82,7 +83,7 @@ TEST(Metrics, ReachResultsAndTables) {
 
     const auto read = [&](const char* name) {
         std::ifstream file(folder.path() / name);
-        return json::parse(file);
+        return parse_json(file);
     };
     const json results = read("results.json"), per_view = read("per_view.json");
     EXPECT_EQ(results["ours_5"].size(), 3u) << results["ours_5"];

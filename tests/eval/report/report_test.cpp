@@ -7,6 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "lib/model/run_folder.h"
 #include "tests/core/temporary_folder.h"
 
@@ -92,7 +93,7 @@ TEST_F(Report, PlotsHaveAPointForEachLineWithItsCost) {
 TEST_F(Report, PicturesAreEvenlySpreadShrunkAndKeptOnce) {
     const std::string text = report_pictures(compare_runs(rows_), {2, 40});
     EXPECT_EQ(text.find('<'), std::string::npos) << "could end the script element";
-    const auto json = nlohmann::json::parse(text);
+    const auto json = parse_json(text);
     ASSERT_EQ(json["scenes"].size(), 1u);
     const auto& scene = json["scenes"][0];
     EXPECT_EQ(scene["name"], kOdd);
@@ -124,7 +125,7 @@ TEST_F(Report, ThePageIsWholeAndAsksForNothing) {
 TEST_F(Report, RunsWithoutPicturesHaveTheirTables) {
     std::filesystem::remove_all(tmp_.path() / "a");
     std::filesystem::remove_all(tmp_.path() / "b");
-    const auto json = nlohmann::json::parse(report_pictures(compare_runs(rows_), {}));
+    const auto json = parse_json(report_pictures(compare_runs(rows_), {}));
     EXPECT_TRUE(json["scenes"].empty());
 }
 

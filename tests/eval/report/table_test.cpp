@@ -12,6 +12,7 @@
 #include "eval/report/comparison_format.h"
 #include "eval/runs/protocol.h"
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {
@@ -246,7 +247,7 @@ TEST_F(Formats, Latex) {
 }
 
 TEST_F(Formats, Json) {
-    const auto json = nlohmann::json::parse(text(TableFormat::kJson));
+    const auto json = parse_json(text(TableFormat::kJson));
     EXPECT_EQ(json["protocol"], kLine);
     EXPECT_EQ(json["columns"][0], (nlohmann::json{{"key", "PSNR"}, {"title", "PSNR"}, {"better", "higher"}}));
     const auto& lines = json["tables"][0]["lines"];
@@ -259,13 +260,12 @@ TEST_F(Formats, Json) {
 
 TEST_F(Formats, NamesThatAreNoUtf8OrHaveLineBreaksBreakNothing) {
     Comparison c = compare_runs({row_of("bad\xff\nname", "s", "m", 20)});
-    EXPECT_NO_THROW(nlohmann::json::parse(format_comparison(c, TableFormat::kJson)));
+    EXPECT_NO_THROW(parse_json(format_comparison(c, TableFormat::kJson)));
     const std::string markdown = format_comparison(c, TableFormat::kMarkdown);
     EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '\n'), 7);
     EXPECT_NE(format_comparison(c, TableFormat::kCsv).find("\"bad\xff\nname\""), std::string::npos);
     c.tables[0].lines[0].values[0]->mean = std::numeric_limits<double>::infinity();
-    EXPECT_TRUE(nlohmann::json::parse(
-                    format_comparison(c, TableFormat::kJson))["tables"][0]["lines"][0]["values"]["PSNR"]["mean"]
+    EXPECT_TRUE(parse_json(format_comparison(c, TableFormat::kJson))["tables"][0]["lines"][0]["values"]["PSNR"]["mean"]
                     .is_null());
     EXPECT_EQ(html_escaped("<a href=\"x\">&'"), "&lt;a href=&quot;x&quot;&gt;&amp;&#39;");
 }

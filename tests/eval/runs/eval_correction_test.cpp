@@ -15,6 +15,7 @@
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/model/ply.h"
 #include "tests/core/temporary_folder.h"
@@ -144,7 +145,7 @@ TEST(EvalCorrection, StandsBesideTheScores) {
     facts.photometric.clear();
     const auto stored = [&] {
         std::ifstream file(folder.path() / "results.json");
-        return nlohmann::json::parse(file);
+        return parse_json(file);
     };
     write_results(RunFolder{folder.path()}, options, result, facts);
     auto json = stored();

@@ -9,6 +9,7 @@
 #include "eval/runs/bench_subject.h"
 #include "eval/runs/run_frame_times.h"
 #include "kernels/core/error.h"
+#include "lib/core/json_text.h"
 #include "tests/eval/support/tiny_run.h"
 
 namespace gs {
@@ -16,7 +17,7 @@ namespace {
 
 nlohmann::json results(const std::filesystem::path& folder) {
     std::ifstream file(folder / "results.json");
-    return nlohmann::json::parse(file);
+    return parse_json(file);
 }
 
 TEST(EvaluateRun, WritesScoresAndFrameTimes) {

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "lib/core/json_text.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/fake_backend.h"
 
@@ -34,7 +35,7 @@ class TrainingEvaluationTest : public ::testing::Test {
     }
     nlohmann::json results() const {
         std::ifstream file(tmp_.path() / "results.json");
-        return nlohmann::json::parse(file);
+        return parse_json(file);
     }
     test::TemporaryFolder tmp_;
     TrainOptions options_;

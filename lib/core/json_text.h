@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// JSON to text and back. The library's parser and writer are templates; they are compiled here once.
+#pragma once
+
+#include <istream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace gs {
+
+/// Returns the text of `json`: on one line, or with `indent` spaces a level. Never throws for a text that is not UTF-8
+/// (a file name, say): its bytes are replaced by U+FFFD.
+std::string json_text(const nlohmann::json& json, int indent = -1);
+std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
+
+/// Parses one JSON value. Throws nlohmann::json::parse_error.
+nlohmann::json parse_json(const std::string& text);
+nlohmann::json parse_json(std::istream& in);
+
+/// Parses one JSON value; the result is_discarded() where the text is none.
+nlohmann::json try_parse_json(const std::string& text);
+nlohmann::json try_parse_json(std::istream& in);
+/// Parses one JSON value and keeps the order of its keys; the result is_discarded() where the text is none.
+nlohmann::ordered_json try_parse_ordered_json(std::istream& in);
+
+}  // namespace gs
