@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/experiments/suite.h"
+#include "eval/pages/escape.h"
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
@@ -16,10 +17,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Returns the text as one field of the table: without line breaks and bars.
-std::string one_line(std::string text) {
-    std::replace(text.begin(), text.end(), '\n', ' ');
-    std::replace(text.begin(), text.end(), '|', '/');
-    return text;
+std::string table_field(const std::string& text) {
+    std::string field = one_line(text);
+    std::replace(field.begin(), field.end(), '|', '/');
+    return field;
 }
 
 Json json_of(const SuiteLine& line) {
@@ -44,7 +45,7 @@ std::string format_suite(const std::vector<SuiteLine>& lines) {
                                r.train_seconds, r.frame_seconds > 0 ? 1 / r.frame_seconds : 0, 1e-6 * double(r.bytes));
         } else {
             out += fmt::format(" {} | | | | | |\n",
-                               line.error.empty() ? "not trained" : "failed: " + one_line(line.error));
+                               line.error.empty() ? "not trained" : "failed: " + table_field(line.error));
         }
     }
     return out;

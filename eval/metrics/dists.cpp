@@ -11,7 +11,7 @@ namespace gs {
 namespace {
 
 constexpr std::array<double, 3> kMean = {0.485, 0.456, 0.406}, kDeviation = {0.229, 0.224, 0.225};  ///< ImageNet's
-constexpr double kC1 = 1e-6, kC2 = 1e-6;  ///< make a channel that is 0 in both images agree
+constexpr double kMeanFloor = 1e-6, kVarianceFloor = 1e-6;  ///< make a channel that is 0 in both images agree
 constexpr int kImageChannels = 3;
 
 /// Returns the weighted disagreement of the two maps in one channel.
@@ -19,8 +19,8 @@ double channel_distance(const ChannelComparison& c, double alpha, double beta) {
     // This form of one minus the similarity does not cancel: 1 - (2 ab + c) / (aa + bb + c) = (a - b)^2 / (aa + bb +
     // c).
     const double texture =
-        (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kC1);
-    const double structure = c.difference / (c.variance_a + c.variance_b + kC2);
+        (c.mean_a - c.mean_b) * (c.mean_a - c.mean_b) / (c.mean_a * c.mean_a + c.mean_b * c.mean_b + kMeanFloor);
+    const double structure = c.difference / (c.variance_a + c.variance_b + kVarianceFloor);
     return alpha * texture + beta * structure;
 }
 

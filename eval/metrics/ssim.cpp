@@ -27,7 +27,7 @@ std::array<double, kTaps> gaussian_window() {
 }
 
 /// One channel, padded on each side so that every window that counts lies inside.
-struct Plane {
+struct PaddedChannel {
     int width, height;
     std::vector<double> values;
 };
@@ -35,9 +35,9 @@ struct Plane {
 /// Returns the index of pixel i in a row of n pixels that is mirrored about its first and last pixel.
 int reflected(int i, int n) { return i < 0 ? -i : (i >= n ? 2 * n - 2 - i : i); }
 
-Plane padded_channel(const Image& image, int channel, SsimBorder border) {
+PaddedChannel padded_channel(const Image& image, int channel, SsimBorder border) {
     const int pad = border == SsimBorder::kValid ? 0 : kRadius;
-    Plane plane{image.width + 2 * pad, image.height + 2 * pad, {}};
+    PaddedChannel plane{image.width + 2 * pad, image.height + 2 * pad, {}};
     plane.values.assign(std::size_t(plane.width) * plane.height, 0.0);
     for (int y = 0; y < plane.height; ++y) {
         for (int x = 0; x < plane.width; ++x) {
@@ -58,7 +58,7 @@ double ssim_of_moments(const double m[5]) {
 }
 
 /// Returns the sum of the SSIM map over all windows that lie inside the planes.
-double ssim_sum(const Plane& a, const Plane& b) {
+double ssim_sum(const PaddedChannel& a, const PaddedChannel& b) {
     static const auto taps = gaussian_window();
     const int width = a.width - 2 * kRadius, height = a.height - 2 * kRadius;
     // The moments a, b, aa, bb, ab, filtered along x: (a.height, width, 5).
@@ -97,7 +97,7 @@ double ssim(const Image& a, const Image& b, SsimBorder border) {
     double sum = 0;
     std::size_t count = 0;
     for (int c = 0; c < a.channels; ++c) {
-        const Plane pa = padded_channel(a, c, border), pb = padded_channel(b, c, border);
+        const PaddedChannel pa = padded_channel(a, c, border), pb = padded_channel(b, c, border);
         sum += ssim_sum(pa, pb);
         count += std::size_t(pa.width - 2 * kRadius) * (pa.height - 2 * kRadius);
     }

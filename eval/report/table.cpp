@@ -20,8 +20,6 @@
 namespace gs {
 namespace {
 
-using Json = nlohmann::json;
-
 std::optional<std::int64_t> iteration_of(const std::string& key) {
     std::int64_t n = 0;
     if (!key.starts_with("ours_")) return std::nullopt;
@@ -29,11 +27,11 @@ std::optional<std::int64_t> iteration_of(const std::string& key) {
     return error == std::errc() && end == key.data() + key.size() && n >= 0 ? std::optional(n) : std::nullopt;
 }
 
-double score(const Json& json, const std::string& file, const std::string& key, const std::string& name) {
-    const Json& object = json.at(key);
+double score(const nlohmann::json& json, const std::string& file, const std::string& key, const std::string& name) {
+    const nlohmann::json& object = json.at(key);
     if (!object.is_object() || !object.contains(name))
         throw DataError(fmt::format("{}: {} has no {}", file, key, name));
-    const Json& value = object.at(name);
+    const nlohmann::json& value = object.at(name);
     if (value.is_null()) return std::numeric_limits<double>::infinity();
     if (!value.is_number())
         throw DataError(fmt::format("{}: {}.{} is not a number: {}", file, key, name, json_text(value)));
@@ -41,29 +39,29 @@ double score(const Json& json, const std::string& file, const std::string& key, 
 }
 
 /// Returns json[section][key], or null when either is missing.
-Json fact(const Json& json, const char* section, const std::string& key) {
+nlohmann::json fact(const nlohmann::json& json, const char* section, const std::string& key) {
     const auto found = json.find(section);
-    return found != json.end() && found->is_object() && found->contains(key) ? found->at(key) : Json();
+    return found != json.end() && found->is_object() && found->contains(key) ? found->at(key) : nlohmann::json();
 }
 
-std::string text_fact(const Json& object, const char* name) {
+std::string text_fact(const nlohmann::json& object, const char* name) {
     return object.is_object() && object.contains(name) && object.at(name).is_string()
                ? object.at(name).get<std::string>()
                : "";
 }
 
-std::optional<std::int64_t> count_fact(const Json& object, const char* name) {
+std::optional<std::int64_t> count_fact(const nlohmann::json& object, const char* name) {
     if (!object.is_object() || !object.contains(name) || !object.at(name).is_number_integer()) return std::nullopt;
     return object.at(name).get<std::int64_t>();
 }
 
-std::optional<double> number_fact(const Json& object, const char* name) {
+std::optional<double> number_fact(const nlohmann::json& object, const char* name) {
     if (!object.is_object() || !object.contains(name) || !object.at(name).is_number()) return std::nullopt;
     return object.at(name).get<double>();
 }
 
 /// Returns the frame times; empty unless all of their numbers are there.
-std::optional<FrameTimes> frame_times_fact(const Json& object) {
+std::optional<FrameTimes> frame_times_fact(const nlohmann::json& object) {
     const auto views = count_fact(object, "num_views"), frames = count_fact(object, "frames_per_view");
     const auto mean = number_fact(object, "mean_seconds"), median = number_fact(object, "median_seconds"),
                min = number_fact(object, "min_seconds"), max = number_fact(object, "max_seconds");
@@ -78,7 +76,7 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     std::ifstream stream(file, std::ios::binary);
     if (!stream)
         throw DataError(fmt::format("{}: cannot be read; 'gsapp eval {}' writes it", file, run_folder.string()));
-    const Json json = Json::parse(stream, nullptr, false);
+    const nlohmann::json json = try_parse_json(stream);
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", file));
     std::optional<std::int64_t> chosen;
     for (const auto& [key, value] : json.items()) {
@@ -97,9 +95,9 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.ssim = score(json, file, key, "SSIM");
     for (const auto& [name, value] : json.at(key).items())
         if (name != "PSNR" && name != "SSIM" && value.is_number()) row.further_metrics[name] = value.get<double>();
-    const Json run = fact(json, "run", key), timing = fact(json, "timing", key),
-               count = fact(json, "num_gaussians", key), protocol = fact(json, "protocol", key),
-               not_measured = fact(json, "not_measured", key);
+    const nlohmann::json run = fact(json, "run", key), timing = fact(json, "timing", key),
+                         count = fact(json, "num_gaussians", key), protocol = fact(json, "protocol", key),
+                         not_measured = fact(json, "not_measured", key);
     for (const auto& [name, reason] : not_measured.items())
         if (reason.is_string()) row.not_measured[name] = reason.get<std::string>();
     row.dataset = text_fact(run, "dataset");

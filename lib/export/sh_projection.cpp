@@ -18,13 +18,13 @@
 namespace gs {
 namespace {
 
-constexpr int kDirections = 256;
+constexpr int kSampledDirections = 256;
 
 /// Returns a Fibonacci lattice of unit vectors; `phase` turns it about its axis, radians.
 std::vector<Vec3<double>> directions(double phase) {
     std::vector<Vec3<double>> out;
-    for (int i = 0; i < kDirections; ++i) {
-        const double y = 1 - (2 * i + 1.0) / kDirections, r = std::sqrt(1 - y * y),
+    for (int i = 0; i < kSampledDirections; ++i) {
+        const double y = 1 - (2 * i + 1.0) / kSampledDirections, r = std::sqrt(1 - y * y),
                      angle = M_PI * (3 - std::sqrt(5.0)) * i + phase;
         out.push_back({r * std::cos(angle), y, r * std::sin(angle)});
     }

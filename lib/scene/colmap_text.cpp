@@ -88,7 +88,7 @@ class Fields {
     std::string_view rest_;
 };
 
-void read_cameras(const fs::path& file, ModelBuilder& builder) {
+void read_text_cameras(const fs::path& file, ModelBuilder& builder) {
     Lines lines(file);
     for (std::string_view line; lines.next(line);) {
         Fields fields(lines, line);
@@ -108,7 +108,7 @@ void read_cameras(const fs::path& file, ModelBuilder& builder) {
     }
 }
 
-void read_images(const fs::path& file, ModelBuilder& builder) {
+void read_text_images(const fs::path& file, ModelBuilder& builder) {
     Lines lines(file);
     for (std::string_view line; lines.next(line);) {
         Fields fields(lines, line);
@@ -123,7 +123,7 @@ void read_images(const fs::path& file, ModelBuilder& builder) {
     }
 }
 
-void read_points(const fs::path& file, ModelBuilder& builder) {
+void read_text_points(const fs::path& file, ModelBuilder& builder) {
     Lines lines(file);
     for (std::string_view line; lines.next(line);) {
         Fields fields(lines, line);
@@ -142,10 +142,10 @@ void read_points(const fs::path& file, ModelBuilder& builder) {
 }  // namespace
 
 void read_text(const fs::path& folder, ModelBuilder& builder) {
-    read_cameras(folder / "cameras.txt", builder);
-    read_images(folder / "images.txt", builder);
+    read_text_cameras(folder / "cameras.txt", builder);
+    read_text_images(folder / "images.txt", builder);
     std::error_code ignored;
-    if (fs::exists(folder / "points3D.txt", ignored)) read_points(folder / "points3D.txt", builder);
+    if (fs::exists(folder / "points3D.txt", ignored)) read_text_points(folder / "points3D.txt", builder);
 }
 
 }  // namespace gs::colmap

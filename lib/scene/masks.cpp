@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_file(const fs::path& path) {
+bool names_file(const fs::path& path) {
     std::error_code ignored;
     return fs::is_regular_file(path, ignored);
 }
@@ -53,12 +53,12 @@ std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& imag
         std::error_code ignored;
         if (!fs::is_directory(folder, ignored)) continue;
         for (const std::string& name : names)
-            if (is_file(folder / name)) return MaskFile{folder / name, false};
+            if (names_file(folder / name)) return MaskFile{folder / name, false};
     }
     for (const std::string_view extension : kImageExtensions) {
         const fs::path beside =
             image_path.parent_path() / fmt::format("dynamic_mask_{}{}", image_path.stem().string(), extension);
-        if (is_file(beside)) return MaskFile{beside, true};
+        if (names_file(beside)) return MaskFile{beside, true};
     }
     return {};
 }
