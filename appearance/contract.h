@@ -24,8 +24,8 @@
 //     Each has such a line and an info function, and the header named like the folder holds all structs. A model that
 //     only varies another one has `gs_add_appearance_variant` instead, and can be left out of a build.
 //  5. `packing.json`: number, header fields and textures in viewers' files, for the program and the viewer alike
-//     (packing_description.h), and `<name>.glsl`, which computes the residual from the file's texels
-//     (apps/viewer/README.md).
+//     (packing_description.h); `packing.cpp`, which fills them from a trained model (packing.h); and `<name>.glsl`,
+//     which computes the residual from the file's texels (apps/viewer/README.md).
 //
 // CMake finds the folder and generates the registry. Command line, checkpoints, PLY columns, docs and the conformance
 // tests follow from it.

@@ -171,7 +171,7 @@ TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
     for (std::size_t k = 0; k < g[Group::kMean].param.size(); ++k)
         EXPECT_NEAR(back[Group::kMean].param[k], g[Group::kMean].param[k],
                     4.9e-4 * std::max(1.0f, std::abs(g[Group::kMean].param[k])));
-    // Of any description of the ellipsoid: where its surface is in some directions.
+    // Where the ellipsoid has its surface in some directions, whatever describes it.
     const auto radius = [](const Gaussians& of, std::int64_t i, const Eigen::Vector3d& direction) {
         const float *q = of[Group::kRotation].param.data() + 4 * i, *s = of[Group::kScale].param.data() + 3 * i;
         const Eigen::Vector3d local = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().conjugate() * direction;

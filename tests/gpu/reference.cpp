@@ -34,7 +34,7 @@ template <class Real> CameraParams<Real> camera_of(const CameraParams<float>& c)
     return o;
 }
 
-constexpr int kTile = 32;  ///< of the reference; a whole number of the device's sub-tiles
+constexpr int kTile = 32;  ///< the reference's tile, a whole number of the device's sub-tiles
 constexpr int kSubX = 8, kSubY = 4;
 
 /// All Gaussians as splats, and for each tile those that may reach it, front to back.

@@ -10,22 +10,12 @@
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/eval/support/tiny_run.h"
 
 namespace gs {
 namespace {
 
-/// Returns one opaque red Gaussian in the middle of the built-in scenes.
-Gaussians one_gaussian() {
-    Gaussians g;
-    g.count = 1;
-    g.appearance = {"none", 0, ColorActivation::kRelu};
-    g[Group::kMean] = {3, {0, 0, 0.3f}, {}, {}};
-    g[Group::kScale] = {3, {-1.5f, -1.5f, -1.5f}, {}, {}};
-    g[Group::kRotation] = {4, {1, 0, 0, 0}, {}, {}};
-    g[Group::kOpacity] = {1, {5}, {}, {}};
-    g[Group::kBase] = {3, {0.4f, -0.5f, -0.5f}, {}, {}};
-    return g;
-}
+using test::one_gaussian;
 
 struct RunOnDisk {
     test::TemporaryFolder folder;
