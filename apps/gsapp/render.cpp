@@ -22,7 +22,7 @@ struct RenderArguments {
 };
 
 std::vector<View> wanted_views(const RenderArguments& arguments, const Scene& scene) {
-    if (!arguments.path.empty()) return views_of(read_camera_path(arguments.path));
+    if (!arguments.path.empty()) return views_of(read_camera_path(arguments.path, scene.frame));
     if (arguments.orbit > 0) return views_of(orbit_path(scene.train, arguments.orbit));
     std::vector<View> views = views_of(scene, arguments.views);
     if (views.empty())

@@ -28,6 +28,11 @@ namespace fs = std::filesystem;
 void describe_scene(const Scene& scene) {
     log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(),
              scene.test.size(), scene.split_rule, scene.points.positions.size());
+    if (!scene.frame.is_identity())
+        log_info(
+            "trained in a frame of the usual size: centre ({:.9g}, {:.9g}, {:.9g}), scale {:.6g}; what is written is "
+            "in the scene's own coordinates",
+            scene.frame.center.x(), scene.frame.center.y(), scene.frame.center.z(), scene.frame.scale);
     for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
@@ -91,7 +96,9 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
         throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     if (options.model.empty()) options.model = free_run_folder("output", options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
-    const Scene scene = load_scene(scene_options(options));
+    SceneOptions scene_choices = scene_options(options);
+    if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);
+    const Scene scene = load_scene(scene_choices);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);

@@ -18,11 +18,12 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
     BenchSubject subject{options.source + ", initial points", {}, {}};
     if (trained) {  // read first: a mistake here should not wait for the scene
         SavedModel saved = read_saved_model(options.model, iteration);
+        subject.scene = load_scene_of(saved, scene_options(options));
         subject.model = std::move(saved.state);
         subject.model.active_degree = subject.model.appearance.max_degree;
         subject.name = fmt::format("{}, {} at iteration {}", options.source, options.model, saved.iteration);
     }
-    subject.scene = load_scene(scene_options(options));
+    if (!trained) subject.scene = load_scene(scene_options(options));
     if (subject.scene.train.empty())
         throw DataError(subject.scene.source + ": no training views (all were held out or skipped)");
     if (!trained) subject.model = initial_model(options, subject.scene);

@@ -11,6 +11,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
+#include "lib/scene/common_target.h"
 
 namespace gs {
 namespace {
@@ -18,7 +19,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-Camera camera_from_json(const nlohmann::json& json, const std::string& where) {
+Camera camera_from_json(const nlohmann::json& json, const std::string& where, const Frame& frame) {
     const auto positive = [&](const char* key) {
         const double value = json.at(key).get<double>();
         if (!(value > 0 && value < 1e6)) throw DataError(fmt::format("{}: {} is {}", where, key, value));
@@ -43,38 +44,26 @@ Camera camera_from_json(const nlohmann::json& json, const std::string& where) {
         const double error = (world_from_camera * world_from_camera.transpose() - Matrix3d::Identity()).norm();
         if (!(error < 1e-3) || !position.allFinite())
             throw DataError(fmt::format("{}: 'rotation' is no rotation, or 'position' is not finite", where));
+        if (json.contains("offset"))
+            for (int r = 0; r < 3; ++r) position[r] += json.at("offset").at(r).get<double>();
         camera.rotation = world_from_camera.transpose();
-        camera.translation = -camera.rotation * position;
+        camera.translation = -camera.rotation * frame.from_scene(position);
         return camera;
     } catch (const nlohmann::json::exception& e) {
         throw DataError(fmt::format("{}: {}", where, e.what()));
     }
 }
 
-/// Returns the point nearest to all optical axes in the least-squares sense. A small pull towards the cameras' mean
-/// decides where all look in one direction and the axes never meet.
-Vector3d common_target(const std::vector<View>& views) {
-    Matrix3d a = Matrix3d::Zero();
-    Vector3d b = Vector3d::Zero();
-    for (const View& view : views) {
-        const Vector3d axis = view.camera.rotation.row(2);
-        const Matrix3d off_axis = Matrix3d::Identity() - axis * axis.transpose() + 1e-6 * Matrix3d::Identity();
-        a += off_axis;
-        b += off_axis * view.camera.center();
-    }
-    return a.ldlt().solve(b);
-}
-
 }  // namespace
 
-std::vector<Camera> read_camera_path(const std::filesystem::path& path) {
+std::vector<Camera> read_camera_path(const std::filesystem::path& path, const Frame& frame) {
     std::ifstream file(path, std::ios::binary);
     if (!file) throw DataError(fmt::format("{}: cannot be read", path.string()));
     const auto json = try_parse_json(file);
     if (!json.is_array() || json.empty()) throw DataError(fmt::format("{}: not a JSON list of cameras", path.string()));
     std::vector<Camera> cameras;
     for (std::size_t i = 0; i < json.size(); ++i)
-        cameras.push_back(camera_from_json(json[i], fmt::format("{}: entry {}", path.string(), i)));
+        cameras.push_back(camera_from_json(json[i], fmt::format("{}: entry {}", path.string(), i), frame));
     return cameras;
 }
 

@@ -17,6 +17,7 @@
 #include "lib/export/site.h"
 #include "lib/export/splat_file.h"
 #include "lib/model/ply.h"
+#include "lib/scene/frame.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -33,6 +34,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
                                    {"num_gaussians", scene.count()},
                                    {"bytes_per_gaussian", scene.bytes_per_gaussian()},
                                    {"photometric", correction_name(run.correction.mode)}};
+    if (!run.scene.frame.is_identity()) json["frame"] = frame_json(run.scene.frame);
     if (loss)
         json["test_views"] = {{"psnr", loss->psnr},
                               {"packed_psnr", loss->packed_psnr},
@@ -85,18 +87,22 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
     require_free(request.output, {name}, request.overwrite);
     const std::filesystem::path path = request.output / name;
     SavedModel saved = read_saved_model(request.run, request.iteration);
+    const Frame frame = saved.frame.value_or(Frame{});
     require_finite(saved.state);
     saved.state = visible_gaussians(saved.state);
     if (saved.state.ppisp.active())
         log_warning("the file cannot hold the photometric correction: colours are those before it");
     if (format == SplatFormat::kSplat) {
         const ShProjection mean = project_to_sh(saved.state, 0);
-        write_splat(path, mean.gaussians);
+        write_splat(path, mean.gaussians, frame);
+        if (const Eigen::Vector3d offset = file_offset(frame); !offset.isZero(0))
+            log_warning("{}: positions lack the offset ({}, {}, {}), for which its floats are too coarse",
+                        path.string(), offset.x(), offset.y(), offset.z());
         log_info("{}: {} Gaussians in their mean colour, {:.2f} dB to their colours over all directions", path.string(),
                  saved.state.count, mean.psnr);
         return;
     }
-    PlyOptions options{saved.iteration};
+    PlyOptions options{.iteration = saved.iteration, .frame = frame};
     if (sh_projection && !is_plain_sh(saved.state)) {
         ShProjection projection = project_to_sh(saved.state, 3);
         options.note = fmt::format("spherical harmonics fitted to the colours of {}, {:.2f} dB over all directions",

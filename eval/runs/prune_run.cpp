@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 /// Writes a folder like the run's: the pruned model, and what opening it needs.
 void write_run(const SavedRun& run, const Gaussians& pruned, const fs::path& output) {
     const RunFolder from{run.folder}, to{output};
-    write_ply(to.point_cloud(run.iteration), pruned, {.iteration = run.iteration});
+    write_ply(to.point_cloud(run.iteration), pruned, {.iteration = run.iteration, .frame = run.scene.frame});
     TrainOptions options = run.options;
     options.model = output.string();
     write_text_atomic(to.config(), options_to_yaml(options));

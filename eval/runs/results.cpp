@@ -12,6 +12,7 @@
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
+#include "lib/scene/frame.h"
 
 namespace gs {
 namespace {
@@ -91,7 +92,8 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
                                     {"scene", facts.scene},
                                     {"model", facts.model},
                                     {"strategy", facts.strategy},
-                                    {"bytes_per_gaussian", facts.bytes_per_gaussian}};
+                                    {"bytes_per_gaussian", facts.bytes_per_gaussian},
+                                    {"frame", frame_json(facts.frame)}};
 
     Json per_view = existing(folder.per_view());
     Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object(),

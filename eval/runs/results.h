@@ -21,6 +21,7 @@ struct RunFacts {
     std::string model;       ///< appearance model, e.g. "sh (degree 3)"
     std::string strategy;    ///< strategy of densification
     std::string split_rule;  ///< rule that chose the held-out views
+    Frame frame;             ///< frame that the model was trained in
     Vec3<float> background{0, 0, 0};
     std::int64_t num_gaussians = 0;
     std::int64_t bytes_per_gaussian = 0;  ///< size of base and residual, as trained

@@ -12,6 +12,7 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/model/bring_into_frame.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/model/ppisp_json.h"
@@ -24,23 +25,31 @@ namespace gs {
 namespace fs = std::filesystem;
 namespace {
 
+SavedModel from_ply(const RunFolder& folder, std::int64_t iteration) {
+    SavedModel model;
+    model.iteration = iteration;
+    model.state = read_ply(folder.point_cloud(iteration), &model.frame);
+    return model;
+}
+
+SavedModel from_checkpoint(const fs::path& path) {
+    Checkpoint checkpoint = read_checkpoint(path);
+    return {.state = std::move(checkpoint.state), .iteration = checkpoint.iteration, .frame = checkpoint.frame};
+}
+
 SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> iteration) {
     std::error_code ignored;
     if (iteration) {
-        if (fs::exists(folder.point_cloud(*iteration), ignored))
-            return {read_ply(folder.point_cloud(*iteration)), *iteration};
-        if (fs::exists(folder.checkpoint(*iteration), ignored))
-            return {read_checkpoint(folder.checkpoint(*iteration)).state, *iteration};
+        if (fs::exists(folder.point_cloud(*iteration), ignored)) return from_ply(folder, *iteration);
+        if (fs::exists(folder.checkpoint(*iteration), ignored)) return from_checkpoint(folder.checkpoint(*iteration));
         throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
                                     folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(),
                                     *iteration));
     }
     if (fs::exists(folder.root / "point_cloud", ignored)) {
-        const std::int64_t latest = latest_point_cloud(folder.root);
-        return {read_ply(folder.point_cloud(latest)), latest};
+        return from_ply(folder, latest_point_cloud(folder.root));
     }
-    Checkpoint checkpoint = read_checkpoint(latest_checkpoint(folder.root));
-    return {std::move(checkpoint.state), checkpoint.iteration};
+    return from_checkpoint(latest_checkpoint(folder.root));
 }
 
 }  // namespace
@@ -67,6 +76,16 @@ SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64
     return model;
 }
 
+Scene load_scene_of(SavedModel& model, SceneOptions options) {
+    options.frame = model.frame;
+    Scene scene = load_scene(options);
+    if (!model.frame) {
+        bring_into_frame(model.state, scene.frame);
+        model.frame = scene.frame;
+    }
+    return scene;
+}
+
 SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead) {
     SavedRun run;
     run.folder = run_folder;
@@ -74,12 +93,12 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     run.options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
     if (instead.device) run.options.device = *instead.device;
-    const SavedModel model = read_saved_model(run_folder, iteration);
+    SavedModel model = read_saved_model(run_folder, iteration);
+    run.scene = load_scene_of(model, scene_options(run.options));
     run.iteration = model.iteration;
     run.correction = model.correction;
     run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
     run.backend->upload(model.state);
-    run.scene = load_scene(scene_options(run.options));
     run.background = run.options.background.color;
     return run;
 }
@@ -107,6 +126,7 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     if (!facts.appearance_choice.is_null()) facts.model += " by auto";
     facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
+    facts.frame = scene.frame;
     facts.background = background;
     facts.num_gaussians = num_gaussians;
     facts.bytes_per_gaussian = std::int64_t(sizeof(float)) *

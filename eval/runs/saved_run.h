@@ -30,6 +30,8 @@ struct SavedModel {
     Gaussians state;  ///< Gaussians, with PPISP where ppisp.json exists
     std::int64_t iteration = 0;
     EvalCorrection correction = {};
+    /// The frame that the Gaussians are in; empty for files of other programs, which are in scene coordinates.
+    std::optional<Frame> frame = {};
 };
 
 /// Returns whether the folder holds point clouds or checkpoints.
@@ -38,6 +40,10 @@ bool holds_model(const std::filesystem::path& run_folder);
 /// Reads the model of `iteration` (of the last saved one when empty) from its PLY, or from its checkpoint where there
 /// is no PLY. Throws DataError naming what is missing. Warns where ppisp.json is of another iteration.
 SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
+
+/// Loads the scene in the frame of the model. A model without one is moved into the scene's own frame. Throws what
+/// load_scene throws.
+Scene load_scene_of(SavedModel& model, SceneOptions options);
 
 /// Values that replace the run's own options where they are not empty.
 struct RunChanges {

@@ -10,6 +10,7 @@
 #include "kernels/core/portable.h"
 #include "kernels/splat/raster_config.h"
 #include "lib/io/atomic_file.h"
+#include "lib/scene/frame.h"
 
 namespace gs {
 namespace {
@@ -22,14 +23,14 @@ static_assert(sizeof(Record) == 32);
 
 std::uint8_t byte(double x) { return std::uint8_t(std::clamp(std::nearbyint(x), 0.0, 255.0)); }
 
-Record record(const Gaussians& g, std::int64_t i) {
+Record record(const Gaussians& g, std::int64_t i, const Frame& frame, const Eigen::Vector3d& offset) {
     const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
     const float* q = row(Group::kRotation);
     const double norm = std::hypot(std::hypot(q[0], q[1]), std::hypot(q[2], q[3]));
     Record r;
     for (int k = 0; k < 3; ++k) {
-        r.position[k] = row(Group::kMean)[k];
-        r.scale[k] = float(std::exp(std::min(double(row(Group::kScale)[k]), kMaxLogScale)));
+        r.position[k] = float(row(Group::kMean)[k] / frame.scale - (offset[k] - frame.center[k]));
+        r.scale[k] = float(std::exp(std::min(double(row(Group::kScale)[k]), kMaxLogScale)) / frame.scale);
         r.color[k] = byte(255 * (row(Group::kBase)[k] + 0.5));
     }
     r.color[3] = byte(255 * sigmoid(double(*row(Group::kOpacity))));
@@ -39,7 +40,7 @@ Record record(const Gaussians& g, std::int64_t i) {
 
 }  // namespace
 
-void write_splat(const std::filesystem::path& path, const Gaussians& g) {
+void write_splat(const std::filesystem::path& path, const Gaussians& g, const Frame& frame) {
     std::vector<double> sizes(static_cast<std::size_t>(g.count));
     for (std::int64_t i = 0; i < g.count; ++i) {
         const float* s = g[Group::kScale].param.data() + 3 * i;
@@ -50,9 +51,10 @@ void write_splat(const std::filesystem::path& path, const Gaussians& g) {
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
                      [&](std::int64_t a, std::int64_t b) { return sizes[std::size_t(a)] > sizes[std::size_t(b)]; });
+    const Eigen::Vector3d offset = file_offset(frame);
     AtomicFile file(path);
     for (const std::int64_t i : order) {
-        const Record r = record(g, i);
+        const Record r = record(g, i, frame, offset);
         file.stream().write(reinterpret_cast<const char*>(&r), sizeof r);
     }
     file.commit();

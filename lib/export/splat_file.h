@@ -6,12 +6,13 @@
 #include <filesystem>
 
 #include "kernels/model/gaussian_state.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 
 /// Writes position and standard deviations (float), colour and opacity, rotation w x y z (bytes), largest and most
 /// opaque first, atomically. `gaussians` must be of the model none with relu (project_to_sh with degree 0). Throws
-/// DataError when the write fails.
-void write_splat(const std::filesystem::path& path, const Gaussians& gaussians);
+/// DataError when the write fails. `gaussians` are in `frame`; the file has scene coordinates minus file_offset(frame).
+void write_splat(const std::filesystem::path& path, const Gaussians& gaussians, const Frame& frame);
 
 }  // namespace gs

@@ -9,7 +9,9 @@
 namespace gs {
 
 /// Writes [{id, img_name, width, height, position, rotation, fy, fx}], test views first, then training views. id is the
-/// index in the list, position is in world units, rotation is world_from_camera by rows, focal lengths are in pixels.
+/// index in the list, position is in scene units, rotation is world_from_camera by rows, focal lengths are in pixels.
+/// Where the run's PLY files lack an offset (file_offset), positions lack it, too, and each entry states it as
+/// "offset": [x, y, z].
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
 
 }  // namespace gs

@@ -18,6 +18,7 @@
 #include "lib/core/version.h"
 #include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/scene/frame.h"
 
 namespace gs {
 namespace {
@@ -97,7 +98,20 @@ PpispState read_ppisp(const SafetensorsFile& file, const std::string& name) {
     return p;
 }
 
+Frame frame_of(const SafetensorsFile& file, const std::string& name) {
+    if (!file.metadata().contains("frame")) return {};
+    const auto frame = parse_frame(file.metadata("frame"));
+    if (!frame)
+        throw DataError(fmt::format("cannot read '{}': metadata 'frame' is '{}', not 'center X Y Z scale S'", name,
+                                    file.metadata("frame")));
+    return *frame;
+}
+
 }  // namespace
+
+Frame read_checkpoint_frame(const std::filesystem::path& path) {
+    return frame_of(SafetensorsFile(path), path.string());
+}
 
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint) {
     const Gaussians& g = checkpoint.state;
@@ -133,7 +147,8 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
                                                    {"appearance", g.appearance.model},
                                                    {"max_degree", std::to_string(g.appearance.max_degree)},
                                                    {"color_activation", word(g.appearance.activation)},
-                                                   {"options", checkpoint.options_yaml}};
+                                                   {"options", checkpoint.options_yaml},
+                                                   {"frame", frame_text(checkpoint.frame)}};
     add_ppisp(g.ppisp, tensors, metadata);
     write_safetensors(path, tensors, metadata);
 }
@@ -149,6 +164,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     c.iteration = metadata_number<std::int64_t>(file, name, "iteration");
     c.seed = metadata_number<std::uint64_t>(file, name, "seed");
     c.options_yaml = file.metadata("options");
+    c.frame = frame_of(file, name);
     Gaussians& g = c.state;
     g.step = metadata_number<std::int64_t>(file, name, "adam_step");
     g.active_degree = metadata_number<int>(file, name, "active_degree");

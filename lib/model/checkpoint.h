@@ -7,6 +7,7 @@
 #include <string>
 
 #include "kernels/model/gaussian_state.h"
+#include "lib/scene/scene.h"
 
 namespace gs {
 
@@ -16,6 +17,7 @@ struct Checkpoint {
     /// The seed is the whole state of the random generator, because random numbers are functions of (seed, iteration).
     std::uint64_t seed = 0;
     std::string options_yaml;  ///< resolved options of the run
+    Frame frame = {};          ///< frame that the Gaussians are in; identity in files of earlier versions
 };
 
 /// Writes the checkpoint atomically and without a second copy of it: 12 bytes per parameter with moments, 4 without.
@@ -23,6 +25,9 @@ struct Checkpoint {
 /// "gradient_sum" and "gradient_count"; with PPISP also "ppisp" and, once there are controllers, "controller", each one
 /// row and its moments. Everything else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
+
+/// Reads the frame of a checkpoint and nothing else. Throws DataError.
+Frame read_checkpoint_frame(const std::filesystem::path& path);
 
 /// Reads a checkpoint bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no
 /// checkpoint, is truncated, disagrees with its appearance model, or holds values that are not finite.

@@ -42,9 +42,10 @@ bool in_frustum(const Camera& camera, const Eigen::Vector3d& point) {
 }
 
 PointCloud random_points(const Scene& scene, const InitOptions& options) {
-    Eigen::Vector3d center = Eigen::Vector3d::Zero();
+    Eigen::Vector3d center = scene.random_init_center;
     double half = scene.random_init_half_extent;
     if (half <= 0) {
+        center.setZero();
         for (const View& view : scene.train) center += view.camera.center();
         if (!scene.train.empty()) center /= double(scene.train.size());
         half = 3 * scene.extent;
@@ -65,10 +66,11 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
     }
     cloud.colors.assign(cloud.positions.size(), Eigen::Vector3f::Constant(0.5f));
     if (cloud.positions.empty()) {
-        throw DataError(
-            fmt::format("scene '{}': none of {} random points within {} of ({}, {}, {}) is seen by a training view; "
-                        "check the camera poses",
-                        scene.source, options.random_points, half, center.x(), center.y(), center.z()));
+        const Eigen::Vector3d shown = scene.frame.to_scene(center);
+        throw DataError(fmt::format(
+            "scene '{}': none of {} random points within {} of ({}, {}, {}) is seen by a training view; "
+            "check the camera poses",
+            scene.source, options.random_points, half / scene.frame.scale, shown.x(), shown.y(), shown.z()));
     }
     return cloud;
 }

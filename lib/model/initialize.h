@@ -22,7 +22,7 @@ struct InitOptions {
 InitOptions init_options(const TrainOptions& options);
 
 /// Returns the finite points of the scene. If it has none, draws grey points uniformly in a cube and keeps those that
-/// at least one training view sees. The cube is the scene's own (random_init_half_extent, around the origin) or reaches
+/// at least one training view sees. The cube is the scene's own (random_init_half_extent) or reaches
 /// 3 extents from the mean camera position. The result depends on the seed, not on the number of threads. Throws
 /// DataError when no point is left.
 PointCloud initial_points(const Scene& scene, const InitOptions& options);

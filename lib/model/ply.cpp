@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <sstream>
 #include <vector>
@@ -20,11 +21,15 @@
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/scene/frame.h"
 
 namespace gs {
 namespace {
 
 constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"};
+
+/// The beginning of the comment that states the frame.
+constexpr const char* kFrameComment = "gsapp frame ";
 
 /// The number of rows that are packed before they go to the stream.
 constexpr std::int64_t kRowsPerChunk = 4096;
@@ -47,6 +52,9 @@ PlyHeader make_header(const Gaussians& g, const PlyOptions& options) {
                               g.active_degree, word(a.activation))};
     if (!relu || !is_plain_sh(a))
         h.comments.push_back("colours of other programs are approximate: the exact ones are in the app_ columns");
+    if (!options.frame.is_identity()) h.comments.push_back(kFrameComment + frame_text(options.frame));
+    if (const Eigen::Vector3d offset = file_offset(options.frame); !offset.isZero(0))
+        h.comments.push_back(offset_comment(offset));
     if (!options.note.empty()) h.comments.push_back(options.note);
     const auto add = [&](const std::string& name) { h.properties.push_back({name, PlyType::kFloat}); };
     const auto add_indexed = [&](const char* prefix, int n) {
@@ -65,15 +73,27 @@ PlyHeader make_header(const Gaussians& g, const PlyOptions& options) {
     return h;
 }
 
+/// Between the coordinates of a frame and those of a file, which are the scene's minus an offset.
+struct FileCoordinates {
+    Frame frame;
+    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+
+    // Differences, because a sum would turn -0 into 0 where nothing is to change.
+    double to_file(double x, int axis) const { return x / frame.scale - (offset[axis] - frame.center[axis]); }
+    double from_file(double x, int axis) const { return frame.scale * (x - (frame.center[axis] - offset[axis])); }
+    double size_to_file(double log_size) const { return log_size - std::log(frame.scale); }
+    double size_from_file(double log_size) const { return log_size - std::log(1 / frame.scale); }
+};
+
 /// Packs Gaussian `i` in the order of make_header.
-void pack_row(const Gaussians& g, std::int64_t i, float* out) {
+void pack_row(const Gaussians& g, std::int64_t i, const FileCoordinates& coordinates, float* out) {
     const AppearanceSpec& a = g.appearance;
     const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
     const int residual = g[Group::kResidual].width;
     const bool relu = a.activation == ColorActivation::kRelu;
     const auto copy = [&](const float* in, int n) { out = std::copy(in, in + n, out); };
 
-    copy(row(Group::kMean), 3);
+    for (int axis = 0; axis < 3; ++axis) *out++ = float(coordinates.to_file(row(Group::kMean)[axis], axis));
     out = std::fill_n(out, 3, 0.0f);
     const float* base = row(Group::kBase);
     for (int c = 0; c < 3; ++c)
@@ -85,7 +105,7 @@ void pack_row(const Gaussians& g, std::int64_t i, float* out) {
         }
     }
     copy(row(Group::kOpacity), 1);
-    copy(row(Group::kScale), 3);
+    for (int axis = 0; axis < 3; ++axis) *out++ = float(coordinates.size_to_file(row(Group::kScale)[axis]));
     const float* q = row(Group::kRotation);
     const double norm =
         std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
@@ -122,6 +142,24 @@ bool appearance_comment(const PlyReader& file, const std::string& name, Appearan
         return true;
     }
     return false;
+}
+
+/// Reads the comments about coordinates. Throws DataError for those that it cannot understand.
+FileCoordinates coordinate_comments(const PlyReader& file) {
+    FileCoordinates coordinates;
+    for (const std::string& comment : file.header().comments) {
+        if (comment.starts_with(kFrameComment)) {
+            const auto frame = parse_frame(comment.substr(std::strlen(kFrameComment)));
+            if (!frame) file.fail(fmt::format("cannot understand 'comment {}'", comment));
+            coordinates.frame = *frame;
+        } else if (comment.starts_with(kOffsetComment)) {
+            std::istringstream words(comment.substr(std::strlen(kOffsetComment)));
+            for (double& x : coordinates.offset) words >> x;
+            if (!words || !coordinates.offset.allFinite())
+                file.fail(fmt::format("cannot understand 'comment {}'", comment));
+        }
+    }
+    return coordinates;
 }
 
 /// Returns the number of f_rest properties and sets `degree` to their SH degree. Throws DataError for other numbers.
@@ -169,12 +207,13 @@ Columns find_columns(const PlyReader& file, const AppearanceSpec& a, int num_f_r
 void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyOptions& options) {
     const PlyHeader header = make_header(g, options);
     const std::size_t width = header.properties.size();
+    const FileCoordinates coordinates{options.frame, file_offset(options.frame)};
     AtomicFile file(path);
     write_ply_header(file.stream(), header);
     std::vector<float> rows(std::size_t(std::min(kRowsPerChunk, g.count)) * width);
     for (std::int64_t first = 0; first < g.count; first += kRowsPerChunk) {
         const std::size_t n = std::size_t(std::min(kRowsPerChunk, g.count - first));
-        for (std::size_t r = 0; r < n; ++r) pack_row(g, first + std::int64_t(r), rows.data() + r * width);
+        for (std::size_t r = 0; r < n; ++r) pack_row(g, first + std::int64_t(r), coordinates, rows.data() + r * width);
         for (std::size_t k = 0; k < n * width; ++k) {
             if (!gs_isfinite(rows[k])) {
                 throw NumericError(fmt::format("cannot export '{}': Gaussian {} has {} = {}", path.string(),
@@ -194,16 +233,20 @@ void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyO
     file.commit();
 }
 
-Gaussians read_ply(const std::filesystem::path& path) {
+Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* frame) {
     PlyReader file(path);
     Gaussians g;
     g.count = file.header().count;
     if (g.count == 0) file.fail("it holds no Gaussians");
+    const FileCoordinates coordinates = coordinate_comments(file);
     int degree = 0;
     const int num_f_rest = count_f_rest(file, degree);
     if (!appearance_comment(file, path.string(), g.appearance, g.active_degree)) {
         g.appearance = plain_sh_appearance(degree);
         g.active_degree = degree;
+        if (frame) frame->reset();
+    } else if (frame) {
+        *frame = coordinates.frame;
     }
     const Columns columns = find_columns(file, g.appearance, num_f_rest);
     g.shared.width = appearance_model(g.appearance.model).num_shared;
@@ -217,20 +260,23 @@ Gaussians read_ply(const std::filesystem::path& path) {
     std::int64_t row_in_file = 0;
     while (const std::int64_t rows = file.next_chunk()) {
         for (std::int64_t r = 0; r < rows; ++r, ++row_in_file) {
-            const auto append = [&](Group group, int column, double factor = 1) {
-                const double value = file.value(r, column) * factor;
+            const auto append_value = [&](Group group, int column, double value) {
                 if (!(std::abs(value) <= double(std::numeric_limits<float>::max()))) {
                     file.fail(fmt::format("Gaussian {} has {} = {}", row_in_file,
                                           file.header().properties[std::size_t(column)].name, value));
                 }
                 g[group].param.push_back(float(value));
             };
-            for (const int c : columns.mean) append(Group::kMean, c);
-            for (const int c : columns.scale) append(Group::kScale, c);
+            const auto append = [&](Group group, int column) { append_value(group, column, file.value(r, column)); };
+            for (int axis = 0; axis < 3; ++axis)
+                append_value(Group::kMean, columns.mean[axis],
+                             coordinates.from_file(file.value(r, columns.mean[axis]), axis));
+            for (const int c : columns.scale)
+                append_value(Group::kScale, c, coordinates.size_from_file(file.value(r, c)));
             for (const int c : columns.rotation) append(Group::kRotation, c);
             append(Group::kOpacity, columns.opacity);
             if (columns.base.empty()) {
-                for (const int c : columns.dc) append(Group::kBase, c, kY0);
+                for (const int c : columns.dc) append_value(Group::kBase, c, file.value(r, c) * kY0);
             } else {
                 for (const int c : columns.base) append(Group::kBase, c);
             }

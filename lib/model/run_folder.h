@@ -56,7 +56,8 @@ std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);
 /// not plain spherical harmonics.
 void write_cfg_args(const RunFolder& folder, const TrainOptions& options);
 
-/// Writes input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar).
-void write_input_points(const RunFolder& folder, const PointCloud& points);
+/// Writes input.ply: x y z nx ny nz (float, normals 0) red green blue (uchar). Points are in the frame; the file has
+/// the coordinates of the run's other PLY files.
+void write_input_points(const RunFolder& folder, const PointCloud& points, const Frame& frame);
 
 }  // namespace gs

@@ -81,12 +81,11 @@ void ModelBuilder::add_point(const fs::path& file, std::uint64_t id, const Eigen
     if (!point_ids_.insert(id).second)
         throw DataError(fmt::format("{}: point {}: the id appears twice", file.string(), id));
     // The check is in float because a finite double may overflow there.
-    const Eigen::Vector3f p = position.cast<float>();
-    if (!p.allFinite()) {
+    if (!position.cast<float>().allFinite()) {
         ++skipped_points_;
         return;
     }
-    model_.points.positions.push_back(p);
+    model_.points.positions.push_back(position);
     model_.points.colors.push_back(Eigen::Vector3f(float(rgb[0]), float(rgb[1]), float(rgb[2])) / 255.0f);
 }
 

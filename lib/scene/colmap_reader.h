@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "lib/scene/camera_models.h"
-#include "lib/scene/scene.h"
+#include "lib/scene/source_scene.h"
 
 namespace gs {
 
@@ -25,7 +25,7 @@ struct ColmapModel {
     std::filesystem::path folder;
     std::map<std::uint32_t, LensCamera> cameras;
     std::vector<ColmapImage> images;  ///< every camera_id is in `cameras`
-    PointCloud points;
+    SourcePoints points;
     std::vector<std::string> notes;  ///< one line for each kind of skipped data
 };
 

@@ -76,18 +76,18 @@ void note_masks(const SourceScene& scene, std::vector<std::string>& notes) {
 
 }  // namespace
 
-PointCloud read_point_ply(const fs::path& path) {
+SourcePoints read_point_ply(const fs::path& path) {
     PlyReader reader(path);
     const int x = reader.require("x"), y = reader.require("y"), z = reader.require("z");
     const int color[3] = {reader.find("red"), reader.find("green"), reader.find("blue")};
     const bool colored = color[0] >= 0 && color[1] >= 0 && color[2] >= 0;
     const bool unit = colored && (reader.header().properties[color[0]].type == PlyType::kFloat ||
                                   reader.header().properties[color[0]].type == PlyType::kDouble);
-    PointCloud points;
+    SourcePoints points;
     while (const std::int64_t rows = reader.next_chunk())
         for (std::int64_t r = 0; r < rows; ++r) {
-            const Eigen::Vector3f p(float(reader.value(r, x)), float(reader.value(r, y)), float(reader.value(r, z)));
-            if (!p.allFinite()) continue;
+            const Eigen::Vector3d p(reader.value(r, x), reader.value(r, y), reader.value(r, z));
+            if (!p.cast<float>().allFinite()) continue;
             Eigen::Vector3f rgb = Eigen::Vector3f::Constant(0.5f);
             for (int c = 0; colored && c < 3; ++c)
                 rgb[c] = std::clamp(float(reader.value(r, color[c])) / (unit ? 1.0f : 255.0f), 0.0f, 1.0f);

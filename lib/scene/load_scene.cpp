@@ -8,7 +8,9 @@
 
 #include "kernels/core/error.h"
 #include "lib/scene/colmap_reader.h"
+#include "lib/scene/common_target.h"
 #include "lib/scene/exif.h"
+#include "lib/scene/frame.h"
 #include "lib/scene/image_files.h"
 #include "lib/scene/procedural.h"
 #include "lib/scene/source_scene.h"
@@ -131,14 +133,60 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<boo
             without, sources.size()));
 }
 
+std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
+    std::vector<Eigen::Vector3d> centers;
+    for (const SourceView& view : views) centers.push_back(-view.rotation.transpose() * view.translation);
+    return centers;
+}
+
+Eigen::Vector3d mean_center(const std::vector<View>& views) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const View& view : views) mean += view.camera.center() / double(views.size());
+    return mean;
+}
+
+/// Returns the largest distance of a camera from the cameras' mean; 0 where only rounding tells them apart.
+double camera_radius(const std::vector<View>& views) {
+    const Eigen::Vector3d mean = mean_center(views);
+    double radius = 0;
+    for (const View& view : views) radius = std::max(radius, (view.camera.center() - mean).norm());
+    return radius > 1e-6 / 1.1 ? radius : 0;
+}
+
+/// Sets the cube in which a NeRF-synthetic scene is initialised, in scene units. Blender scenes of this set fill a cube
+/// of half side 1.5 around the origin, and cameras look at it from a distance of 4.03
+/// (docs/math/optimization.md#first-gaussians). A scene of this layout in other units or in another place has its cube
+/// where its cameras look.
+void place_cube(Scene& scene) {
+    constexpr double kHalfSide = 1.5, kDistance = 4.0311;
+    scene.random_init_half_extent = kHalfSide;
+    const Eigen::Vector3d target = common_target(scene.train);
+    double distance = 0;
+    for (const View& view : scene.train)
+        distance += (view.camera.center() - target).norm() / double(scene.train.size());
+    if (distance > 0.5 * kDistance && distance < 2 * kDistance && target.norm() < 0.5 * kHalfSide) return;
+    if (!(distance > 0) || !target.allFinite()) return;
+    scene.random_init_center = target;
+    scene.random_init_half_extent = kHalfSide / kDistance * distance;
+}
+
+/// Moves cameras, points and the cube of initialisation from scene coordinates into the scene's frame.
+void bring_into_frame(Scene& scene, const SourcePoints& points) {
+    for (auto* views : {&scene.train, &scene.test})
+        for (View& view : *views) view.camera = into_frame(view.camera, scene.frame);
+    scene.random_init_center = scene.frame.from_scene(scene.random_init_center);
+    scene.random_init_half_extent *= scene.frame.scale;
+    for (const Eigen::Vector3d& p : points.positions)
+        scene.points.positions.push_back(scene.frame.from_scene(p).cast<float>());
+    scene.points.colors = points.colors;
+}
+
 }  // namespace
 
 double camera_extent(const std::vector<View>& views, const PointCloud& points) {
     if (views.empty()) return 1;
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const View& view : views) mean += view.camera.center() / double(views.size());
-    double radius = 0;
-    for (const View& view : views) radius = std::max(radius, (view.camera.center() - mean).norm());
+    const Eigen::Vector3d mean = mean_center(views);
+    const double radius = camera_radius(views);
     // A zero extent would freeze all positions. Cameras in one place do not tell the size of the scene, but its points
     // do.
     if (1.1 * radius > 1e-6) return 1.1 * radius;
@@ -161,8 +209,7 @@ Scene load_scene(const SceneOptions& options) {
     scene.source = options.source;
     scene.kind = source.kind;
     scene.image_folder = source.image_folder;
-    scene.points = std::move(source.points);
-    scene.random_init_half_extent = source.random_init_half_extent;
+    scene.frame = options.frame ? *options.frame : choose_frame(camera_centers(source.views), source.points.positions);
     scene.notes = std::move(source.notes);
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
@@ -170,15 +217,20 @@ Scene load_scene(const SceneOptions& options) {
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i)
         (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
+    if (source.is_object_in_cube) place_cube(scene);
+    bring_into_frame(scene, source.points);
     for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
     number_cameras(scene);
     if (options.exif) add_exposures(source.views, test, scene);
     scene.has_alpha = builder.has_alpha();
 
-    std::vector<View> all = scene.train;
-    all.insert(all.end(), scene.test.begin(), scene.test.end());
-    if (auto line = check_points(all, scene.points)) scene.notes.push_back(std::move(*line));
+    for (std::string& line : check_points(scene)) scene.notes.push_back(std::move(line));
     scene.extent = camera_extent(scene.train, scene.points);
+    if (scene.train.size() > 1 && camera_radius(scene.train) == 0)
+        scene.notes.push_back(
+            fmt::format("all {} cameras stand in one place: they do not tell the size of the scene, which is taken as "
+                        "{:.3g} from its points; without parallax there is no depth to learn",
+                        scene.train.size(), scene.extent / scene.frame.scale));
     return scene;
 }
 

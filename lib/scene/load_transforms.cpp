@@ -71,9 +71,7 @@ void apply_explicit_split(const TransformsFile& file, SourceScene& out) {
 SourceScene load_nerf_synthetic(const fs::path& folder) {
     SourceScene out;
     out.kind = "nerf-synthetic";
-    // Blender scenes of this set fill a cube of this half side around the origin
-    // (docs/math/optimization.md#first-gaussians).
-    out.random_init_half_extent = 1.5;
+    out.is_object_in_cube = true;
     Preflight preflight;
     append(read_transforms(folder / "transforms_train.json"), preflight, false, out);
     std::error_code ignored;

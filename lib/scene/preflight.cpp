@@ -8,6 +8,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/splat/camera.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {
@@ -22,12 +23,56 @@ std::string listed(const std::vector<std::string>& items) {
     return text;
 }
 
-/// Whether the point lies in the image, at any depth before the camera.
-bool in_image(const Camera& camera, const Eigen::Vector3d& point) {
-    const Eigen::Vector3d p = camera.rotation * point + camera.translation;
-    if (!(p.z() > 0)) return false;
+/// What a camera has of a point, from worst to best.
+enum class Seen {
+    kNot,      ///< outside the image or behind the camera
+    kClipped,  ///< in the image, but before the near or behind the far plane
+    kDrawn,
+};
+
+Seen seen(const Camera& camera, const Eigen::Vector3f& point) {
+    const CameraParams<double> planes{};
+    const Eigen::Vector3d p = camera.rotation * point.cast<double>() + camera.translation;
+    if (!(p.z() > 0)) return Seen::kNot;
     const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
-    return x >= 0 && y >= 0 && x < camera.width && y < camera.height;
+    if (!(x >= 0 && y >= 0 && x < camera.width && y < camera.height)) return Seen::kNot;
+    return p.z() >= planes.near_plane && p.z() <= planes.far_plane ? Seen::kDrawn : Seen::kClipped;
+}
+
+/// Counts the points that no camera sees or draws.
+struct PointCounts {
+    std::atomic<std::int64_t> unseen = 0, clipped = 0;
+};
+
+void count_points(const std::vector<const View*>& views, const PointCloud& points, PointCounts& counts) {
+    const std::int64_t count = std::int64_t(points.positions.size());
+    parallel_for(num_parts(count), [&](std::int64_t part) {
+        std::size_t last = 0;  // neighbours in the file are mostly seen by the same camera
+        for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
+            Seen best = Seen::kNot;
+            for (std::size_t tried = 0; tried < views.size(); ++tried) {
+                best = std::max(best, seen(views[last]->camera, points.positions[std::size_t(i)]));
+                if (best == Seen::kDrawn) break;
+                last = (last + 1) % views.size();
+            }
+            counts.unseen += best == Seen::kNot;
+            counts.clipped += best == Seen::kClipped;
+        }
+    });
+}
+
+/// Lists the views that draw no point.
+std::vector<std::string> blind_views(const std::vector<const View*>& views, const PointCloud& points) {
+    std::vector<char> blind(views.size());
+    parallel_for_rows(std::int64_t(views.size()), [&](std::int64_t v) {
+        blind[std::size_t(v)] = std::none_of(
+            points.positions.begin(), points.positions.end(),
+            [&](const Eigen::Vector3f& point) { return seen(views[std::size_t(v)]->camera, point) == Seen::kDrawn; });
+    });
+    std::vector<std::string> names;
+    for (std::size_t v = 0; v < views.size(); ++v)
+        if (blind[v]) names.push_back(views[v]->name);
+    return names;
 }
 
 }  // namespace
@@ -80,24 +125,35 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
     return lines;
 }
 
-std::optional<std::string> check_points(const std::vector<View>& views, const PointCloud& points) {
-    std::atomic<std::int64_t> unseen = 0;
-    const std::int64_t count = std::int64_t(points.positions.size());
-    parallel_for(num_parts(count), [&](std::int64_t part) {
-        std::size_t last = 0;  // neighbours in the file are mostly seen by the same camera
-        for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
-            const Eigen::Vector3d point = points.positions[i].cast<double>();
-            std::size_t tried = 0;
-            for (; tried < views.size() && !in_image(views[last].camera, point); ++tried)
-                last = (last + 1) % views.size();
-            unseen += tried == views.size();
-        }
-    });
-    if (unseen == 0) return {};
-    if (unseen == count)
-        return fmt::format(
-            "none of the {} points projects into an image: kept, but poses and points do not fit together", count);
-    return fmt::format("{} of {} points project into no image: kept, but no image moves them", unseen.load(), count);
+std::vector<std::string> check_points(const Scene& scene) {
+    std::vector<std::string> lines;
+    const std::size_t count = scene.points.positions.size();
+    if (count == 0) return lines;
+    std::vector<const View*> views;
+    for (const auto* part : {&scene.train, &scene.test})
+        for (const View& view : *part) views.push_back(&view);
+    PointCounts counts;
+    count_points(views, scene.points, counts);
+    if (counts.unseen == std::int64_t(count)) {
+        lines.push_back(fmt::format(
+            "none of the {} points projects into an image: kept, but poses and points do not fit together", count));
+        return lines;
+    }
+    if (counts.unseen > 0)
+        lines.push_back(fmt::format("{} of {} points project into no image: kept, but no image moves them",
+                                    counts.unseen.load(), count));
+    if (counts.clipped > 0) {
+        const CameraParams<double> planes{};
+        lines.push_back(fmt::format(
+            "{} of {} points lie in images only nearer than {:.3g} or farther than {:.3g} (the near and far planes, in "
+            "the "
+            "scene's units): kept, but not drawn there",
+            counts.clipped.load(), count, planes.near_plane / scene.frame.scale, planes.far_plane / scene.frame.scale));
+    }
+    if (const auto blind = blind_views(views, scene.points); !blind.empty())
+        lines.push_back(fmt::format("{} of {} cameras see none of the {} points ({}): kept; are their poses right?",
+                                    blind.size(), views.size(), count, listed(blind)));
+    return lines;
 }
 
 }  // namespace gs

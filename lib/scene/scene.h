@@ -14,6 +14,17 @@
 
 namespace gs {
 
+/// A similarity between scene coordinates, which files have, and frame coordinates, in which everything is computed
+/// (lib/scene/frame.h). The axes stay.
+struct Frame {
+    Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< origin of the frame, scene units
+    double scale = 1;                                  ///< frame units per scene unit
+
+    bool is_identity() const { return scale == 1 && center.isZero(0); }
+    Eigen::Vector3d from_scene(const Eigen::Vector3d& p) const { return scale * (p - center); }
+    Eigen::Vector3d to_scene(const Eigen::Vector3d& p) const { return p / scale + center; }
+};
+
 /// A pinhole camera in OpenCV axes; lengths in pixels, the centre of pixel (0,0) at (0.5,0.5).
 struct Camera {
     int width = 0, height = 0;
@@ -45,11 +56,13 @@ struct View {
 };
 
 struct PointCloud {
-    std::vector<Eigen::Vector3f> positions;  ///< world units
+    std::vector<Eigen::Vector3f> positions;  ///< frame units
     std::vector<Eigen::Vector3f> colors;     ///< [0,1]
 };
 
+/// A loaded scene. All its lengths and positions are in the frame.
 struct Scene {
+    Frame frame;
     std::string source;        ///< the name that the user gave
     std::string kind;          ///< "colmap", "nerf-synthetic", "transforms", "builtin"
     std::string image_folder;  ///< e.g. "images_4"; empty if not applicable
@@ -60,8 +73,10 @@ struct Scene {
     std::string split_rule;  ///< how the views were split, in words; written to the results
     PointCloud points;       ///< empty = random initialisation
     bool has_alpha = false;  ///< images carry alpha
-    /// The half side of the cube for random initialisation, world units; 0 = derive from the cameras (real scenes).
+    /// The half side of the cube for random initialisation, and its centre; 0 = derive both from the cameras (real
+    /// scenes).
     double random_init_half_extent = 0;
+    Eigen::Vector3d random_init_center = Eigen::Vector3d::Zero();
     /// E = 1.1 * max distance of a training camera from their mean (docs/math/optimization.md#scene-extent).
     double extent = 1;
     std::vector<std::string> notes;  ///< pre-flight findings: one line each with the finding and its consequence
@@ -79,13 +94,14 @@ struct SceneOptions {
     AlphaMode alpha_mode = AlphaMode::kTransparent;  ///< for RGBA photographs
     bool exif = false;  ///< read View::exif_exposure, which opens every image file once more
     std::uint64_t seed = 0;
+    std::optional<Frame> frame = {};  ///< frame of a model made before; empty = the scene's own
 };
 
 /// Loads a COLMAP folder, NeRF-synthetic folder, transforms.json folder/file, or "builtin:NAME". Throws DataError
 /// naming file, field and value, and UsageError for invalid options.
 Scene load_scene(const SceneOptions& options);
 
-/// Returns the scene's extent E (docs/math/optimization.md#scene-extent), world units. Cameras in one place are
+/// Returns the scene's extent E (docs/math/optimization.md#scene-extent), frame units. Cameras in one place are
 /// guarded: there E comes from the points, and it is never zero.
 double camera_extent(const std::vector<View>& views, const PointCloud& points);
 

@@ -27,14 +27,22 @@ struct SourceView {
     bool given_test = false;  ///< the dataset assigns this view to its test set
 };
 
+/// Points as files give them, scene units. Doubles hold map coordinates.
+struct SourcePoints {
+    std::vector<Eigen::Vector3d> positions;
+    std::vector<Eigen::Vector3f> colors;  ///< [0,1]
+};
+
 struct SourceScene {
     std::string kind, image_folder;
     std::vector<SourceView> views;
     std::string given_split;  ///< name of the dataset's own split; empty if it has none
     /// The divisor by which the image folder is already scaled for SceneOptions::resolution; 1 = none
     int prescaled = 1;
-    PointCloud points;
-    double random_init_half_extent = 0;
+    SourcePoints points;
+    /// Whether views and points follow the convention of Blender's NeRF-synthetic scenes: cameras look at the middle of
+    /// a cube around the origin.
+    bool is_object_in_cube = false;
     std::vector<std::string> notes;
 };
 
@@ -56,8 +64,9 @@ class Preflight {
     std::set<std::string> names_;
 };
 
-/// Returns one line about points that project into no image, nothing if there are none.
-std::optional<std::string> check_points(const std::vector<View>& views, const PointCloud& points);
+/// Returns one line each about points that no image shows, points that are only before the near or behind the far
+/// plane of the images that show them, and cameras that see no point. `scene` needs its views, points and frame.
+std::vector<std::string> check_points(const Scene& scene);
 
 /// Loads the COLMAP scene in the folder `scene`, whose model lies in the folder `model`. Throws DataError.
 SourceScene load_colmap(const std::filesystem::path& scene, const std::filesystem::path& model,
@@ -69,6 +78,6 @@ SourceScene load_transforms(const std::filesystem::path& file);
 
 /// Reads the points of a PLY with x,y,z and, if present, red,green,blue (0..255 or, as float, 0..1). Points without
 /// colour are grey; non-finite points are left out.
-PointCloud read_point_ply(const std::filesystem::path& path);
+SourcePoints read_point_ply(const std::filesystem::path& path);
 
 }  // namespace gs

@@ -18,6 +18,8 @@ std::string checkpoint_appearance(const TrainOptions& options) {
     return SafetensorsFile(resumed_file(options)).metadata("appearance");
 }
 
+Frame checkpoint_frame(const TrainOptions& options) { return read_checkpoint_frame(resumed_file(options)); }
+
 RunStart open_run(const TrainOptions& options) {
     RunStart start{RunFolder{options.model}, std::nullopt, {}};
     if (!options.resume.empty()) {

@@ -24,6 +24,9 @@ struct RunStart {
 /// also for a checkpoint of another appearance than the options name; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options);
 
+/// Returns the frame of the checkpoint that `resume` names. Throws DataError.
+Frame checkpoint_frame(const TrainOptions& options);
+
 /// Returns the name of the model in the checkpoint that `resume` names. Throws DataError.
 std::string checkpoint_appearance(const TrainOptions& options);
 

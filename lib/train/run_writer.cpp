@@ -23,7 +23,7 @@ void RunWriter::write_start(const PointCloud& first_points) const {
     write_config();
     write_cfg_args(folder_, options_);
     write_cameras_json(folder_.cameras(), scene_);
-    write_input_points(folder_, first_points);
+    write_input_points(folder_, first_points, scene_.frame);
 }
 
 void RunWriter::open_log(std::int64_t iteration) { log_.emplace(folder_.train_log(), iteration); }
@@ -47,12 +47,13 @@ void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration
 
 void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration) const {
     gs::write_checkpoint(folder_.checkpoint(iteration),
-                         {backend.download(true), iteration, options_.seed, options_to_yaml(options_)});
+                         {backend.download(true), iteration, options_.seed, options_to_yaml(options_), scene_.frame});
 }
 
 void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {
     PlyOptions ply;
     ply.iteration = iteration;
+    ply.frame = scene_.frame;
     write_ply(folder_.point_cloud(iteration), backend.download(false), ply);
     write_ppisp(backend, iteration);
 }

@@ -19,7 +19,7 @@ TEST(SplatFile, Has32BytesAGaussianLargestFirst) {
     const TempFolder folder;
     Gaussians g = random_gaussians(100, {"none", 0, ColorActivation::kRelu});
     std::fill_n(g[Group::kScale].param.begin() + 3 * 42, 3, 5.0f);
-    write_splat(folder / "p.splat", g);
+    write_splat(folder / "p.splat", g, {});
     const std::string bytes = slurp(folder / "p.splat");
     ASSERT_EQ(bytes.size(), 3200u);
     float numbers[6];
@@ -37,7 +37,7 @@ TEST(SplatFile, Has32BytesAGaussianLargestFirst) {
     for (int k = 0; k < 4; ++k)
         EXPECT_NEAR((std::uint8_t(bytes[std::size_t(28 + k)]) - 128) / 128.0, q[k] / norm, 1.0 / 64);
     g.count = 0;
-    write_splat(folder / "none.splat", random_gaussians(0, {"none", 0, ColorActivation::kRelu}));
+    write_splat(folder / "none.splat", random_gaussians(0, {"none", 0, ColorActivation::kRelu}), {});
     EXPECT_EQ(fs::file_size(folder / "none.splat"), 0u);
 }
 

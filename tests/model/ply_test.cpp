@@ -47,6 +47,69 @@ std::string numbered_names(const std::string& prefix, int n) {
     return names;
 }
 
+/// A frame for map coordinates in metres: floats hold them to half a metre.
+Frame map_frame() { return {{500000, 4000000, 64}, 0.125}; }
+
+TEST(GaussianPly, MapCoordinatesKeepAnOffsetInTheComments) {
+    const TempFolder folder;
+    const Gaussians g = random_gaussians(5, {"sh", 1, ColorActivation::kRelu});
+    write_ply(folder / "p.ply", g, {.frame = map_frame()});
+    const RawPly raw = raw_ply(folder / "p.ply");
+    EXPECT_CONTAINS(raw.header, "comment gsapp frame center 500000 4000000 64 scale 0.125\n");
+    EXPECT_CONTAINS(raw.header, "comment gsapp offset 500000 4000000 64 (add it to x y z");
+    EXPECT_FLOAT_EQ(raw.values[1], g[Group::kMean].param[1] * 8) << "scene units from the offset on";
+    EXPECT_FLOAT_EQ(raw.values[6 + 12 + 1], g[Group::kScale].param[0] + std::log(8.0f));
+    std::optional<Frame> frame;
+    const Gaussians back = read_ply(folder / "p.ply", &frame);
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->center, map_frame().center);
+    EXPECT_EQ(frame->scale, 0.125);
+    EXPECT_EQ(back[Group::kMean].param, g[Group::kMean].param) << "a power of two does not round";
+    for (std::size_t i = 0; i < 15; ++i) EXPECT_NEAR(back[Group::kScale].param[i], g[Group::kScale].param[i], 1e-6);
+}
+
+TEST(GaussianPly, NearOriginsAreWrittenWithoutAnOffset) {
+    const TempFolder folder;
+    const Gaussians g = random_gaussians(5, {"sh", 1, ColorActivation::kRelu});
+    const Frame frame{{1000, 0, -200}, 0.5};
+    write_ply(folder / "p.ply", g, {.frame = frame});
+    const RawPly raw = raw_ply(folder / "p.ply");
+    EXPECT_EQ(raw.header.find("offset"), std::string::npos);
+    EXPECT_NEAR(raw.values[0], 2 * g[Group::kMean].param[0] + 1000, 1e-3);
+    const Gaussians back = read_ply(folder / "p.ply");
+    for (std::size_t i = 0; i < 15; ++i) EXPECT_NEAR(back[Group::kMean].param[i], g[Group::kMean].param[i], 1e-4);
+}
+
+TEST(GaussianPly, FilesOfOtherProgramsAndOfUsualScenesHaveNoFrameComment) {
+    const TempFolder folder;
+    const Gaussians g = random_gaussians(2, {"sh", 0, ColorActivation::kRelu});
+    write_ply(folder / "p.ply", g, {});
+    std::string bytes = slurp(folder / "p.ply");
+    EXPECT_EQ(bytes.find("gsapp frame"), std::string::npos);
+    std::optional<Frame> frame;
+    read_ply(folder / "p.ply", &frame);
+    EXPECT_TRUE(frame && frame->is_identity());
+    bytes.replace(bytes.find("comment gsapp appearance"), 24, "comment other appearance");
+    spit(folder / "other.ply", bytes);
+    read_ply(folder / "other.ply", &frame);
+    EXPECT_FALSE(frame);
+}
+
+TEST(GaussianPly, CommentsAboutCoordinatesThatMakeNoSenseAreErrors) {
+    const TempFolder folder;
+    write_ply(folder / "p.ply", random_gaussians(2, {"sh", 0, ColorActivation::kRelu}), {.frame = map_frame()});
+    const std::string good = slurp(folder / "p.ply");
+    for (const auto& [from, to] : {std::pair{"scale 0.125", "scale 0.000"},
+                                   {"scale 0.125", "scale -.125"},
+                                   {"frame center 5", "frame center x"},
+                                   {"gsapp offset 5", "gsapp offset x"}}) {
+        std::string bytes = good;
+        bytes.replace(bytes.find(from), std::strlen(from), to);
+        spit(folder / "bad.ply", bytes);
+        EXPECT_CONTAINS(message_of<DataError>([&] { read_ply(folder / "bad.ply"); }), "cannot understand");
+    }
+}
+
 TEST(GaussianPly, Degree3MeetsTheFixedLayoutOfSibr) {
     // SIBR reads the rows into this struct without looking at the property names.
     struct RichPoint {

@@ -158,7 +158,13 @@ TEST(RunFolder, CfgArgsIsThePythonNamespace) {
 TEST(RunFolder, InputPointsHaveTheLayoutOf3dgs) {
     const TempFolder folder;
     const RunFolder run{folder.path()};
-    write_input_points(run, {{{1, 2, 3}, {4, 5, 6}}, {{0, 0.5f, 1}, {1, 2, -1}}});
+    write_input_points(run, {{{1, 2, 3}}, {{0, 0, 0}}}, {{5e5, 4e6, 0}, 0.5});
+    const std::string moved = slurp(run.input_points());
+    EXPECT_NE(moved.find("comment gsapp offset 500000 4000000 0 "), std::string::npos);
+    float x = 0;
+    std::memcpy(&x, moved.data() + moved.find("end_header\n") + 11, 4);
+    EXPECT_EQ(x, 2);
+    write_input_points(run, {{{1, 2, 3}, {4, 5, 6}}, {{0, 0.5f, 1}, {1, 2, -1}}}, {});
     const std::string bytes = slurp(run.input_points());
     const std::size_t data = bytes.find("end_header\n") + 11;
     EXPECT_EQ(bytes.size(), data + 2 * 27);

@@ -18,6 +18,7 @@ SceneOptions at(const std::filesystem::path& source, bool eval = false) {
     SceneOptions options;
     options.source = source.string();
     options.eval = eval;
+    options.frame = Frame{};  // these tests state scene coordinates; frame_test.cpp has the scene's own frame
     return options;
 }
 

@@ -29,7 +29,7 @@ TEST(CameraPath, ReadsWhatIsWrittenForViewers) {
     Scene scene;
     scene.train = ring();
     write_cameras_json(folder.path() / "cameras.json", scene);
-    const auto cameras = read_camera_path(folder.path() / "cameras.json");
+    const auto cameras = read_camera_path(folder.path() / "cameras.json", {});
     ASSERT_EQ(cameras.size(), 12u);
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         const Camera &a = cameras[i], &b = scene.train[i].camera;
@@ -40,10 +40,31 @@ TEST(CameraPath, ReadsWhatIsWrittenForViewers) {
     }
 }
 
+TEST(CameraPath, MapCoordinatesAreReadFromTheFilesOffset) {
+    const test::TemporaryFolder folder;
+    Scene scene;
+    scene.frame = {{5e5, 4e6, 100}, 0.01};
+    scene.train = ring();
+    write_cameras_json(folder.path() / "cameras.json", scene);
+    const auto cameras = read_camera_path(folder.path() / "cameras.json", scene.frame);
+    const auto in_scene = read_camera_path(folder.path() / "cameras.json", {});
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+        const Eigen::Vector3d center = scene.train[i].camera.center();
+        EXPECT_NEAR((cameras[i].center() - center).norm(), 0, 1e-9);
+        EXPECT_NEAR((in_scene[i].center() - scene.frame.to_scene(center)).norm(), 0, 1e-6);
+    }
+    // A file without an offset has the scene's own coordinates.
+    const auto own =
+        read_camera_path(folder.write("own.json", R"([{"width":8,"height":6,"position":[500100,4000000,100],)"
+                                                  R"("rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5}])"),
+                         scene.frame);
+    EXPECT_NEAR((own[0].center() - Eigen::Vector3d(1, 0, 0)).norm(), 0, 1e-9);
+}
+
 TEST(CameraPath, MistakesAreNamed) {
     const test::TemporaryFolder folder;
     const std::string good = R"({"width":8,"height":6,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5})";
-    EXPECT_EQ(read_camera_path(folder.write("good.json", "[" + good + "]"))[0].fx, 5);
+    EXPECT_EQ(read_camera_path(folder.write("good.json", "[" + good + "]"), {})[0].fx, 5);
     const std::pair<const char*, const char*> cases[] = {
         {"[]", "list of cameras"},
         {"{", "list of cameras"},
@@ -56,13 +77,13 @@ TEST(CameraPath, MistakesAreNamed) {
     };
     for (const auto& [text, expected] : cases) {
         try {
-            read_camera_path(folder.write("bad.json", text));
+            read_camera_path(folder.write("bad.json", text), {});
             ADD_FAILURE() << text;
         } catch (const DataError& e) {
             EXPECT_NE(std::string(e.what()).find(expected), std::string::npos) << e.what();
         }
     }
-    EXPECT_THROW(read_camera_path(folder.path() / "missing.json"), DataError);
+    EXPECT_THROW(read_camera_path(folder.path() / "missing.json", {}), DataError);
 }
 
 TEST(CameraPath, OrbitOfARingIsTheRing) {

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// Chooses frames and moves cameras between a scene and its frame.
+#include "lib/scene/frame.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <sstream>
+
+namespace gs {
+namespace {
+
+/// The size of scenes of COLMAP (4.9 to 5.7) and NeRF-synthetic (5.2), for which the defaults were found.
+constexpr double kUsualSize = 5;
+/// Sizes that differ from the usual one by at most this factor keep their scale.
+constexpr double kUsualRange = std::numbers::sqrt2;
+/// Cameras nearly in one place say little about the size. A fiftieth of the distance to the points is their least size.
+constexpr double kPointDistancePerSize = 50;
+/// Beyond this many sizes from the origin floats lose more than a millionth of a size.
+constexpr double kFarFromOrigin = 16;
+/// Scales of scenes of any unit lie between this and its inverse.
+constexpr double kSmallestScale = 1e-30;
+/// Beyond this distance, in units of the frame, files keep an offset: their floats would be off by 6e-5 units.
+constexpr double kFileRange = 2048;
+
+bool is_finite(const Eigen::Vector3d& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < 1e150; }
+
+double median_distance(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& from) {
+    std::vector<double> distances;
+    for (const Eigen::Vector3d& p : points)
+        if (is_finite(p)) distances.push_back((p - from).norm());
+    if (distances.empty()) return 0;
+    const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
+    std::nth_element(distances.begin(), middle, distances.end());
+    return *middle;
+}
+
+}  // namespace
+
+Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std::vector<Eigen::Vector3d>& points) {
+    Frame frame;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    double count = 0, radius = 0;
+    for (const Eigen::Vector3d& c : camera_centers)
+        if (is_finite(c)) mean += (c - mean) / ++count;
+    if (count == 0) return frame;
+    for (const Eigen::Vector3d& c : camera_centers)
+        if (is_finite(c)) radius = std::max(radius, (c - mean).norm());
+    const double size = std::max(1.1 * radius, median_distance(points, mean) / kPointDistancePerSize);
+    // Cameras in one place differ by the rounding of their coordinates, which is no size.
+    if (!(size > 1e-13 * mean.norm()) || !(size > kSmallestScale && size < 1 / kSmallestScale)) return frame;
+    if (!(size <= kUsualSize * kUsualRange && size >= kUsualSize / kUsualRange)) frame.scale = kUsualSize / size;
+    if (mean.norm() > kFarFromOrigin * size) {
+        // A multiple of a power of two near the size is short in files, and adding a scene's coordinates to it rounds
+        // little.
+        const double step = std::exp2(std::floor(std::log2(size)));
+        frame.center = (mean / step).array().round() * step;
+    }
+    return frame;
+}
+
+Camera into_frame(Camera camera, const Frame& frame) {
+    if (frame.is_identity()) return camera;
+    camera.translation = frame.scale * (camera.translation + camera.rotation * frame.center);
+    return camera;
+}
+
+Camera out_of_frame(Camera camera, const Frame& frame) {
+    if (frame.is_identity()) return camera;
+    camera.translation = camera.translation / frame.scale - camera.rotation * frame.center;
+    return camera;
+}
+
+Eigen::Vector3d file_offset(const Frame& frame) {
+    return frame.scale * frame.center.norm() > kFileRange ? frame.center : Eigen::Vector3d::Zero();
+}
+
+std::string offset_comment(const Eigen::Vector3d& offset) {
+    return fmt::format("{}{} {} {} (add it to x y z for the scene's own coordinates)", kOffsetComment, offset.x(),
+                       offset.y(), offset.z());
+}
+
+std::string frame_text(const Frame& frame) {
+    return fmt::format("center {} {} {} scale {}", frame.center.x(), frame.center.y(), frame.center.z(), frame.scale);
+}
+
+std::optional<Frame> parse_frame(const std::string& text) {
+    std::istringstream words(text);
+    std::string center, scale, rest;
+    Frame frame;
+    words >> center;
+    for (double& x : frame.center) words >> x;
+    words >> scale >> frame.scale;
+    if (!words || words >> rest || center != "center" || scale != "scale") return std::nullopt;
+    if (!is_finite(frame.center) || !(frame.scale >= kSmallestScale && frame.scale <= 1 / kSmallestScale))
+        return std::nullopt;
+    return frame;
+}
+
+nlohmann::ordered_json frame_json(const Frame& frame) {
+    return {{"center", {frame.center.x(), frame.center.y(), frame.center.z()}}, {"scale", frame.scale}};
+}
+
+}  // namespace gs

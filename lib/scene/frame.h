@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// The frame of a scene: the similarity that brings its coordinates to the size and place for which near plane, noise,
+// regularisers and 32-bit floats are made (docs/math/optimization.md#frame).
+#pragma once
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// Chooses the frame of a scene from its camera centres and points, both in scene units; either may be empty. The size
+/// of a scene is 1.1 times the largest distance of a camera from their mean, but at least a fiftieth of the median
+/// distance of the points from it. Scenes within a factor of sqrt(2) of size 5, which is what COLMAP and
+/// NeRF-synthetic give, keep their scale; others are scaled to 5. The centre stays the origin unless the cameras are
+/// more than 16 sizes away from it. Cameras in one place without points have no size and keep their scale.
+Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std::vector<Eigen::Vector3d>& points);
+
+/// Returns the camera of scene coordinates in those of the frame, and the other way round.
+Camera into_frame(Camera camera, const Frame& frame);
+Camera out_of_frame(Camera camera, const Frame& frame);
+
+/// Returns what files with 32-bit coordinates leave out: they hold scene coordinates minus this offset. It is the
+/// frame's centre where floats would lose more than a two-thousandth of the scene's usual distances, and otherwise
+/// zero.
+Eigen::Vector3d file_offset(const Frame& frame);
+
+/// Returns the comment by which a PLY states such an offset: kOffsetComment, the numbers, and what to do with them.
+std::string offset_comment(const Eigen::Vector3d& offset);
+inline constexpr const char* kOffsetComment = "gsapp offset ";
+
+/// Returns "center X Y Z scale S" with the shortest numbers that are read back exactly; files hold it.
+std::string frame_text(const Frame& frame);
+/// Returns the frame of such a text; nothing where it is another, or its numbers are no frame.
+std::optional<Frame> parse_frame(const std::string& text);
+
+/// Returns the frame as {"center": [x, y, z], "scale": s}, as results and exports state it.
+nlohmann::ordered_json frame_json(const Frame& frame);
+
+}  // namespace gs
