@@ -57,18 +57,18 @@ void add_share_of_training(const TrainOptions& options, double train_seconds) {
 }
 
 void describe_training(const TrainOptions& options, const TrainSummary& summary) {
-    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
-             summary.train_seconds, summary.data_wait_seconds, summary.num_gaussians);
+    log_info("{} iterations in {:.1f} s{} ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
+             summary.train_seconds, summary.whole_time ? "" : " since the checkpoint", summary.data_wait_seconds,
+             summary.num_gaussians);
     if (summary.controller_seconds > 0)
         log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations,
                  summary.controller_seconds);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
-    nlohmann::ordered_json event = {{"event", "finished"},
-                                    {"iteration", options.iterations},
-                                    {"num_gaussians", summary.num_gaussians},
-                                    {"train_seconds", summary.train_seconds}};
+    nlohmann::ordered_json event = {
+        {"event", "finished"}, {"iteration", options.iterations}, {"num_gaussians", summary.num_gaussians}};
+    if (summary.whole_time) event["train_seconds"] = summary.train_seconds;
     if (summary.controller_seconds > 0) event["controller_seconds"] = summary.controller_seconds;
     if (summary.memory.peak > 0) event["peak_device_bytes"] = summary.memory.peak;
     event["model"] = options.model;
@@ -109,8 +109,10 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
         log_warning("--eval: there are no test views ({})", scene.split_rule);
+    const auto lock = start.lock;
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
+    lock->check_folder();
     describe_training(options, summary);
     add_share_of_training(options, summary.train_seconds);
     std::optional<TableRow> row;
