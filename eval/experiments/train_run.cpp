@@ -8,8 +8,11 @@
 #include "eval/auto/find_appearance.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "kernels/cuda/cuda_device.h"
+#include "lib/core/bytes.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -17,6 +20,7 @@
 #include "lib/core/progress.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
+#include "lib/scene/verify_images.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/trainer.h"
 
@@ -24,6 +28,21 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Decodes all images as --verify-images says. Views of a built-in scene are computed and cannot be damaged.
+void verify(const TrainOptions& options, Scene& scene, Progress& progress) {
+    constexpr std::size_t kMany = 4000;  // whose decoding takes minutes
+    const std::size_t images = scene.train.size() + scene.test.size();
+    if (scene.kind == "builtin" || options.verify_images == VerifyImages::kOff ||
+        (options.verify_images == VerifyImages::kAuto && images > kMany))
+        return;
+    set_num_threads(options.threads);
+    const double start = seconds_now();
+    verify_images(scene, parse_bytes(options.image_cache),
+                  [&](std::int64_t done, std::int64_t total) { progress.count("images decoded", done, total); });
+    progress.finish();
+    log_info("{} images decoded in {:.1f} s", images, seconds_now() - start);
+}
 
 void describe_scene(const Scene& scene) {
     log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(),
@@ -89,9 +108,11 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     setup_log(shown_messages(options));
     if (options.device == Device::kCuda && !cuda_available())
         throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
-    if (options.model.empty()) options.model = free_run_folder("output", options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
-    const Scene scene = load_scene(scene_options(options));
+    Scene scene = load_scene(scene_options(options));
+    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
+    verify(options, scene, progress);
+    if (options.model.empty()) options.model = free_run_folder("output", options);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
@@ -101,7 +122,6 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
-    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
     const bool measure = options.eval && !scene.test.empty();

@@ -317,19 +317,20 @@ class Run {
 
     void save_what_is_due() {
         const bool last = iteration_ == options_.iterations;
-        save_automatically();
         if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0)
             writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
-        if (contains(options_.checkpoint_iterations, iteration_) && !last) {
-            writer_.write_checkpoint(*backend_, iteration_, time());
-            checkpoint_seconds_ = train_seconds_;
-        }
         if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
         if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
             writer_.write_ppisp(*backend_, iteration_);  // says how these views are corrected
             writer_.check_folder();
             hooks_.evaluate(iteration_, *backend_);
         }
+        // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
+        if (contains(options_.checkpoint_iterations, iteration_) && !last) {
+            writer_.write_checkpoint(*backend_, iteration_, time());
+            checkpoint_seconds_ = train_seconds_;
+        }
+        save_automatically();
     }
 
     /// Writes a checkpoint when the time has come, which is no news to the course of the training: it happens where the
