@@ -66,10 +66,10 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
 }
 
 /// Adds to auto.json how long the choice took compared with the training that followed.
-void add_share_of_training(const TrainOptions& options, double train_seconds) {
+void add_share_of_training(const TrainOptions& options, const TrainSummary& summary) {
     nlohmann::ordered_json choice = read_appearance_choice(options.model);
-    if (choice.is_null() || !options.resume.empty()) return;
-    choice["share_of_training"] = choice.value("seconds", 0.0) / train_seconds;
+    if (choice.is_null() || !summary.whole_time) return;
+    choice["share_of_training"] = choice.value("seconds", 0.0) / summary.train_seconds;
     write_choice(options.model, choice);
     log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0),
              choice.value("share_of_training", 0.0));
@@ -134,7 +134,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     progress.finish();
     lock->check_folder();
     describe_training(options, summary);
-    add_share_of_training(options, summary.train_seconds);
+    add_share_of_training(options, summary);
     std::optional<TableRow> row;
     if (measure) {
         evaluation.finish(summary);

@@ -40,6 +40,7 @@ class RunWriter {
 
     /// Opens stats/train.jsonl and keeps its lines up to `iteration`. Must be called before the first line is written.
     void open_log(std::int64_t iteration);
+    const TrainLog& opened_log() const { return *log_; }
     /// Writes one line, which must have "event" and "iteration".
     void log(const nlohmann::json& line) {
         check_folder();  // or the lines would go to a file that nobody can find any more

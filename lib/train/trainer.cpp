@@ -65,6 +65,7 @@ class Run {
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         writer_.open_log(iteration_);
+        photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
         if (!start.first_event.is_null()) {
             start.first_event["iteration"] = 0;
             writer_.log(start.first_event);

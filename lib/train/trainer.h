@@ -31,7 +31,7 @@ struct TrainSummary {
     MemoryUse memory;              ///< memory of the device at the end of the loop; empty on the CPU
     /// The time of the PPISP controllers, which is no part of train_seconds; 0 if none were trained
     double controller_seconds = 0;
-    /// The decision of --ppisp auto, with its figure; empty if nothing was decided in this part of the run
+    /// The decision of --ppisp auto, with its figure; empty if nothing was decided
     std::string photometric;
     /// False if the run was resumed from a checkpoint that does not say how long its iterations took: the two times
     /// above then count from there.
