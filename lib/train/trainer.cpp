@@ -143,8 +143,8 @@ class Run {
         return TrainingTime{train_seconds_, earlier_time_->data_wait_seconds + views_.wait_seconds()};
     }
 
-    /// After an error: saves the model as the last finished step left it, if there is one and the device
-    /// still gives it out. Up to three steps that it had not finished are missing. Returns what the message should say
+    /// After an error: saves the model as the last finished step left it, if there is one and the device still gives it
+    /// out. Up to three steps that a failed device had not finished are missing. Returns what the message should say
     /// about it.
     std::string rescue(std::int64_t first) {
         progress_.finish();
@@ -334,9 +334,9 @@ class Run {
         save_automatically();
     }
 
-    /// Writes a checkpoint when the time has come, which is no news to the course of the training: it happens where the
-    /// scan for non-finite parameters has just brought the device's rows up to date. That it cannot be written is no
-    /// reason to end the run.
+    /// Writes a checkpoint when enough time has passed. The course of the training must not depend on that: it happens
+    /// only where the scan for non-finite parameters has just brought all rows of the device up to date, which reading
+    /// them would do, too. That it cannot be written is no reason to end the run.
     void save_automatically() {
         const double seconds = train_seconds_ - checkpoint_seconds_, interval = automatic_interval(options_);
         if (iteration_ % kLogInterval != 0 || iteration_ == options_.iterations || seconds < interval ||

@@ -44,8 +44,8 @@ struct TrainSummary {
 /// threads. Throws NumericError when parameters or losses stay non-finite, Interrupted after the checkpoint that Ctrl-C
 /// asked for, DeviceError when memory ran out, and DataError when an image cannot be read any more or a file cannot be
 /// written. In the last two cases it first writes a checkpoint, which the message names, if an iteration was done and
-/// the model can still be read. (If an iteration that ran out of memory had already densified, the resumed run
-/// densifies once more.)
+/// the model can still be read. (If the failed iteration had already densified, the resumed run densifies once
+/// more; an image is asked for before that.)
 TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
                    const TrainHooks& hooks);
 
