@@ -12,6 +12,7 @@
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
+#include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/nearest.h"
 #include "lib/core/version.h"
@@ -96,6 +97,7 @@ int report(const std::string& message, ExitCode code) {
 }  // namespace gs
 
 int main(int argc, char** argv) {
+    gs::ignore_write_signals();
     gs::setup_log(gs::LogLevel::kInfo);
     try {
         return gs::run(argc, argv);

@@ -41,7 +41,7 @@ std::vector<Photograph> load_photographs(const std::vector<View>& views, const V
     parallel_for(std::int64_t(views.size()), [&](std::int64_t i) {
         const std::size_t k = std::size_t(i);
         out[k] = image ? photograph_of(views[k], *image(k), background)
-                       : photograph_of(views[k], views[k].load(), background);
+                       : photograph_of(views[k], *view_image(views[k]), background);
     });
     std::erase_if(out, [](const Photograph& photograph) { return photograph.pixels.empty(); });
     return out;

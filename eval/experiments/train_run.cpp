@@ -8,8 +8,11 @@
 #include "eval/auto/find_appearance.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "kernels/cuda/cuda_device.h"
+#include "lib/core/bytes.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -17,6 +20,7 @@
 #include "lib/core/progress.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
+#include "lib/scene/verify_images.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/trainer.h"
 
@@ -24,6 +28,21 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Decodes all images as --verify-images says. Views of a built-in scene are computed and cannot be damaged.
+void verify(const TrainOptions& options, Scene& scene, Progress& progress) {
+    constexpr std::size_t kMany = 4000;  // whose decoding takes minutes
+    const std::size_t images = scene.train.size() + scene.test.size();
+    if (scene.kind == "builtin" || options.verify_images == VerifyImages::kOff ||
+        (options.verify_images == VerifyImages::kAuto && images > kMany))
+        return;
+    set_num_threads(options.threads);
+    const double start = seconds_now();
+    verify_images(scene, parse_bytes(options.image_cache),
+                  [&](std::int64_t done, std::int64_t total) { progress.count("images decoded", done, total); });
+    progress.finish();
+    log_info("{} images decoded in {:.1f} s", images, seconds_now() - start);
+}
 
 void describe_scene(const Scene& scene) {
     log_info("{}: {} training views, {} test views ({}), {} points", scene.source, scene.train.size(),
@@ -52,28 +71,28 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
 }
 
 /// Adds to auto.json how long the choice took compared with the training that followed.
-void add_share_of_training(const TrainOptions& options, double train_seconds) {
+void add_share_of_training(const TrainOptions& options, const TrainSummary& summary) {
     nlohmann::ordered_json choice = read_appearance_choice(options.model);
-    if (choice.is_null() || !options.resume.empty()) return;
-    choice["share_of_training"] = choice.value("seconds", 0.0) / train_seconds;
+    if (choice.is_null() || !summary.whole_time) return;
+    choice["share_of_training"] = choice.value("seconds", 0.0) / summary.train_seconds;
     write_choice(options.model, choice);
     log_info("--appearance auto took {:.1f} s, {:.2f} of the training", choice.value("seconds", 0.0),
              choice.value("share_of_training", 0.0));
 }
 
 void describe_training(const TrainOptions& options, const TrainSummary& summary) {
-    log_info("{} iterations in {:.1f} s ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
-             summary.train_seconds, summary.data_wait_seconds, summary.num_gaussians);
+    log_info("{} iterations in {:.1f} s{} ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
+             summary.train_seconds, summary.whole_time ? "" : " since the checkpoint", summary.data_wait_seconds,
+             summary.num_gaussians);
     if (summary.controller_seconds > 0)
         log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations,
                  summary.controller_seconds);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
-    nlohmann::ordered_json event = {{"event", "finished"},
-                                    {"iteration", options.iterations},
-                                    {"num_gaussians", summary.num_gaussians},
-                                    {"train_seconds", summary.train_seconds}};
+    nlohmann::ordered_json event = {
+        {"event", "finished"}, {"iteration", options.iterations}, {"num_gaussians", summary.num_gaussians}};
+    if (summary.whole_time) event["train_seconds"] = summary.train_seconds;
     if (summary.controller_seconds > 0) event["controller_seconds"] = summary.controller_seconds;
     if (summary.memory.peak > 0) event["peak_device_bytes"] = summary.memory.peak;
     event["model"] = options.model;
@@ -94,11 +113,13 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     setup_log(shown_messages(options));
     if (options.device == Device::kCuda && !cuda_available())
         throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
-    if (options.model.empty()) options.model = free_run_folder("output", options);
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     SceneOptions scene_choices = scene_options(options);
     if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);
-    const Scene scene = load_scene(scene_choices);
+    Scene scene = load_scene(scene_choices);
+    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
+    verify(options, scene, progress);
+    if (options.model.empty()) options.model = free_run_folder("output", options);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
@@ -108,7 +129,6 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
-    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
     const bool measure = options.eval && !scene.test.empty();
@@ -116,10 +136,12 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
         log_warning("--eval: there are no test views ({})", scene.split_rule);
+    const auto lock = start.lock;
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
+    lock->check_folder();
     describe_training(options, summary);
-    add_share_of_training(options, summary.train_seconds);
+    add_share_of_training(options, summary);
     std::optional<TableRow> row;
     if (measure) {
         evaluation.finish(summary);

@@ -25,8 +25,9 @@ struct Pair {
 
 /// Returns the photograph as the protocol compares it. Throws DataError unless it has the size of its camera.
 Image truth_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
-    const Image loaded = view.load().color;
-    Image truth = protocol.eight_bit ? quantized_target(loaded, background) : float_target(loaded, background);
+    const auto loaded = view_image(view);
+    Image truth =
+        protocol.eight_bit ? quantized_target(loaded->color, background) : float_target(loaded->color, background);
     if (truth.width != view.camera.width || truth.height != view.camera.height)
         throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width,
                                     truth.height, view.camera.width, view.camera.height));

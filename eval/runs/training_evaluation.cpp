@@ -47,7 +47,7 @@ void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend) {
 }
 
 void TrainingEvaluation::finish(const TrainSummary& summary) {
-    facts_.train_seconds = summary.train_seconds;
+    if (summary.whole_time) facts_.train_seconds = summary.train_seconds;
     if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
     facts_.photometric = summary.photometric;
     facts_.appearance_choice = read_appearance_choice(options_.model);

@@ -13,10 +13,19 @@ namespace {
 
 /// Returns whether runs of one experiment may differ in this option.
 bool is_immaterial(const Option& option) {
-    static const std::vector<std::string> keys = {
-        "source",       "model",          "image-cache",     "overwrite",       "resume",
-        "seed",         "auto-tolerance", "test-iterations", "save-iterations", "checkpoint-iterations",
-        "preview-every"};
+    static const std::vector<std::string> keys = {"source",
+                                                  "model",
+                                                  "image-cache",
+                                                  "overwrite",
+                                                  "resume",
+                                                  "seed",
+                                                  "auto-tolerance",
+                                                  "test-iterations",
+                                                  "save-iterations",
+                                                  "checkpoint-iterations",
+                                                  "checkpoint-minutes",
+                                                  "preview-every",
+                                                  "verify-images"};
     return option.group == "Logging" || std::find(keys.begin(), keys.end(), option.key) != keys.end();
 }
 

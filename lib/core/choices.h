@@ -20,6 +20,8 @@ enum class Strategy { kMcmc, kAdc, kNone };
 enum class Device { kAuto, kCpu, kCuda };
 /// Whether the photometric correction is learned; kAuto: where images turn out to differ.
 enum class PpispMode { kOff, kOn, kAuto };
+/// Whether all images are decoded before the training; kAuto: unless there are very many.
+enum class VerifyImages { kAuto, kOn, kOff };
 /// What masks mean; kIgnore: weights of the loss, kTransparent: the target composited on the background.
 enum class MaskMode { kIgnore, kTransparent };
 /// What the alpha channel of photographs means; kMask: weights of the loss.
@@ -36,6 +38,7 @@ template <class T> inline constexpr std::array<std::string_view, 0> kWordsOf = {
 template <> inline constexpr auto kWordsOf<Strategy> = std::to_array<std::string_view>({"mcmc", "adc", "none"});
 template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
 template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
+template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::string_view>({"auto", "on", "off"});
 template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
 template <> inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::string_view>({"transparent", "mask"});
 template <> inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});

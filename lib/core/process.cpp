@@ -47,7 +47,12 @@ pid_t start(const std::vector<std::string>& arguments, const std::vector<std::st
             bool own_group) {
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);  // the default process group, 0, means a new one
-    if (own_group) posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    posix_spawnattr_setflags(&attributes, short(POSIX_SPAWN_SETSIGDEF | (own_group ? POSIX_SPAWN_SETPGROUP : 0)));
+    sigset_t defaults;  // this program may ignore them; others expect to end by them
+    sigemptyset(&defaults);
+    sigaddset(&defaults, SIGPIPE);
+    sigaddset(&defaults, SIGXFSZ);
+    posix_spawnattr_setsigdefault(&attributes, &defaults);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);

@@ -89,6 +89,19 @@ void Progress::show_line(std::int64_t iteration, double loss, std::int64_t num_g
     lines_ << json_text(line) << std::endl;
 }
 
+void Progress::count(const std::string& what, std::int64_t done, std::int64_t total) {
+    const double now = seconds_now();
+    if (shown_time_ == 0) shown_time_ = now;
+    if (style_ == ProgressStyle::kSilent || now - shown_time_ < interval_) return;
+    shown_time_ = now;
+    if (style_ == ProgressStyle::kBar) {
+        bar_ << fmt::format("\r\033[K{} {}/{}", what, done, total) << std::flush;
+        bar_open_ = true;
+    } else {
+        event({{"event", "count"}, {"what", what}, {"done", done}, {"total", total}});
+    }
+}
+
 void Progress::event(const nlohmann::ordered_json& line) {
     if (style_ == ProgressStyle::kJsonLines) lines_ << json_text(line) << std::endl;
 }

@@ -38,6 +38,10 @@ class Progress {
     /// Shows the progress after `iteration` iterations (1-based); does nothing when not due.
     void update(std::int64_t iteration, double loss, std::int64_t num_gaussians);
 
+    /// Shows that `done` of `total` things are done, before any training: "images decoded 120/300", or the JSON line
+    /// {"event":"count","what":"images decoded","done":120,"total":300}. Does nothing more often than `update` does.
+    void count(const std::string& what, std::int64_t done, std::int64_t total);
+
     /// Writes an additional JSON line for programs, in which "event" names the event; other styles drop it.
     void event(const nlohmann::ordered_json& line);
 

@@ -94,6 +94,10 @@ std::vector<Option> input_options() {
              "memory for decoded images, on the host and again on the GPU; images beyond it are read or sent again "
              "when needed")
             .in_units("bytes"),
+        choice("verify-images", &O::verify_images,
+               "decode all images before the training: what cannot be decoded is found then and not after hours; auto: "
+               "for up to 4000 images")
+            .alone("on"),
         flag("overwrite", &O::overwrite, "replace a run that is already in the output folder"),
         text("resume", &O::resume, "file or latest",
              "continue from a checkpoint file, or from the latest one in the output folder")
@@ -120,6 +124,9 @@ std::vector<Option> run_options() {
                "iterations after which the PLY is saved, besides the last"),
         number("checkpoint-iterations", &O::checkpoint_iterations, {1, kMaxIterations, "iterations"},
                "iterations after which a checkpoint is saved, besides the last"),
+        number("checkpoint-minutes", &O::checkpoint_minutes, {0, 1e6, "minutes"},
+               "minutes of training after which a checkpoint is saved at the next multiple of 100 iterations; it "
+               "replaces the one before that was saved for the same reason; 0: never"),
         number("preview-every", &O::preview_every, {0, kMaxIterations, "iterations"},
                "save a preview image every n iterations; 0: never"),
         background("background", &O::background,

@@ -29,6 +29,7 @@ struct TrainOptions {
     bool invert_masks = false;
     AlphaMode alpha_mode = AlphaMode::kTransparent;
     std::string image_cache = "4GiB";  ///< byte budget for decoded images
+    VerifyImages verify_images = VerifyImages::kAuto;
     bool overwrite = false;
     std::string resume;  ///< checkpoint file or "latest"
     // Run
@@ -39,6 +40,7 @@ struct TrainOptions {
     bool separate_appearance = false;  ///< GPU only: appearance in kernels of its own
     bool deterministic = false;        ///< GPU only: fixed order of all sums
     std::vector<std::int64_t> test_iterations, save_iterations, checkpoint_iterations;
+    double checkpoint_minutes = 10;  ///< of training, between two checkpoints; 0 = off
     std::int64_t preview_every = 0;  ///< 0 = off
     Background background;           ///< black by default
     // Precision

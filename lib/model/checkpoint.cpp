@@ -38,6 +38,15 @@ template <class Int> Int metadata_number(const SafetensorsFile& file, const std:
     return value;
 }
 
+double metadata_seconds(const SafetensorsFile& file, const std::string& name, const std::string& key) {
+    const std::string& text = file.metadata(key);
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value) || value < 0)
+        throw DataError(fmt::format("cannot read '{}': metadata '{}' is '{}', not a time in seconds", name, key, text));
+    return value;
+}
+
 /// Reads one (count, width) tensor. Checks its shape before and its values after reading.
 std::vector<float> read_rows(const SafetensorsFile& file, const std::string& name, const std::string& tensor,
                              std::int64_t count, std::int64_t width) {
@@ -149,6 +158,11 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
                                                    {"color_activation", word(g.appearance.activation)},
                                                    {"options", checkpoint.options_yaml},
                                                    {"frame", frame_text(checkpoint.frame)}};
+    if (checkpoint.time) {
+        metadata["train_seconds"] = fmt::format("{}", checkpoint.time->train_seconds);
+        metadata["data_wait_seconds"] = fmt::format("{}", checkpoint.time->data_wait_seconds);
+    }
+    if (checkpoint.automatic) metadata["automatic"] = "true";
     add_ppisp(g.ppisp, tensors, metadata);
     write_safetensors(path, tensors, metadata);
 }
@@ -165,6 +179,9 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     c.seed = metadata_number<std::uint64_t>(file, name, "seed");
     c.options_yaml = file.metadata("options");
     c.frame = frame_of(file, name);
+    if (file.metadata().contains("train_seconds"))
+        c.time = {metadata_seconds(file, name, "train_seconds"), metadata_seconds(file, name, "data_wait_seconds")};
+    c.automatic = file.metadata().contains("automatic");
     Gaussians& g = c.state;
     g.step = metadata_number<std::int64_t>(file, name, "adam_step");
     g.active_degree = metadata_number<int>(file, name, "active_degree");
@@ -206,6 +223,14 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     }
     g.ppisp = read_ppisp(file, name);
     return c;
+}
+
+bool is_automatic_checkpoint(const std::filesystem::path& path) {
+    try {
+        return SafetensorsFile(path).metadata().contains("automatic");
+    } catch (const DataError&) {
+        return false;
+    }
 }
 
 }  // namespace gs

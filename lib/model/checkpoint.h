@@ -4,12 +4,19 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "kernels/model/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
+
+/// The time of a training: of all its parts, where it was resumed.
+struct TrainingTime {
+    double train_seconds = 0;      ///< the loop; without loading, saving and evaluation
+    double data_wait_seconds = 0;  ///< part of train_seconds spent waiting for images
+};
 
 struct Checkpoint {
     Gaussians state;             ///< parameters, Adam moments (may be absent), Adam step, active degree, appearance
@@ -18,6 +25,9 @@ struct Checkpoint {
     std::uint64_t seed = 0;
     std::string options_yaml;  ///< resolved options of the run
     Frame frame = {};          ///< frame that the Gaussians are in; identity in files of earlier versions
+    /// The time that the iterations took; empty in files of versions that did not store it
+    std::optional<TrainingTime> time = {};
+    bool automatic = false;  ///< written for the time that had passed, and removed once there is a newer one
 };
 
 /// Writes the checkpoint atomically and without a second copy of it: 12 bytes per parameter with moments, 4 without.
@@ -32,5 +42,9 @@ Frame read_checkpoint_frame(const std::filesystem::path& path);
 /// Reads a checkpoint bit for bit. Throws DataError naming file, tensor, row or metadata key for a file that is no
 /// checkpoint, is truncated, disagrees with its appearance model, or holds values that are not finite.
 Checkpoint read_checkpoint(const std::filesystem::path& path);
+
+/// Returns whether the file is a checkpoint that was written automatically. Reads only its header; false for a file
+/// that is none.
+bool is_automatic_checkpoint(const std::filesystem::path& path);
 
 }  // namespace gs

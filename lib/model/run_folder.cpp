@@ -12,9 +12,11 @@
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/model/checkpoint.h"
 #include "lib/scene/frame.h"
 
 namespace gs {
@@ -151,13 +153,19 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     AtomicFile probe(folder.config());  // never committed; only proves that files can be created here
 
     const std::int64_t after = resume_iteration.value_or(-1);
-    std::int64_t latest = -1;
-    for (const auto& list : {point_clouds(folder.root), checkpoints(folder.root)}) {
-        if (!list.empty()) latest = std::max(latest, list.back().number);
-    }
+    const auto saved = checkpoints(folder.root), clouds = point_clouds(folder.root);
+    std::int64_t latest = saved.empty() ? -1 : saved.back().number;
+    // A run that was killed may have saved point clouds after its last checkpoint. The resumed run writes them again.
+    const bool own = resume_iteration && fs::exists(folder.checkpoint(after), error);
+    if (!own && !clouds.empty()) latest = std::max(latest, clouds.back().number);
     const bool conflict = latest > after || (!resume_iteration && fs::exists(folder.config(), error));
     if (conflict && !overwrite) {
-        const std::string holds = latest >= 0 ? fmt::format("a run up to iteration {}", latest) : "a run (config.yaml)";
+        if (saved.empty() && !resume_iteration)
+            throw UsageError(fmt::format(
+                "the output folder '{}' already holds a run{}, which has no checkpoint to resume; choose another "
+                "--model folder, or give --overwrite to start anew",
+                folder.root.string(), latest >= 0 ? fmt::format(" up to iteration {}", latest) : ""));
+        const std::string holds = fmt::format("a run up to iteration {}", latest);
         throw UsageError(resume_iteration ? fmt::format("the output folder '{}' holds {}, later than the resumed "
                                                         "iteration {}; choose another --model folder, or "
                                                         "give --overwrite to drop the later results",
@@ -179,10 +187,25 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
 
 fs::path latest_checkpoint(const fs::path& run_folder) {
     const auto found = checkpoints(run_folder);
-    if (found.empty())
-        throw DataError(
-            fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from", run_folder.string()));
+    if (found.empty()) {
+        std::error_code error;
+        const bool begun = fs::exists(RunFolder{run_folder}.config(), error);
+        throw DataError(fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from{}",
+                                    run_folder.string(),
+                                    begun ? ": its run ended before the first checkpoint; start it anew with "
+                                            "--overwrite in place of --resume"
+                                          : ""));
+    }
     return found.back().path;
+}
+
+void remove_automatic_checkpoints(const RunFolder& folder, std::int64_t iteration) {
+    for (const auto& [n, path] : checkpoints(folder.root)) {
+        std::error_code error;
+        if (n >= iteration || !is_automatic_checkpoint(path)) continue;
+        fs::remove(path, error);
+        if (error) log_warning("cannot remove the earlier checkpoint '{}': {}", path.string(), error.message());
+    }
 }
 
 std::int64_t latest_point_cloud(const fs::path& run_folder) {

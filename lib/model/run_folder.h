@@ -40,7 +40,8 @@ struct RunFolder {
 /// Prepares the folder before any work is spent: creates it, proves that files can be written, and protects earlier
 /// results. `resume_iteration` is the iteration from which a resumed run continues; empty for a new run. A folder that
 /// holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed run when it
-/// holds outputs of a later iteration. With `overwrite` the earlier run's files (when resuming only those of later
+/// holds checkpoints of a later iteration, or later point clouds without the resumed checkpoint. (Beside it they are of
+/// the same run, killed before its next checkpoint: the resumed run replaces them.) With `overwrite` the earlier run's files (when resuming only those of later
 /// iterations) are removed instead. Files that gsapp did not write are never touched. Throws UsageError for the
 /// refusal, DataError when the folder cannot be created or written.
 void prepare_run_folder(const RunFolder& folder, bool overwrite,
@@ -48,6 +49,9 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite,
 
 /// Returns the checkpoint of the highest iteration in the folder. Throws DataError when there is none.
 std::filesystem::path latest_checkpoint(const std::filesystem::path& run_folder);
+
+/// Removes the automatic checkpoints of iterations below `iteration`. One that cannot be removed stays, with a warning.
+void remove_automatic_checkpoints(const RunFolder& folder, std::int64_t iteration);
 
 /// Returns the highest iteration with a point cloud in the folder. Throws DataError when there is none.
 std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);

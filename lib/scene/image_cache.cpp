@@ -92,12 +92,12 @@ void ImageCache::work() {
 void ImageCache::load(std::size_t index, std::unique_lock<std::mutex>& lock) {
     Entry& entry = entries_[index];
     entry.state = State::kLoading;
-    ++num_decodes_;
+    num_decodes_ += !views_[index].decoded;
     lock.unlock();
     std::shared_ptr<const ViewImage> image;
     std::exception_ptr error;
     try {
-        image = std::make_shared<const ViewImage>(views_[index].load());
+        image = view_image(views_[index]);
     } catch (...) {
         error = std::current_exception();
     }

@@ -67,11 +67,10 @@ void read_points(const fs::path& scene, const fs::path& model_folder, ColmapMode
 }
 
 void note_masks(const SourceScene& scene, std::vector<std::string>& notes) {
-    const std::size_t masks =
-        std::count_if(scene.views.begin(), scene.views.end(), [](const SourceView& v) { return v.mask.has_value(); });
-    if (masks > 0 && masks < scene.views.size())
-        notes.push_back(
-            fmt::format("{} of {} images have no mask: used whole", scene.views.size() - masks, scene.views.size()));
+    std::size_t images = 0, masks = 0;
+    for (const SourceView& view : scene.views) images += view.unreadable.empty(), masks += view.mask.has_value();
+    if (masks > 0 && masks < images)
+        notes.push_back(fmt::format("{} of {} images have no mask: used whole", images - masks, images));
 }
 
 }  // namespace
@@ -117,7 +116,10 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
         view.translation = image.translation;
         std::optional<fs::path> file = folder.find(image.name);
         if (!file) file = pairs.find(image.name);
-        if (!preflight.accept_file(view, file)) continue;
+        if (!preflight.accept_file(view, file)) {
+            if (!view.unreadable.empty()) out.views.push_back(std::move(view));
+            continue;
+        }
         // A pre-scaled folder differs in size from the camera by design, so no difference is reported.
         if (out.prescaled > 1)
             view.lens = scaled_to(view.lens, view.info.width, view.info.height);

@@ -96,6 +96,27 @@ std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions
     return test;
 }
 
+/// Leaves out the views that cannot be read. Throws DataError if a test view is among them: scores of the others would
+/// not compare with those of the whole set.
+void remove_unreadable(SourceScene& scene, std::vector<bool>& test) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < scene.views.size(); ++i) {
+        if (!scene.views[i].unreadable.empty()) {
+            if (test[i])
+                throw DataError(
+                    fmt::format("test view {}: {}; scores without it would not be comparable: repair the "
+                                "file, or take the view out of the scene",
+                                scene.views[i].name, scene.views[i].unreadable));
+            continue;
+        }
+        test[kept] = test[i];
+        if (kept != i) scene.views[kept] = std::move(scene.views[i]);
+        ++kept;
+    }
+    scene.views.resize(kept);
+    test.resize(kept);
+}
+
 /// Replaces the dataset's camera ids by indices of the devices that took training images.
 void number_cameras(Scene& scene) {
     std::map<int, int> index;
@@ -183,6 +204,19 @@ void bring_into_frame(Scene& scene, const SourcePoints& points) {
 
 }  // namespace
 
+std::shared_ptr<const ViewImage> view_image(const View& view) {
+    return view.decoded ? view.decoded : std::make_shared<const ViewImage>(view.load());
+}
+
+void remove_training_views(Scene& scene, const std::vector<bool>& unusable) {
+    std::vector<View> usable;
+    for (std::size_t i = 0; i < scene.train.size(); ++i)
+        if (!unusable[i]) usable.push_back(std::move(scene.train[i]));
+    scene.train = std::move(usable);
+    number_cameras(scene);
+    scene.extent = camera_extent(scene.train, scene.points);
+}
+
 double camera_extent(const std::vector<View>& views, const PointCloud& points) {
     if (views.empty()) return 1;
     const Eigen::Vector3d mean = mean_center(views);
@@ -213,7 +247,8 @@ Scene load_scene(const SceneOptions& options) {
     scene.notes = std::move(source.notes);
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
-    const std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
+    std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
+    remove_unreadable(source, test);
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i)
         (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));

@@ -36,7 +36,10 @@ void append(const TransformsFile& file, Preflight& preflight, bool given_test, S
         view.rotation = frame.rotation;
         view.translation = frame.translation;
         view.given_test = given_test;
-        if (!preflight.accept_file(view, image)) continue;
+        if (!preflight.accept_file(view, image)) {
+            if (!view.unreadable.empty()) out.views.push_back(std::move(view));
+            continue;
+        }
         view.lens = resolve_intrinsics(frame.intrinsics, view.info.width, view.info.height,
                                        fmt::format("{}: frame '{}'", file.path.string(), frame.file_path));
         preflight.fit_lens(view);

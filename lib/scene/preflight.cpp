@@ -90,6 +90,7 @@ bool Preflight::accept_file(SourceView& view, const std::optional<std::filesyste
         view.info = read_image_info(*file);
     } catch (const DataError& error) {
         unreadable_.push_back(error.what());
+        if (unreadable_names_.insert(view.name).second) view.unreadable = error.what();
         return false;
     }
     view.image_path = *file;

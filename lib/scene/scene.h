@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -47,6 +48,8 @@ struct View {
     std::string name;  ///< image name relative to the image folder, e.g. "left/0001.jpg"
     Camera camera;
     std::function<ViewImage()> load;
+    /// The result of `load`, where verify_images kept it; else null.
+    std::shared_ptr<const ViewImage> decoded;
     std::size_t image_bytes = 0;  ///< expected bytes of `load()`, for the memory plan
     /// The index of the device that took it, 0..Scene::num_cameras-1; -1 = a device without training images
     int camera_id = 0;
@@ -54,6 +57,9 @@ struct View {
     /// (SceneOptions::exif).
     std::optional<double> exif_exposure;
 };
+
+/// Returns the image of a view: the one that was kept, or else a newly decoded one. Throws what View::load throws.
+std::shared_ptr<const ViewImage> view_image(const View& view);
 
 struct PointCloud {
     std::vector<Eigen::Vector3f> positions;  ///< frame units
@@ -100,6 +106,10 @@ struct SceneOptions {
 /// Loads a COLMAP folder, NeRF-synthetic folder, transforms.json folder/file, or "builtin:NAME". Throws DataError
 /// naming file, field and value, and UsageError for invalid options.
 Scene load_scene(const SceneOptions& options);
+
+/// Removes the training views for which `unusable` is true, and derives again what follows from the others: cameras and
+/// extent. The other arrays of the scene stay.
+void remove_training_views(Scene& scene, const std::vector<bool>& unusable);
 
 /// Returns the scene's extent E (docs/math/optimization.md#scene-extent), frame units. Cameras in one place are
 /// guarded: there E comes from the points, and it is never zero.

@@ -25,6 +25,8 @@ struct SourceView {
     int camera_id = 0;  ///< device that took it, as the dataset numbers them
     std::optional<MaskFile> mask;
     bool given_test = false;  ///< the dataset assigns this view to its test set
+    /// Why the image cannot be read; empty if it can. Such a view counts for the split, and is then left out.
+    std::string unreadable = {};
 };
 
 /// Points as files give them, scene units. Doubles hold map coordinates.
@@ -50,7 +52,8 @@ struct SourceScene {
 class Preflight {
   public:
     /// Fills view.image_path and view.info and returns true if `file` is an image with a readable header and view.name
-    /// is new. Otherwise records why the view is left out and returns false.
+    /// is new. Otherwise records why the view is left out and returns false; an image that is there but cannot be read
+    /// also gets view.unreadable.
     bool accept_file(SourceView& view, const std::optional<std::filesystem::path>& file);
 
     /// Scales view.lens from its nominal size to that of view.info, and records a difference.
@@ -61,7 +64,7 @@ class Preflight {
 
   private:
     std::vector<std::string> missing_, unreadable_, duplicate_, rescaled_;
-    std::set<std::string> names_;
+    std::set<std::string> names_, unreadable_names_;
 };
 
 /// Returns one line each about points that no image shows, points that are only before the near or behind the far

@@ -21,15 +21,15 @@ std::string checkpoint_appearance(const TrainOptions& options) {
 Frame checkpoint_frame(const TrainOptions& options) { return read_checkpoint_frame(resumed_file(options)); }
 
 RunStart open_run(const TrainOptions& options) {
-    RunStart start{RunFolder{options.model}, std::nullopt, {}};
+    RunStart start{RunFolder{options.model}, std::nullopt};
     if (!options.resume.empty()) {
         const auto file = resumed_file(options);
         start.checkpoint = read_checkpoint(file);
         require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
-        prepare_run_folder(start.folder, options.overwrite, start.checkpoint->iteration);
-    } else {
-        prepare_run_folder(start.folder, options.overwrite);
     }
+    start.lock = std::make_shared<const RunLock>(start.folder.root);
+    prepare_run_folder(start.folder, options.overwrite,
+                       start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt);
     return start;
 }
 

@@ -2,6 +2,7 @@
 // Opens the run folder and the checkpoint to continue from, so that errors show before a scene is loaded.
 #pragma once
 
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 #include "lib/core/train_options.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/run_folder.h"
+#include "lib/model/run_lock.h"
 
 namespace gs {
 
@@ -18,10 +20,12 @@ struct RunStart {
     std::optional<Checkpoint> checkpoint;
     /// The first line of the training log of a new run, without its iteration; null = none
     nlohmann::json first_event = {};
+    /// Keeps other runs out of the folder as long as somebody holds it
+    std::shared_ptr<const RunLock> lock = {};
 };
 
-/// Reads the checkpoint that `resume` names and prepares the folder `options.model`. Throws DataError, and UsageError
-/// also for a checkpoint of another appearance than the options name; the folder is then unchanged.
+/// Reads the checkpoint that `resume` names, and locks and prepares the folder `options.model`. Throws DataError, and
+/// UsageError also for a checkpoint of another appearance than the options name; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options);
 
 /// Returns the frame of the checkpoint that `resume` names. Throws DataError.

@@ -14,10 +14,14 @@
 
 namespace gs {
 
-RunWriter::RunWriter(RunFolder folder, const TrainOptions& options, const Scene& scene, const Photometric& photometric)
-    : folder_(std::move(folder)), options_(options), scene_(scene), photometric_(photometric) {}
+RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options,
+                     const Scene& scene, const Photometric& photometric)
+    : folder_(std::move(folder)), lock_(std::move(lock)), options_(options), scene_(scene), photometric_(photometric) {}
 
-void RunWriter::write_config() const { write_text_atomic(folder_.config(), options_to_yaml(options_)); }
+void RunWriter::write_config() const {
+    check_folder();
+    write_text_atomic(folder_.config(), options_to_yaml(options_));
+}
 
 void RunWriter::write_start(const PointCloud& first_points) const {
     write_config();
@@ -26,7 +30,10 @@ void RunWriter::write_start(const PointCloud& first_points) const {
     write_input_points(folder_, first_points, scene_.frame);
 }
 
-void RunWriter::open_log(std::int64_t iteration) { log_.emplace(folder_.train_log(), iteration); }
+void RunWriter::open_log(std::int64_t iteration) {
+    check_folder();
+    log_.emplace(folder_.train_log(), iteration);
+}
 
 void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration) {
     if (change.relocated || change.added || change.cloned || change.split || change.pruned)
@@ -45,12 +52,21 @@ void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration
              {"num_gaussians", change.count}});
 }
 
-void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration) const {
-    gs::write_checkpoint(folder_.checkpoint(iteration),
-                         {backend.download(true), iteration, options_.seed, options_to_yaml(options_), scene_.frame});
+void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration, const std::optional<TrainingTime>& time,
+                                 bool automatic) const {
+    check_folder();
+    gs::write_checkpoint(folder_.checkpoint(iteration), {.state = backend.download(true),
+                                                         .iteration = iteration,
+                                                         .seed = options_.seed,
+                                                         .options_yaml = options_to_yaml(options_),
+                                                         .frame = scene_.frame,
+                                                         .time = time,
+                                                         .automatic = automatic});
+    remove_automatic_checkpoints(folder_, iteration);
 }
 
 void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {
+    check_folder();
     PlyOptions ply;
     ply.iteration = iteration;
     ply.frame = scene_.frame;
@@ -59,6 +75,7 @@ void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) cons
 }
 
 void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {
+    check_folder();
     const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
     RenderRequest request;
     request.camera = camera_params(view.camera);

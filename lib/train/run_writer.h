@@ -3,12 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
+#include "lib/model/checkpoint.h"
 #include "lib/model/run_folder.h"
+#include "lib/model/run_lock.h"
 #include "lib/scene/scene.h"
 #include "lib/train/densification.h"
 #include "lib/train/photometric.h"
@@ -20,9 +23,15 @@ namespace gs {
 /// outlive this one.
 class RunWriter {
   public:
-    RunWriter(RunFolder folder, const TrainOptions& options, const Scene& scene, const Photometric& photometric);
+    /// `lock`, which may be null, is held; nothing is written once its folder is gone.
+    RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options, const Scene& scene,
+              const Photometric& photometric);
 
     const RunFolder& folder() const { return folder_; }
+    /// Throws DataError when the folder was removed or replaced. All other members call it first.
+    void check_folder() const {
+        if (lock_) lock_->check_folder();
+    }
 
     /// Writes the files of a new run before its first step: config.yaml, cfg_args, cameras.json, input.ply.
     void write_start(const PointCloud& first_points) const;
@@ -31,17 +40,24 @@ class RunWriter {
 
     /// Opens stats/train.jsonl and keeps its lines up to `iteration`. Must be called before the first line is written.
     void open_log(std::int64_t iteration);
+    const TrainLog& opened_log() const { return *log_; }
     /// Writes one line, which must have "event" and "iteration".
-    void log(const nlohmann::json& line) { log_->write(line); }
+    void log(const nlohmann::json& line) {
+        check_folder();  // or the lines would go to a file that nobody can find any more
+        log_->write(line);
+    }
     /// Writes the lines of a change in the set of Gaussians before or after the step of `iteration` (1-based); none if
     /// nothing changed.
     void log_change(const ScheduledChange& change, std::int64_t iteration);
 
-    /// Writes everything that the run needs to continue, moments included.
-    void write_checkpoint(Backend& backend, std::int64_t iteration) const;
+    /// Writes everything that the run needs to continue, moments included, and removes automatic checkpoints of
+    /// earlier iterations. `time` is that of the training so far, if it is known.
+    void write_checkpoint(Backend& backend, std::int64_t iteration, const std::optional<TrainingTime>& time,
+                          bool automatic = false) const;
     /// Writes the point cloud as 3DGS viewers read it, and ppisp.json.
     void write_point_cloud(Backend& backend, std::int64_t iteration) const;
     void write_ppisp(Backend& backend, std::int64_t iteration) const {
+        check_folder();
         photometric_.save(folder_.ppisp(), backend, iteration);
     }
     /// Writes a render of the first test view, or of the first training view if there is none.
@@ -49,6 +65,7 @@ class RunWriter {
 
   private:
     const RunFolder folder_;
+    const std::shared_ptr<const RunLock> lock_;
     const TrainOptions& options_;
     const Scene& scene_;
     const Photometric& photometric_;

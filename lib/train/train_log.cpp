@@ -14,7 +14,13 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
         std::ifstream in(path);
         for (std::string line; std::getline(in, line);) {
             const auto json = try_parse_json(line);  // a crash may have cut the last line short
-            if (json.is_object() && json.value("iteration", iteration + 1) <= iteration) kept += line + "\n";
+            const bool numbered =
+                json.is_object() && json.contains("iteration") && json["iteration"].is_number_integer();
+            if (!numbered || json["iteration"] > iteration) continue;
+            kept += line + "\n";
+            if (json.contains("event") && json["event"] == "photometric" && json.contains("reason") &&
+                json["reason"].is_string())
+                photometric_reason_ = json["reason"];
         }
     }
     std::error_code ignored;  // the write below reports errors

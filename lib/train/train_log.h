@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <string>
 
 namespace gs {
 
@@ -17,9 +18,13 @@ class TrainLog {
     /// Writes one line, which must have "iteration". Throws DataError when the write fails.
     void write(const nlohmann::json& line);
 
+    /// Returns the "reason" of the "photometric" event among the lines that were kept; empty if there is none.
+    const std::string& photometric_reason() const { return photometric_reason_; }
+
   private:
     std::filesystem::path path_;
     std::ofstream out_;
+    std::string photometric_reason_;
 };
 
 }  // namespace gs

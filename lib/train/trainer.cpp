@@ -3,6 +3,8 @@
 #include "lib/train/trainer.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <limits>
 #include <new>
 #include <optional>
 
@@ -33,6 +35,11 @@ constexpr std::int64_t kLogInterval = 100;
 /// statistics: a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
 
+/// The seconds between two automatic checkpoints; infinite without them.
+double automatic_interval(const TrainOptions& options) {
+    return options.checkpoint_minutes > 0 ? 60 * options.checkpoint_minutes : std::numeric_limits<double>::infinity();
+}
+
 bool contains(const std::vector<std::int64_t>& list, std::int64_t value) {
     return std::find(list.begin(), list.end(), value) != list.end();
 }
@@ -49,7 +56,7 @@ class Run {
           schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
-          writer_(std::move(start.folder), options_, scene, photometric_) {
+          writer_(std::move(start.folder), std::move(start.lock), options_, scene, photometric_) {
         set_num_threads(options.threads);
         composer_.rates().log(options_);
         if (start.checkpoint)
@@ -58,6 +65,7 @@ class Run {
             begin();
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         writer_.open_log(iteration_);
+        photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
         if (!start.first_event.is_null()) {
             start.first_event["iteration"] = 0;
             writer_.log(start.first_event);
@@ -75,8 +83,16 @@ class Run {
             throw DeviceError(e.what() + rescue(first));
         } catch (const std::bad_alloc&) {
             throw DeviceError("out of memory; lower --cap-max, --resolution or --image-cache" + rescue(first));
+        } catch (const DataError& e) {  // an image that has gone bad, or a file that cannot be written
+            throw DataError(e.what() + rescue(first));
         }
-        return finish();
+        try {
+            return finish();
+        } catch (const DataError& e) {
+            std::error_code ignored;
+            if (!std::filesystem::exists(writer_.folder().checkpoint(iteration_), ignored)) throw;
+            throw DataError(e.what() + ("; the training itself is saved, " + how_to_continue()));
+        }
     }
 
   private:
@@ -96,7 +112,7 @@ class Run {
             if (report) progress_.update(iteration_, last_.loss, backend_->count());
             save_what_is_due();
             if (stop) {
-                writer_.write_checkpoint(*backend_, iteration_);
+                writer_.write_checkpoint(*backend_, iteration_, time());
                 progress_.finish();
                 throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " +
                                   how_to_continue());
@@ -121,8 +137,14 @@ class Run {
         train_seconds_ += seconds_now() - start;
     }
 
-    /// After an error of the device: saves the model as the last finished step left it, if there is one and the device
-    /// still gives it out. Up to three steps that it had not finished are missing. Returns what the message should say
+    /// Returns the time of the training up to now, if that of its earlier parts is known.
+    std::optional<TrainingTime> time() const {
+        if (!earlier_time_) return std::nullopt;
+        return TrainingTime{train_seconds_, earlier_time_->data_wait_seconds + views_.wait_seconds()};
+    }
+
+    /// After an error: saves the model as the last finished step left it, if there is one and the device still gives it
+    /// out. Up to three steps that a failed device had not finished are missing. Returns what the message should say
     /// about it.
     std::string rescue(std::int64_t first) {
         progress_.finish();
@@ -132,7 +154,7 @@ class Run {
         } catch (const std::exception&) {
         }
         try {
-            writer_.write_checkpoint(*backend_, iteration_);
+            writer_.write_checkpoint(*backend_, iteration_, time());
         } catch (const std::exception& e) {  // the error that brought us here is the one to report
             log_warning("no checkpoint could be written: {}", e.what());
             return "";
@@ -168,6 +190,12 @@ class Run {
             log_warning("resuming with --seed {} a run that began with {}: it will differ from an uninterrupted one",
                         options_.seed, checkpoint.seed);
         iteration_ = checkpoint.iteration;
+        earlier_time_ = checkpoint.time;
+        if (earlier_time_)
+            checkpoint_seconds_ = train_seconds_ = earlier_time_->train_seconds;
+        else
+            log_warning("the checkpoint does not say how long its {} iterations took: times count from here",
+                        iteration_);
         photometric_.resume(checkpoint.state, iteration_);
         schedule_.resume(checkpoint.state.active_degree);
         backend_ = make_backend();
@@ -180,11 +208,12 @@ class Run {
     }
 
     void iterate() {
+        // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
+        const TrainingViews::Step step = views_.at(iteration_, options_.iterations);
         decide_photometric();
         const bool hold =
             iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
         writer_.log_change(schedule_.before_step(*backend_, iteration_, hold), iteration_ + 1);
-        const TrainingViews::Step step = views_.at(iteration_, options_.iterations);
         backend_->step(composer_.compose(step.view(), iteration_));
         writer_.log_change(schedule_.after_step(*backend_, iteration_), iteration_ + 1);
         ++iteration_;
@@ -291,13 +320,44 @@ class Run {
         const bool last = iteration_ == options_.iterations;
         if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0)
             writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
-        if (contains(options_.checkpoint_iterations, iteration_) && !last)
-            writer_.write_checkpoint(*backend_, iteration_);
         if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
         if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
             writer_.write_ppisp(*backend_, iteration_);  // says how these views are corrected
+            writer_.check_folder();
             hooks_.evaluate(iteration_, *backend_);
         }
+        // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
+        if (contains(options_.checkpoint_iterations, iteration_) && !last) {
+            writer_.write_checkpoint(*backend_, iteration_, time());
+            checkpoint_seconds_ = train_seconds_;
+        }
+        save_automatically();
+    }
+
+    /// Writes a checkpoint when enough time has passed. The course of the training must not depend on that: it happens
+    /// only where the scan for non-finite parameters has just brought all rows of the device up to date, which reading
+    /// them would do, too. That it cannot be written is no reason to end the run.
+    void save_automatically() {
+        const double seconds = train_seconds_ - checkpoint_seconds_, interval = automatic_interval(options_);
+        if (iteration_ % kLogInterval != 0 || iteration_ == options_.iterations || seconds < interval ||
+            contains(options_.checkpoint_iterations, iteration_))
+            return;
+        checkpoint_seconds_ = train_seconds_;
+        writer_.check_folder();
+        const double start = seconds_now();
+        try {
+            writer_.write_checkpoint(*backend_, iteration_, time(), true);
+        } catch (const DataError& e) {
+            log_warning("iteration {}: no checkpoint was written: {}", iteration_, e.what());
+            return;
+        }
+        if (std::exchange(automatic_shown_, true)) return;
+        std::error_code ignored;
+        const auto bytes = std::filesystem::file_size(writer_.folder().checkpoint(iteration_), ignored);
+        log_info(
+            "iteration {}: checkpoint of {:.1f} MiB written in {:.2f} s; from now on one every {:g} minutes "
+            "(--checkpoint-minutes), of which the latest is kept",
+            iteration_, double(bytes) / (1024.0 * 1024.0), seconds_now() - start, options_.checkpoint_minutes);
     }
 
     TrainSummary finish() {
@@ -306,9 +366,8 @@ class Run {
         const MemoryUse memory = backend_->memory();
         if (memory.peak > 0) log_info("{}", memory_report(memory));
         prune_nonfinite();
-        writer_.write_checkpoint(
-            *backend_,
-            iteration_);  // before the final pruning: a longer run goes on from here as if it had not stopped
+        // Before the final pruning: a longer run goes on from here as if it had not stopped.
+        writer_.write_checkpoint(*backend_, iteration_, time());
         backend_->prune(InvisibleRows{});
         backend_->morton_sort();
         if (backend_->count() == 0)
@@ -324,9 +383,16 @@ class Run {
         if (pruned_nonfinite_)
             log_warning("{} Gaussians were removed for parameters not finite or out of range during the run",
                         pruned_nonfinite_);
+        writer_.check_folder();
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
-        return {iteration_, backend_->count(),  train_seconds_,       views_.wait_seconds(),
-                memory,     controller_seconds, photometric_decision_};
+        return {iteration_,
+                backend_->count(),
+                train_seconds_,
+                views_.wait_seconds() + (earlier_time_ ? earlier_time_->data_wait_seconds : 0),
+                memory,
+                controller_seconds,
+                photometric_decision_,
+                earlier_time_.has_value()};
     }
 
     const TrainOptions options_;
@@ -343,6 +409,9 @@ class Run {
     std::int64_t iteration_ = 0;  ///< finished iterations
     StepStats last_;
     double train_seconds_ = 0, logged_wait_ = 0;
+    std::optional<TrainingTime> earlier_time_ = TrainingTime{};  ///< of the parts before a resume; empty = unknown
+    double checkpoint_seconds_ = 0;                              ///< train_seconds_ at the last checkpoint
+    bool automatic_shown_ = false;                               ///< what such a checkpoint costs
     std::string photometric_decision_;
     std::int64_t nonfinite_gradients_ = 0, pruned_nonfinite_ = 0;
 };

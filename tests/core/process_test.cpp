@@ -5,12 +5,23 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
+
+#include "lib/core/interrupt.h"
 
 namespace gs {
 namespace {
 
 bool contains(const ProcessResult& result, const std::string& line) {
     return std::find(result.last_lines.begin(), result.last_lines.end(), line) != result.last_lines.end();
+}
+
+TEST(Process, EndsByAClosedPipeThoughThisProgramDoesNot) {
+    ignore_write_signals();
+    const ProcessResult result = run_process({"sh", "-c", "kill -PIPE $$; echo still here"}, {}, [](const auto&) {});
+    std::signal(SIGPIPE, SIG_DFL);
+    std::signal(SIGXFSZ, SIG_DFL);
+    EXPECT_EQ(result.exit_code, 128 + SIGPIPE);
 }
 
 TEST(Process, GetsOneInterruptAndMayEndInItsOwnWay) {

@@ -43,6 +43,16 @@ TEST(Progress, JsonLinesHoldTheDocumentedFields) {
     EXPECT_EQ(out.bar.str(), "");
 }
 
+TEST(Progress, CountsWhatComesBeforeTheTraining) {
+    Recorder out;
+    Progress lines(ProgressStyle::kJsonLines, out.bar, out.lines, 0), bar(ProgressStyle::kBar, out.bar, out.lines, 0),
+        seldom(ProgressStyle::kJsonLines, out.bar, out.lines, 1000);
+    for (Progress* progress : {&lines, &bar, &seldom}) progress->count("images decoded", 7, 300);
+    ASSERT_EQ(out.parsed().size(), 1u);
+    EXPECT_EQ(out.parsed()[0], parse_json(R"({"event": "count", "what": "images decoded", "done": 7, "total": 300})"));
+    EXPECT_NE(out.bar.str().find("images decoded 7/300"), std::string::npos);
+}
+
 TEST(Progress, OnlyTheLastLineComesInsideTheInterval) {
     Recorder out;
     Progress progress(ProgressStyle::kJsonLines, out.bar, out.lines, 1000);

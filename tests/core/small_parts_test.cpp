@@ -41,6 +41,20 @@ TEST(Interrupt, FirstSignalOnlySetsTheFlag) {
     EXPECT_FALSE(interrupted());
 }
 
+TEST(Interrupt, AClosedTerminalStopsTheRunUnlessItIsToOutliveIt) {
+    catch_interrupts();
+    std::raise(SIGHUP);
+    EXPECT_TRUE(interrupted());
+    std::signal(SIGHUP, SIG_IGN);  // as nohup does
+    catch_interrupts();
+    std::raise(SIGHUP);
+    EXPECT_FALSE(interrupted());
+    std::raise(SIGTERM);
+    std::raise(SIGHUP);
+    EXPECT_TRUE(interrupted()) << "still here";
+    std::signal(SIGHUP, SIG_DFL);
+}
+
 TEST(Interrupt, SecondSignalEndsTheProgram) {
     EXPECT_EXIT(
         {

@@ -50,6 +50,29 @@ TEST(Checkpoint, RoundTripsBitForBit) {
     }
 }
 
+TEST(Checkpoint, TimeRoundTripsAndMayBeMissing) {
+    const TempFolder folder;
+    Checkpoint c = sample(true);
+    write_checkpoint(folder / "c.safetensors", c);
+    EXPECT_FALSE(read_checkpoint(folder / "c.safetensors").time);
+    EXPECT_FALSE(is_automatic_checkpoint(folder / "c.safetensors"));
+    c.time = {123.4, 0.1}, c.automatic = true;
+    write_checkpoint(folder / "c.safetensors", c);
+    const Checkpoint read = read_checkpoint(folder / "c.safetensors");
+    EXPECT_EQ(read.time->train_seconds, 123.4);
+    EXPECT_EQ(read.time->data_wait_seconds, 0.1);
+    EXPECT_TRUE(read.automatic);
+    EXPECT_TRUE(is_automatic_checkpoint(folder / "c.safetensors"));
+    EXPECT_FALSE(is_automatic_checkpoint(folder / "missing.safetensors"));
+    for (const std::string bad : {"-23.4", "1e999", "later"}) {
+        std::string bytes = slurp(folder / "c.safetensors");
+        bytes.replace(bytes.find("123.4"), 5, bad);
+        spit(folder / "bad.safetensors", bytes);
+        EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }),
+                        "metadata 'train_seconds' is '" + bad + "'");
+    }
+}
+
 TEST(Checkpoint, ModelWithoutResidualRoundTrips) {
     const TempFolder folder;
     Checkpoint c;

@@ -116,6 +116,28 @@ TEST(RunFolder, ResumingKeepsEarlierAndProtectsLaterResults) {
     EXPECT_TRUE(fs::exists(run.config()));
 }
 
+TEST(RunFolder, AKilledRunResumesWhereItHasSavedSinceItsLastCheckpoint) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"}, other{folder / "other"};
+    write_run(run, 30);
+    spit(run.point_cloud(40), "x");
+    const std::string before = listing(run.root);
+    prepare_run_folder(run, false, 30);
+    EXPECT_EQ(listing(run.root), before);
+    spit(other.point_cloud(40), "x");
+    EXPECT_CONTAINS(message_of<UsageError>([&] { prepare_run_folder(other, false, 30); }), "iteration 40");
+}
+
+TEST(RunFolder, ARunKilledBeforeItsFirstCheckpointIsToBeStartedAnew) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    spit(run.config(), "x");
+    EXPECT_CONTAINS(message_of<DataError>([&] { latest_checkpoint(run.root); }), "--overwrite in place of --resume");
+    const std::string message = message_of<UsageError>([&] { prepare_run_folder(run, false); });
+    EXPECT_CONTAINS(message, "--overwrite");
+    EXPECT_EQ(message.find("--resume"), std::string::npos) << message;
+}
+
 TEST(RunFolder, FolderThatCannotBeMadeIsADataError) {
     const TempFolder folder;
     spit(folder / "plain", "x");

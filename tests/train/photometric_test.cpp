@@ -239,6 +239,8 @@ TEST(Photometric, OneImageCanBeCorrectedButAutoDoesNot) {
     o = options_for(tmp.path() / "auto", kPhotometricDecision + 1);
     o.ppisp = PpispMode::kAuto;
     EXPECT_EQ(run(o, scene).photometric, "off: there is only one training image");
+    o.iterations += 1, o.resume = "latest";
+    EXPECT_EQ(run(o, scene).photometric, "off: there is only one training image") << "decided before the resume";
 }
 
 TEST(Photometric, ImagesOfOneCameraMayDifferInSize) {

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <atomic>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -380,6 +381,198 @@ TEST(Train, OutOfMemoryWithoutAModelToSaveKeepsItsMessage) {
     EXPECT_EQ(failure(first, 0, true), message) << "nothing was trained yet";
     EXPECT_EQ(failure(lost, 33, false), message);
     EXPECT_FALSE(fs::exists(tmp.path() / "lost/checkpoints"));
+}
+
+/// Returns the message of the error with which the run ends.
+template <class E> std::string error_of(const TrainOptions& options, const Scene& scene) {
+    try {
+        run(options, scene);
+    } catch (const E& e) {
+        return e.what();
+    }
+    ADD_FAILURE() << "no such error";
+    return "";
+}
+
+// With 6 views and no cache, the view of iteration 34 is decoded anew. Iteration 30 densifies.
+TEST(Train, AnImageThatVanishesLeavesACheckpointThatResumesBitForBit) {
+    const test::TemporaryFolder tmp;
+    for (const std::int64_t lost : {34, 30}) {
+        TrainOptions whole = small_options(tmp.path() / ("whole" + std::to_string(lost)), Strategy::kAdc),
+                     part = small_options(tmp.path() / ("part" + std::to_string(lost)), Strategy::kAdc);
+        whole.image_cache = part.image_cache = "0";
+        run(whole, small_scene());
+        Scene failing = small_scene();
+        ViewOrder order(failing.train.size(), part.seed);
+        View& view = failing.train[order.at(lost)];
+        view.load = [load = view.load, &tmp, lost, asked = std::make_shared<std::atomic<int>>(0)] {
+            if (++*asked > lost / 6) throw DataError("image 3.png: no such file");
+            return load();
+        };
+        const std::string checkpoint = RunFolder{part.model}.checkpoint(lost).string();
+        EXPECT_EQ(error_of<DataError>(part, failing), "image 3.png: no such file, checkpoint written to " + checkpoint +
+                                                          "; continue with --resume latest -m " + part.model);
+        part.resume = "latest";
+        run(part, small_scene());
+        EXPECT_EQ(bytes_of(RunFolder{whole.model}.point_cloud(60)), bytes_of(RunFolder{part.model}.point_cloud(60)));
+    }
+}
+
+// Later images are never asked for again.
+TEST(Train, ImagesThatVanishAfterTheFirstEpochAreNotMissed) {
+    const test::TemporaryFolder tmp;
+    Scene scene = small_scene();
+    for (View& view : scene.train)
+        view.load = [load = view.load, asked = std::make_shared<std::atomic<int>>(0)] {
+            if (++*asked > 1) throw DataError("no such file");
+            return load();
+        };
+    EXPECT_EQ(run(small_options(tmp.path() / "run", Strategy::kNone), scene).iterations, 60);
+}
+
+TEST(Train, TrainingTimeAddsUpOverResumes) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "run", Strategy::kNone);
+    o.iterations = 30;
+    run(o, small_scene());
+    const fs::path file = RunFolder{o.model}.checkpoint(30);
+    Checkpoint checkpoint = read_checkpoint(file);
+    ASSERT_TRUE(checkpoint.time);
+    EXPECT_GT(checkpoint.time->train_seconds, 0);
+    checkpoint.time = {1000, 400};
+    write_checkpoint(file, checkpoint);
+    o.iterations = 60, o.resume = "latest";
+    const TrainSummary summary = run(o, small_scene());
+    EXPECT_TRUE(summary.whole_time);
+    EXPECT_GT(summary.train_seconds, 1000);
+    EXPECT_LT(summary.train_seconds, 1100);
+    EXPECT_GE(summary.data_wait_seconds, 400);
+    EXPECT_LT(summary.data_wait_seconds, 500);
+    EXPECT_EQ(read_checkpoint(RunFolder{o.model}.checkpoint(60)).time->train_seconds, summary.train_seconds);
+    std::ifstream log(RunFolder{o.model}.train_log());
+    std::string line, last;
+    while (std::getline(log, line)) last = line;
+    EXPECT_GT(parse_json(last)["train_seconds"], 1000);
+}
+
+TEST(Train, TimesOfOldCheckpointsStayUnknown) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "run", Strategy::kNone);
+    o.iterations = 30;
+    run(o, small_scene());
+    Checkpoint checkpoint = read_checkpoint(RunFolder{o.model}.checkpoint(30));
+    checkpoint.time.reset();
+    write_checkpoint(RunFolder{o.model}.checkpoint(30), checkpoint);
+    o.iterations = 60, o.resume = "latest";
+    EXPECT_FALSE(run(o, small_scene()).whole_time);
+    EXPECT_FALSE(read_checkpoint(RunFolder{o.model}.checkpoint(60)).time) << "or the next part would believe it";
+}
+
+/// Returns the names in the checkpoints folder, sorted.
+std::vector<std::string> checkpoints_of(const TrainOptions& o) {
+    std::vector<std::string> names;
+    std::error_code missing;
+    for (const auto& entry : fs::directory_iterator(fs::path(o.model) / "checkpoints", missing))
+        names.push_back(entry.path().stem());
+    std::sort(names.begin(), names.end());
+    return names;
+}
+
+TEST(Train, AutomaticCheckpointsReplaceEachOtherAndChangeNothing) {
+    const test::TemporaryFolder tmp;
+    TrainOptions without = small_options(tmp.path() / "without", Strategy::kMcmc),
+                 with = small_options(tmp.path() / "with", Strategy::kMcmc);
+    with.iterations = without.iterations = 350;
+    without.checkpoint_minutes = 0;
+    with.checkpoint_minutes = 1e-9;
+    with.checkpoint_iterations = {120};
+    std::vector<std::vector<std::string>> seen;
+    TrainHooks hooks;
+    hooks.evaluate = [&](std::int64_t, Backend&) { seen.push_back(checkpoints_of(with)); };
+    with.test_iterations = {100, 110, 130, 210, 310};
+    Progress progress(ProgressStyle::kSilent);
+    train(with, small_scene(), open_run(with), progress, hooks);
+    using Names = std::vector<std::string>;
+    EXPECT_EQ(seen, (std::vector<Names>{{},
+                                        {"iteration_100"},
+                                        {"iteration_120"},
+                                        {"iteration_120", "iteration_200"},
+                                        {"iteration_120", "iteration_300"},
+                                        {"iteration_120", "iteration_350"}}));
+    run(without, small_scene());
+    EXPECT_EQ(checkpoints_of(without), Names{"iteration_350"});
+    EXPECT_EQ(bytes_of(RunFolder{with.model}.point_cloud(350)), bytes_of(RunFolder{without.model}.point_cloud(350)));
+}
+
+TEST(Train, AnAutomaticCheckpointThatCannotBeWrittenDoesNotEndTheRun) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "run", Strategy::kNone);
+    o.iterations = 250;
+    o.checkpoint_minutes = 1e-9;
+    const fs::path in_the_way = RunFolder{o.model}.checkpoint(100);  // a folder cannot be replaced by a file
+    o.test_iterations = {50};
+    TrainHooks hooks;
+    hooks.evaluate = [&](std::int64_t iteration, Backend&) {
+        if (iteration == 50) fs::create_directories(in_the_way / "x");
+    };
+    Progress progress(ProgressStyle::kSilent);
+    EXPECT_EQ(train(o, small_scene(), open_run(o), progress, hooks).iterations, 250);
+    EXPECT_TRUE(fs::is_directory(in_the_way));
+}
+
+TEST(Train, AKilledRunThatSavedAfterItsLastCheckpointResumes) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "run", Strategy::kMcmc);
+    o.save_iterations = {40}, o.checkpoint_iterations = {20};
+    run(o, small_scene());
+    const RunFolder folder{o.model};
+    const std::string cloud = bytes_of(folder.point_cloud(40)), last = bytes_of(folder.point_cloud(60));
+    fs::remove(folder.checkpoint(60));
+    fs::remove_all(folder.point_cloud(60).parent_path());
+    std::ofstream(folder.point_cloud(40)) << "cut short";
+    o.resume = "latest";
+    run(o, small_scene());
+    EXPECT_EQ(bytes_of(folder.point_cloud(40)), cloud);
+    EXPECT_EQ(bytes_of(folder.point_cloud(60)), last);
+}
+
+TEST(Train, TheCheckpointOfAnIterationIsItsLastFile) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = small_options(tmp.path() / "run", Strategy::kNone);
+    o.test_iterations = o.save_iterations = o.checkpoint_iterations = {20};
+    bool early = false;
+    TrainHooks hooks;
+    hooks.evaluate = [&](std::int64_t iteration, Backend&) {
+        early |= iteration == 20 && fs::exists(RunFolder{o.model}.checkpoint(20));
+        EXPECT_TRUE(fs::exists(RunFolder{o.model}.point_cloud(iteration)));
+    };
+    Progress progress(ProgressStyle::kSilent);
+    train(o, small_scene(), open_run(o), progress, hooks);
+    EXPECT_FALSE(early) << "a run killed then would never write what is still missing";
+    EXPECT_TRUE(fs::exists(RunFolder{o.model}.checkpoint(20)));
+}
+
+TEST(Train, AFolderThatIsRemovedOrReplacedEndsTheRun) {
+    for (const bool replaced : {false, true}) {
+        const test::TemporaryFolder tmp;
+        TrainOptions o = small_options(tmp.path() / "run", Strategy::kMcmc);
+        o.test_iterations = {25};
+        TrainHooks hooks;
+        hooks.evaluate = [&](std::int64_t, Backend&) {
+            fs::remove_all(o.model);
+            if (replaced) fs::create_directory(o.model);
+        };
+        Progress progress(ProgressStyle::kSilent);
+        try {
+            train(o, small_scene(), open_run(o), progress, hooks);
+            ADD_FAILURE() << "trained into nothing";
+        } catch (const DataError& e) {
+            EXPECT_NE(std::string(e.what()).find("'" + o.model + "' was removed or replaced"), std::string::npos)
+                << e.what();
+        }
+        EXPECT_EQ(fs::exists(o.model), replaced);
+        EXPECT_TRUE(!replaced || fs::is_empty(o.model));
+    }
 }
 
 /// Gives statistics that lag two steps behind until somebody waits, and keeps one image per id.
