@@ -4,14 +4,17 @@
 #include "lib/io/atomic_file.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <streambuf>
 #include <string>
 #include <vector>
 
+#include "kernels/core/error.h"
 #include "lib/io/temporary.h"
 
 namespace gs {
@@ -19,7 +22,7 @@ namespace gs {
 class AtomicFile::Buffer : public std::streambuf {
   public:
     explicit Buffer(const std::filesystem::path& target) : target_(target), bytes_(1 << 18) {
-        const Temporary made = create_temporary_file(target);
+        const TemporaryFile made = create_temporary_file(target);
         temporary_ = made.path;
         fd_ = made.fd;
         setp(bytes_.data(), bytes_.data() + bytes_.size());
@@ -104,6 +107,16 @@ AtomicFile::~AtomicFile() = default;
 std::ostream& AtomicFile::stream() { return stream_; }
 
 void AtomicFile::commit() { buffer_->commit(); }
+
+void copy_file_atomic(const std::filesystem::path& from, const std::filesystem::path& to) {
+    std::ifstream in(from, std::ios::binary);
+    if (!in) throw DataError(fmt::format("cannot read '{}': {}", from.string(), std::strerror(errno)));
+    AtomicFile out(to);
+    for (std::vector<char> part(1 << 18); in.read(part.data(), std::streamsize(part.size())), in.gcount() > 0;)
+        out.stream().write(part.data(), in.gcount());
+    if (in.bad()) throw DataError(fmt::format("cannot read '{}'", from.string()));
+    out.commit();
+}
 
 void write_text_atomic(const std::filesystem::path& path, std::string_view text) {
     AtomicFile file(path);

@@ -33,6 +33,9 @@ class AtomicFile {
     std::ostream stream_;
 };
 
+/// Copies a file through an AtomicFile. Throws DataError.
+void copy_file_atomic(const std::filesystem::path& from, const std::filesystem::path& to);
+
 /// Writes `text` to `path` through an AtomicFile. Throws DataError.
 void write_text_atomic(const std::filesystem::path& path, std::string_view text);
 

@@ -83,9 +83,9 @@ void prepare_folder(const fs::path& target) {
 
 }  // namespace
 
-Temporary create_temporary_file(const fs::path& target) {
+TemporaryFile create_temporary_file(const fs::path& target) {
     prepare_folder(target);
-    for (Temporary made;;) {
+    for (TemporaryFile made;;) {
         made.path = temporary_name(target);
         made.fd = ::open(made.path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         if (made.fd >= 0 && hold(made.fd)) return made;
@@ -94,19 +94,25 @@ Temporary create_temporary_file(const fs::path& target) {
     }
 }
 
-Temporary create_temporary_folder(const fs::path& target) {
+WorkFolder::WorkFolder(const fs::path& target) {
     prepare_folder(target);
-    for (Temporary made;;) {
-        made.path = temporary_name(target);
-        if (::mkdir(made.path.c_str(), 0777) != 0) {
+    for (;;) {
+        path_ = temporary_name(target);
+        if (::mkdir(path_.c_str(), 0777) != 0) {
             if (errno != EEXIST) fail_to_write("create a folder beside", target, errno);
             continue;
         }
-        made.fd = ::open(made.path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (made.fd >= 0 && hold(made.fd)) return made;
-        if (made.fd < 0 && errno != ENOENT) fail_to_write("open a new folder beside", target, errno);
-        if (made.fd >= 0) ::close(made.fd);
+        fd_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        if (fd_ >= 0 && hold(fd_)) return;
+        if (fd_ < 0 && errno != ENOENT) fail_to_write("open a new folder beside", target, errno);
+        if (fd_ >= 0) ::close(fd_);
     }
+}
+
+WorkFolder::~WorkFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+    ::close(fd_);
 }
 
 void remove_leftovers(const fs::path& folder) {

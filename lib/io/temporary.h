@@ -7,18 +7,34 @@
 
 namespace gs {
 
-/// A new temporary file or folder. Its writer holds a lock (flock) on `fd` until it closes it; the system gives the
-/// lock back when a program is killed. By this the leftovers of dead writers are told from the files of living ones.
-struct Temporary {
+/// A new temporary file. Its writer holds a lock (flock) on `fd` until it closes it; the system gives the lock back
+/// when a program is killed. By this the leftovers of dead writers are told from the files of living ones.
+struct TemporaryFile {
     std::filesystem::path path;
-    int fd = -1;  ///< of a file: open for writing
+    int fd = -1;  ///< open for writing
 };
 
-/// Creates a temporary file, or folder, in the folder of `target`, so that a rename stays within one file system. The
-/// first call for a folder removes what killed programs left in it. Missing parent folders are created. Throws
-/// DataError naming `target`.
-Temporary create_temporary_file(const std::filesystem::path& target);
-Temporary create_temporary_folder(const std::filesystem::path& target);
+/// Creates a temporary file in the folder of `target`, so that a rename stays within one file system. The first call
+/// for a folder removes what killed programs left in it. Missing parent folders are created. Throws DataError naming
+/// `target`.
+TemporaryFile create_temporary_file(const std::filesystem::path& target);
+
+/// A temporary folder beside `target`, locked and cleaned up as temporary files are. The destructor removes it with all
+/// that is still in it.
+class WorkFolder {
+  public:
+    /// Throws DataError naming `target`.
+    explicit WorkFolder(const std::filesystem::path& target);
+    ~WorkFolder();
+    WorkFolder(const WorkFolder&) = delete;
+    WorkFolder& operator=(const WorkFolder&) = delete;
+
+    const std::filesystem::path& path() const { return path_; }
+
+  private:
+    std::filesystem::path path_;
+    int fd_ = -1;
+};
 
 /// Removes files and folders `.NAME.PID-N.tmp` of this user in `folder` that no living program holds. Errors are
 /// ignored: a leftover harms nobody.

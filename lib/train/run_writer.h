@@ -33,6 +33,8 @@ class RunWriter {
     void open_log(std::int64_t iteration);
     /// Writes one line, which must have "event" and "iteration".
     void log(const nlohmann::json& line) { log_->write(line); }
+    /// Must be called after the last line. Throws DataError when lines are missing in the file.
+    void close_log() { log_->close(); }
     /// Writes the lines of a change in the set of Gaussians before or after the step of `iteration` (1-based); none if
     /// nothing changed.
     void log_change(const ScheduledChange& change, std::int64_t iteration);

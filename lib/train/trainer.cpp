@@ -325,6 +325,7 @@ class Run {
             log_warning("{} Gaussians were removed for parameters not finite or out of range during the run",
                         pruned_nonfinite_);
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
+        writer_.close_log();
         return {iteration_, backend_->count(),  train_seconds_,       views_.wait_seconds(),
                 memory,     controller_seconds, photometric_decision_};
     }

@@ -44,6 +44,19 @@ TEST(AtomicFile, LargeAndSmallWritesKeepTheirOrder) {
     EXPECT_EQ(slurp(folder / "sub/deep/a.bin"), expected);
 }
 
+TEST(AtomicFile, CopiesAreWhole) {
+    const TempFolder folder;
+    const std::string bytes(700000, 'x');
+    spit(folder / "a.bin", bytes);
+    spit(folder / "empty", "");
+    copy_file_atomic(folder / "a.bin", folder / "sub/b.bin");
+    copy_file_atomic(folder / "empty", folder / "sub/empty");
+    EXPECT_EQ(slurp(folder / "sub/b.bin"), bytes);
+    EXPECT_TRUE(std::filesystem::exists(folder / "sub/empty"));
+    EXPECT_CONTAINS(message_of<DataError>([&] { copy_file_atomic(folder / "none", folder / "sub/c"); }), "none");
+    EXPECT_FALSE(std::filesystem::exists(folder / "sub/c"));
+}
+
 TEST(AtomicFile, FolderBelowARegularFileIsADataError) {
     const TempFolder folder;
     spit(folder / "plain", "x");

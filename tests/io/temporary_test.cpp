@@ -25,7 +25,7 @@ TEST(Temporary, LeftoversOfAKilledProgramGo) {
     const TempFolder folder;
     const int status = in_child([&] {
         create_temporary_file(folder / "a.bin");
-        spit(create_temporary_folder(folder / "site").path / "assets/b.js", "x");
+        spit((new WorkFolder(folder / "site"))->path() / "assets/b.js", "x");
         return 0;  // by _exit, as if it were killed
     });
     ASSERT_EQ(status, 0);
@@ -50,12 +50,14 @@ TEST(Temporary, FilesInWorkStay) {
     const TempFolder folder;
     AtomicFile file(folder / "a.txt");
     file.stream() << "new";
-    const Temporary work = create_temporary_folder(folder / "site");
-    remove_leftovers(folder.path());
-    EXPECT_TRUE(std::filesystem::is_directory(work.path));
+    {
+        const WorkFolder work(folder / "site");
+        remove_leftovers(folder.path());
+        EXPECT_TRUE(std::filesystem::is_directory(work.path()));
+    }
     file.commit();
     EXPECT_EQ(slurp(folder / "a.txt"), "new");
-    ::close(work.fd);
+    EXPECT_EQ(folder.num_entries(), 1u);
 }
 
 TEST(Temporary, OtherFilesStay) {
