@@ -1,9 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <exception>
+#include <iostream>
 #include <new>
 #include <string>
 #include <vector>
@@ -87,6 +93,24 @@ int run(int argc, char** argv) {
     return static_cast<int>(ExitCode::kOk);
 }
 
+/// Opens the standard descriptors that the caller has closed, so that no file of the program takes their numbers.
+/// stdout is opened for reading alone: whatever is printed there is an error.
+void open_standard_descriptors() {
+    for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+        if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", fd == STDERR_FILENO ? O_WRONLY : O_RDONLY);
+}
+
+/// Throws DataError if something that was printed to stdout did not get there. Streams do not say so by themselves.
+void require_printed() {
+    std::cout.flush();
+    errno = 0;
+    const bool flushed = std::fflush(stdout) == 0;
+    if (flushed && std::ferror(stdout) == 0 && std::cout) return;
+    throw DataError(std::string("stdout cannot be written") +
+                    (flushed ? "" : std::string(": ") + std::strerror(errno)) +
+                    "; what the command prints is missing or incomplete");
+}
+
 /// The one place where an error leaves the program.
 int report(const std::string& message, ExitCode code) {
     log_error("{}", message);
@@ -98,9 +122,12 @@ int report(const std::string& message, ExitCode code) {
 
 int main(int argc, char** argv) {
     gs::ignore_write_signals();
+    gs::open_standard_descriptors();
     gs::setup_log(gs::LogLevel::kInfo);
     try {
-        return gs::run(argc, argv);
+        const int code = gs::run(argc, argv);
+        gs::require_printed();
+        return code;
     } catch (const gs::Interrupted& e) {
         gs::log_warning("{}", e.what());
         return static_cast<int>(e.code());

@@ -26,9 +26,10 @@ void write_run(const SavedRun& run, const Gaussians& pruned, const fs::path& out
     options.model = output.string();
     write_text_atomic(to.config(), options_to_yaml(options));
     write_cfg_args(to, options);
+    std::error_code ignored;  // reading the file reports errors
     for (const auto file :
          {&RunFolder::cameras, &RunFolder::input_points, &RunFolder::ppisp, &RunFolder::appearance_choice})
-        if (fs::exists((from.*file)())) fs::copy_file((from.*file)(), (to.*file)());
+        if (fs::exists((from.*file)(), ignored)) copy_file_atomic((from.*file)(), (to.*file)());
 }
 
 PruneScores score(SavedRun& run) {

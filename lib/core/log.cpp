@@ -7,6 +7,10 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <cstdio>
+#include <string>
+
 #include "kernels/core/error.h"
 
 namespace gs {
@@ -18,6 +22,11 @@ void setup_log(LogLevel level) {
     auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
     logger->set_level(spdlog::level::from_str(word(level)));
     logger->flush_on(spdlog::level::info);
+    // The log file may become impossible to write, by a full disk, say. That is no reason to end a run.
+    logger->set_error_handler([](const std::string& reason) {
+        static std::atomic<bool> said = false;
+        if (!said.exchange(true)) fmt::print(stderr, "warning: {}; messages may be missing there\n", reason);
+    });
     spdlog::set_default_logger(logger);
 }
 

@@ -3,11 +3,12 @@
 #include "lib/export/site.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <set>
 
 #include "kernels/core/error.h"
+#include "lib/io/atomic_file.h"
 
 namespace gs {
 
@@ -37,29 +38,29 @@ template <class Action> void on_disk(Action&& action) {
     try {
         action();
     } catch (const fs::filesystem_error& e) {
-        throw DataError(fmt::format("cannot write '{}': {}", e.path1().string(), e.code().message()));
+        const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // of a rename the target
+        throw DataError(fmt::format("cannot write '{}': {}", path.string(), e.code().message()));
     }
 }
 
 }  // namespace
 
-Staging::Staging(const fs::path& target) : target_(target.has_filename() ? target : target.parent_path()) {
-    path_ = target_.parent_path() / fmt::format(".{}.{}.tmp", target_.filename().string(), ::getpid());
-    on_disk([&] { fs::create_directories(path_); });
-}
-
-Staging::~Staging() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-}
+Staging::Staging(const fs::path& target)
+    : target_(target.has_filename() ? target : target.parent_path()), work_(target_) {}
 
 void Staging::publish() {
     on_disk([&] {
-        fs::create_directories(target_);
-        for (const fs::path& file : files_of(path_)) {
-            fs::create_directories((target_ / file).parent_path());
-            fs::rename(path_ / file, target_ / file);
+        std::vector<fs::path> files = files_of(path());
+        // The page comes last: until then the earlier one still has what it refers to.
+        std::stable_partition(files.begin(), files.end(), [](const fs::path& file) { return file.has_parent_path(); });
+        std::set<fs::path> folders;
+        for (const fs::path& file : files) {
+            const fs::path to = target_ / file;
+            create_folders(to.parent_path(), to);
+            fs::rename(path() / file, to);
+            folders.insert(to.parent_path());
         }
+        for (const fs::path& folder : folders) sync_folder(folder, folder);
     });
 }
 
@@ -82,10 +83,7 @@ fs::path viewer_folder() {
 
 void copy_folder(const fs::path& from, const fs::path& to) {
     on_disk([&] {
-        for (const fs::path& file : files_of(from)) {
-            fs::create_directories((to / file).parent_path());
-            fs::copy_file(from / file, to / file);
-        }
+        for (const fs::path& file : files_of(from)) copy_file_atomic(from / file, to / file);
     });
 }
 

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "lib/io/temporary.h"
+
 namespace gs {
 
 /// Files under construction, in a hidden folder beside the target. `publish` renames each to its place; without it the
@@ -13,15 +15,13 @@ namespace gs {
 class Staging {
   public:
     explicit Staging(const std::filesystem::path& target);
-    ~Staging();
-    Staging(const Staging&) = delete;
-    Staging& operator=(const Staging&) = delete;
 
-    const std::filesystem::path& path() const { return path_; }
+    const std::filesystem::path& path() const { return work_.path(); }
     void publish();
 
   private:
-    std::filesystem::path target_, path_;
+    std::filesystem::path target_;
+    WorkFolder work_;
 };
 
 /// Throws UsageError when one of the names exists in `folder` (allowed with `overwrite`), or `folder` is a file.

@@ -7,51 +7,24 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <streambuf>
 #include <string>
 #include <vector>
 
 #include "kernels/core/error.h"
+#include "lib/io/temporary.h"
 
 namespace gs {
-namespace {
-
-[[noreturn]] void fail(const char* action, const std::filesystem::path& path, int error) {
-    const char* hint = error == ENOSPC || error == EDQUOT ? "; free some space and run again"
-                       : error == EACCES || error == EROFS || error == EPERM
-                           ? "; choose an output folder you may write to"
-                           : "";
-    throw DataError(fmt::format("cannot {} '{}': {}{}", action, path.string(), std::strerror(error), hint));
-}
-
-/// Returns a temporary name in the target's folder, so that the rename stays within one file system. The name is
-/// hidden, so that folder scans ignore it.
-std::filesystem::path temporary_name(const std::filesystem::path& path) {
-    static std::atomic<unsigned> counter{0};
-    return path.parent_path() / fmt::format(".{}.{}-{}.tmp", path.filename().string(), ::getpid(), counter++);
-}
-
-/// Makes the rename survive a power cut. Not every file system can sync a folder; the content is safe either way.
-void sync_folder(const std::filesystem::path& folder) {
-    const int fd = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) return;
-    ::fsync(fd);
-    ::close(fd);
-}
-
-}  // namespace
 
 class AtomicFile::Buffer : public std::streambuf {
   public:
     explicit Buffer(const std::filesystem::path& target) : target_(target), bytes_(1 << 18) {
-        do {
-            temporary_ = temporary_name(target);
-            fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        } while (fd_ < 0 && errno == EEXIST);
-        if (fd_ < 0) fail("create", target_, errno);
+        const TemporaryFile made = create_temporary_file(target);
+        temporary_ = made.path;
+        fd_ = made.fd;
         setp(bytes_.data(), bytes_.data() + bytes_.size());
     }
 
@@ -62,14 +35,18 @@ class AtomicFile::Buffer : public std::streambuf {
 
     void commit() {
         drain();
-        // Pipes and some network file systems cannot sync (EINVAL). The file is kept nevertheless.
-        if (::fsync(fd_) != 0 && errno != EINVAL && errno != ENOTSUP) fail("write", target_, errno);
-        const int closed = ::close(fd_);
-        fd_ = -1;
-        if (closed != 0) fail("write", target_, errno);
-        if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail("replace", target_, errno);
+        // Some network file systems cannot sync (EINVAL). The file is kept nevertheless.
+        if (::fsync(fd_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write("write", target_, errno);
+        // The first of two descriptors reports what closing reports; the second keeps the lock until the rename, so
+        // that no other program takes the file for a leftover.
+        const int lock = ::fcntl(fd_, F_DUPFD_CLOEXEC, 0), closed = ::close(fd_);
+        fd_ = lock;
+        if (closed != 0) fail_to_write("write", target_, errno);
+        if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail_to_write("replace", target_, errno);
         renamed_ = true;
-        sync_folder(target_.parent_path());
+        ::close(fd_);
+        fd_ = -1;
+        sync_folder(target_.parent_path(), target_);
     }
 
   protected:
@@ -107,7 +84,7 @@ class AtomicFile::Buffer : public std::streambuf {
         while (size > 0) {
             const ssize_t written = ::write(fd_, data, size);
             if (written < 0 && errno == EINTR) continue;
-            if (written < 0) fail("write", target_, errno);
+            if (written < 0) fail_to_write("write", target_, errno);
             data += written;
             size -= std::size_t(written);
         }
@@ -119,12 +96,8 @@ class AtomicFile::Buffer : public std::streambuf {
     bool renamed_ = false;
 };
 
-AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)), stream_(nullptr) {
-    std::error_code error;
-    if (path_.has_parent_path()) std::filesystem::create_directories(path_.parent_path(), error);
-    if (error) fail("create the folder of", path_, error.value());
-    buffer_ = std::make_unique<Buffer>(path_);
-    stream_.rdbuf(buffer_.get());
+AtomicFile::AtomicFile(std::filesystem::path path)
+    : path_(std::move(path)), buffer_(std::make_unique<Buffer>(path_)), stream_(buffer_.get()) {
     // With badbit enabled, the stream passes on the DataError that the buffer throws.
     stream_.exceptions(std::ios::badbit);
 }
@@ -134,6 +107,16 @@ AtomicFile::~AtomicFile() = default;
 std::ostream& AtomicFile::stream() { return stream_; }
 
 void AtomicFile::commit() { buffer_->commit(); }
+
+void copy_file_atomic(const std::filesystem::path& from, const std::filesystem::path& to) {
+    std::ifstream in(from, std::ios::binary);
+    if (!in) throw DataError(fmt::format("cannot read '{}': {}", from.string(), std::strerror(errno)));
+    AtomicFile out(to);
+    for (std::vector<char> part(1 << 18); in.read(part.data(), std::streamsize(part.size())), in.gcount() > 0;)
+        out.stream().write(part.data(), in.gcount());
+    if (in.bad()) throw DataError(fmt::format("cannot read '{}'", from.string()));
+    out.commit();
+}
 
 void write_text_atomic(const std::filesystem::path& path, std::string_view text) {
     AtomicFile file(path);

@@ -10,7 +10,8 @@
 namespace gs {
 
 /// A file under construction. Missing parent folders are created. The target is untouched until `commit`; without
-/// `commit` the destructor removes the temporary file.
+/// `commit` the destructor removes the temporary file. What a killed program leaves is removed by the next one that
+/// writes into the folder (lib/io/temporary.h).
 /// Errors: every failure (folder not writable, disk full, file too large) throws DataError naming the path and the
 /// system's reason, either from the write that failed or from `commit`.
 class AtomicFile {
@@ -22,7 +23,7 @@ class AtomicFile {
 
     /// Returns the binary stream. It is buffered, so small writes are cheap.
     std::ostream& stream();
-    /// Flushes to the disk (fsync) and renames over the target. Nothing may be written afterwards.
+    /// Flushes to the disk (fsync), renames over the target, and flushes the folder. Nothing may be written afterwards.
     void commit();
 
   private:
@@ -31,6 +32,9 @@ class AtomicFile {
     std::unique_ptr<Buffer> buffer_;
     std::ostream stream_;
 };
+
+/// Copies a file through an AtomicFile. Throws DataError.
+void copy_file_atomic(const std::filesystem::path& from, const std::filesystem::path& to);
 
 /// Writes `text` to `path` through an AtomicFile. Throws DataError.
 void write_text_atomic(const std::filesystem::path& path, std::string_view text);

@@ -2,9 +2,9 @@
 // Decodes and encodes image files with OpenImageIO.
 #include "lib/io/image.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
@@ -14,6 +14,7 @@
 #include <type_traits>
 
 #include "kernels/core/error.h"
+#include "lib/io/atomic_file.h"
 
 namespace gs {
 namespace {
@@ -129,34 +130,49 @@ std::vector<float> float_samples(const Image& image, bool premultiply) {
     return out;
 }
 
-void encode(const fs::path& temporary, const fs::path& path, const Image& image) {
-    auto output = OIIO::ImageOutput::create(temporary.string());
+/// Whether OpenImageIO encodes the format into memory, faithfully. It says so of JPEG 2000, too, which then cannot be
+/// read.
+bool is_encoded_in_memory(const std::string& format) {
+    for (const char* name : {"png", "jpeg", "tiff", "openexr", "webp", "bmp", "targa", "pnm"})
+        if (format == name) return true;
+    return false;
+}
+
+/// Encodes in the format of the path's extension. In memory, because OpenImageIO does not report that closing a file
+/// failed, and a full disk shows only then.
+std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
+    // Of the name only the extension is passed on: OpenImageIO reads arguments out of names with a question mark.
+    const std::string name = "image" + path.extension().string();
+    const auto output = OIIO::ImageOutput::create(name);
     if (!output) fail(path, fmt::format("cannot be written: {}", trimmed(OIIO::geterror())));
+    const std::string format = output->format_name();
+    if (!is_encoded_in_memory(format)) fail(path, fmt::format("the format '{}' cannot be written; use PNG", format));
     // OpenImageIO's WebP writer always un-premultiplies in linear light, which changes straight colours.
-    if (std::string(output->format_name()) == "webp" && image.channels == 4)
-        fail(path, "WebP cannot be written with alpha; use PNG");
+    if (format == "webp" && image.channels == 4) fail(path, "WebP cannot be written with alpha; use PNG");
     const bool as_float = stores_float(path) && image.is_float();
-    const bool is_exr = std::string(output->format_name()) == "openexr";
+    const bool is_exr = format == "openexr";
     const auto type = as_float || is_exr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
     OIIO::ImageSpec spec(image.width, image.height, image.channels, type);
     spec.attribute("oiio:UnassociatedAlpha", is_exr ? 0 : 1);
-    // visually lossless previews
-    if (std::string(output->format_name()) == "jpeg") spec.attribute("Compression", "jpeg:95");
+    if (format == "jpeg") spec.attribute("Compression", "jpeg:95");  // visually lossless previews
 
-    bool ok = output->open(temporary.string(), spec);
+    std::vector<unsigned char> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    bool ok = output->set_ioproxy(&memory) && output->open(name, spec);
     if (ok) {
         if (type == OIIO::TypeDesc::FLOAT) {
             ok = output->write_image(type, float_samples(image, is_exr).data());
         } else if (image.is_float()) {
-            std::vector<std::uint8_t> bytes(image.f32.size());
-            std::transform(image.f32.begin(), image.f32.end(), bytes.begin(), quantise);
-            ok = output->write_image(type, bytes.data());
+            std::vector<std::uint8_t> quantised(image.f32.size());
+            std::transform(image.f32.begin(), image.f32.end(), quantised.begin(), quantise);
+            ok = output->write_image(type, quantised.data());
         } else {
             ok = output->write_image(type, image.u8.data());
         }
         ok = output->close() && ok;
     }
     if (!ok) fail(path, fmt::format("cannot be written: {}", trimmed(output->geterror())));
+    return bytes;
 }
 
 }  // namespace
@@ -210,22 +226,8 @@ void write_image(const fs::path& path, const Image& image) {
     if (samples == 0 || (image.is_float() ? image.f32.size() : image.u8.size()) != samples)
         fail(path, fmt::format("cannot write {}x{} with {} channels from {} bytes", image.width, image.height,
                                image.channels, image.bytes()));
-    std::error_code folder_error;
-    if (path.has_parent_path()) fs::create_directories(path.parent_path(), folder_error);
-    if (folder_error) fail(path, fmt::format("its folder cannot be created: {}", folder_error.message()));
-    // The temporary file keeps the extension because it selects the format.
-    fs::path temporary = path;
-    temporary.replace_filename(fmt::format("{}.tmp{}{}", path.stem().string(), ::getpid(), path.extension().string()));
-    try {
-        encode(temporary, path, image);
-        std::error_code error;
-        fs::rename(temporary, path, error);
-        if (error) fail(path, fmt::format("cannot be written: {}", error.message()));
-    } catch (...) {
-        std::error_code ignored;
-        fs::remove(temporary, ignored);
-        throw;
-    }
+    const std::vector<unsigned char> bytes = encode(path, image);
+    write_text_atomic(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 }  // namespace gs

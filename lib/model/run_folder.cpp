@@ -15,6 +15,7 @@
 #include "lib/core/log.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
+#include "lib/io/temporary.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/checkpoint.h"
 #include "lib/scene/frame.h"
@@ -99,6 +100,18 @@ void remove_iterations(const RunFolder& folder, std::int64_t after) {
     for (const char* name : {"point_cloud", "checkpoints", "preview"}) remove_if_empty(folder.root / name);
 }
 
+/// Removes the temporary files that killed runs left in the folders that runs write to.
+void remove_leftovers_of_runs(const RunFolder& folder) {
+    std::vector<fs::path> folders = {folder.root};
+    for (const char* name : {"point_cloud", "checkpoints", "preview", "stats", "test", "train", "renders"}) {
+        folders.push_back(folder.root / name);
+        std::error_code error;
+        for (fs::recursive_directory_iterator it(folders.back(), error), end; !error && it != end; it.increment(error))
+            if (it->is_directory(error) && !it->is_symlink(error)) folders.push_back(it->path());
+    }
+    for (const fs::path& path : folders) remove_leftovers(path);
+}
+
 /// Returns the text as a Python string literal.
 std::string quoted(const std::string& text) {
     std::string out = "'";
@@ -150,6 +163,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     fs::create_directories(folder.root, error);
     if (error)
         throw DataError(fmt::format("cannot create the output folder '{}': {}", folder.root.string(), error.message()));
+    remove_leftovers_of_runs(folder);
     AtomicFile probe(folder.config());  // never committed; only proves that files can be created here
 
     const std::int64_t after = resume_iteration.value_or(-1);
@@ -174,12 +188,16 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
                                                         "--model folder, --resume it, or give --overwrite",
                                                         folder.root.string(), holds));
     }
-    if (!overwrite) return;
-    remove_iterations(folder, after);
+}
+
+void replace_earlier_run(const RunFolder& folder, const std::string& config,
+                         std::optional<std::int64_t> resume_iteration) {
+    write_text_atomic(folder.config(), config);
+    remove_iterations(folder, resume_iteration.value_or(-1));
     remove_file(folder.ppisp());  // written at the end of a run
     if (resume_iteration) return;
-    for (const auto& path : {folder.config(), folder.cfg_args(), folder.cameras(), folder.input_points(),
-                             folder.results(), folder.per_view(), folder.appearance_choice(), folder.train_log()}) {
+    for (const auto& path : {folder.cfg_args(), folder.cameras(), folder.input_points(), folder.results(),
+                             folder.per_view(), folder.appearance_choice(), folder.train_log()}) {
         remove_file(path);
     }
     remove_if_empty(folder.train_log().parent_path());

@@ -41,11 +41,17 @@ struct RunFolder {
 /// results. `resume_iteration` is the iteration from which a resumed run continues; empty for a new run. A folder that
 /// holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed run when it
 /// holds checkpoints of a later iteration, or later point clouds without the resumed checkpoint. (Beside it they are of
-/// the same run, killed before its next checkpoint: the resumed run replaces them.) With `overwrite` the earlier run's files (when resuming only those of later
-/// iterations) are removed instead. Files that gsapp did not write are never touched. Throws UsageError for the
-/// refusal, DataError when the folder cannot be created or written.
+/// the same run, killed before its next checkpoint: the resumed run replaces them.) With `overwrite` nothing is refused.
+/// Temporary files of killed runs are removed. Throws UsageError for the refusal, DataError when the folder cannot be
+/// created or written.
 void prepare_run_folder(const RunFolder& folder, bool overwrite,
                         std::optional<std::int64_t> resume_iteration = std::nullopt);
+
+/// Writes config.yaml, the first file of the new run. Only when it is safe on the disk, the earlier run's files are
+/// removed, or when resuming those of later iterations: on a full disk the earlier run stays as it was. Files that
+/// gsapp did not write are never touched. Throws DataError.
+void replace_earlier_run(const RunFolder& folder, const std::string& config,
+                         std::optional<std::int64_t> resume_iteration = std::nullopt);
 
 /// Returns the checkpoint of the highest iteration in the folder. Throws DataError when there is none.
 std::filesystem::path latest_checkpoint(const std::filesystem::path& run_folder);

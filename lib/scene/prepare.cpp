@@ -2,10 +2,12 @@
 // Runs colmap's four stages.
 #include "lib/scene/prepare.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <cctype>
+#include <cerrno>
 #include <cstdint>
 #include <fstream>
 #include <set>
@@ -15,26 +17,13 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/process.h"
 #include "lib/io/image.h"
+#include "lib/io/temporary.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
 constexpr int kNumStages = 4;
-
-/// A temporary folder that is removed in the end unless it was moved to its final place.
-struct WorkFolder {
-    fs::path path;
-    explicit WorkFolder(const fs::path& target) : path(target.string() + fmt::format(".partial-{}", ::getpid())) {
-        std::error_code error;
-        fs::create_directories(path, error);
-        if (error) throw DataError(fmt::format("{}: cannot be created: {}", path.string(), error.message()));
-    }
-    ~WorkFolder() {
-        std::error_code ignored;
-        fs::remove_all(path, ignored);
-    }
-};
 
 bool lies_within(const fs::path& inner, const fs::path& outer) {
     const fs::path relative = fs::weakly_canonical(inner).lexically_relative(fs::weakly_canonical(outer));
@@ -147,6 +136,27 @@ void arrange(const fs::path& dense) {
     for (const fs::path& path : superfluous) fs::remove_all(path);
 }
 
+/// Makes all that colmap wrote survive a power cut, and finds out what a full disk has kept from it.
+void sync_scene(const fs::path& scene) {
+    const int fd = ::open(scene.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    const int error = fd >= 0 && ::syncfs(fd) == 0 ? 0 : errno;
+    if (fd >= 0) ::close(fd);
+    if (error != 0) fail_to_write("write", scene, error);
+}
+
+/// Puts the new scene in the place of an earlier one, which goes to `old`, and back if that fails.
+void put_in_place(const fs::path& scene, const fs::path& target, const fs::path& old) {
+    const bool replaces = fs::exists(fs::symlink_status(target));
+    if (replaces) fs::rename(target, old);
+    try {
+        fs::rename(scene, target);
+    } catch (const fs::filesystem_error&) {
+        if (replaces) fs::rename(old, target);
+        throw;
+    }
+    sync_folder(target.parent_path(), target);
+}
+
 }  // namespace
 
 void prepare_scene(const PrepareOptions& options, const PrepareProgress& progress) {
@@ -157,8 +167,8 @@ void prepare_scene(const PrepareOptions& options, const PrepareProgress& progres
     const char* gpu = options.gpu ? "1" : "0";
     const fs::path target = options.scene.has_filename() ? options.scene : options.scene.parent_path();
     const WorkFolder work(target);
-    const std::string database = (work.path / "database.db").string(), images = options.images.string();
-    const fs::path models = work.path / "models", dense = work.path / "dense";
+    const std::string database = (work.path() / "database.db").string(), images = options.images.string();
+    const fs::path models = work.path() / "models", dense = work.path() / "dense";
     try {
         fs::create_directories(models);
         run_stage(
@@ -176,10 +186,11 @@ void prepare_scene(const PrepareOptions& options, const PrepareProgress& progres
                    "--output_path", dense.string(), "--output_type", "COLMAP"},
                   progress);
         arrange(dense);
-        fs::remove_all(target);
-        fs::rename(dense, target);
+        sync_scene(dense);
+        put_in_place(dense, target, work.path() / "old");
     } catch (const fs::filesystem_error& e) {
-        throw DataError(fmt::format("{}: {}", e.path1().string(), e.code().message()));
+        const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // of a rename the target
+        throw DataError(fmt::format("{}: {}", path.string(), e.code().message()));
     }
 }
 

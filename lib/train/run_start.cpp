@@ -2,6 +2,7 @@
 // Opens the folder of a new or resumed run.
 #include "lib/train/run_start.h"
 
+#include "lib/core/options.h"
 #include "lib/io/safetensors.h"
 #include "lib/model/appearance_spec.h"
 
@@ -27,9 +28,10 @@ RunStart open_run(const TrainOptions& options) {
         start.checkpoint = read_checkpoint(file);
         require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
     }
+    const auto iteration = start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt;
     start.lock = std::make_shared<const RunLock>(start.folder.root);
-    prepare_run_folder(start.folder, options.overwrite,
-                       start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt);
+    prepare_run_folder(start.folder, options.overwrite, iteration);
+    if (options.overwrite) replace_earlier_run(start.folder, options_to_yaml(options), iteration);
     return start;
 }
 

@@ -46,6 +46,8 @@ class RunWriter {
         check_folder();  // or the lines would go to a file that nobody can find any more
         log_->write(line);
     }
+    /// Must be called after the last line. Throws DataError when lines are missing in the file.
+    void close_log() { log_->close(); }
     /// Writes the lines of a change in the set of Gaussians before or after the step of `iteration` (1-based); none if
     /// nothing changed.
     void log_change(const ScheduledChange& change, std::int64_t iteration);

@@ -2,9 +2,18 @@
 // Writes stats/train.jsonl.
 #include "lib/train/train_log.h"
 
-#include "kernels/core/error.h"
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <utility>
+
 #include "lib/core/json_text.h"
+#include "lib/core/log.h"
 #include "lib/io/atomic_file.h"
+#include "lib/io/temporary.h"
 
 namespace gs {
 
@@ -23,15 +32,43 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
                 photometric_reason_ = json["reason"];
         }
     }
-    std::error_code ignored;  // the write below reports errors
-    std::filesystem::create_directories(path.parent_path(), ignored);
     write_text_atomic(path, kept);
-    out_.open(path, std::ios::app);
+    fd_ = ::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+    if (fd_ < 0) fail_to_write("open", path, errno);
+}
+
+TrainLog::~TrainLog() {
+    if (fd_ < 0) return;
+    flush();
+    ::close(fd_);
+}
+
+/// Writes what is waiting. Returns the system's error, 0 if all is written.
+int TrainLog::flush() {
+    while (!waiting_.empty()) {
+        const ssize_t written = ::write(fd_, waiting_.data(), waiting_.size());
+        if (written >= 0)
+            waiting_.erase(0, std::size_t(written));
+        else if (errno != EINTR)
+            return errno;
+    }
+    return 0;
 }
 
 void TrainLog::write(const nlohmann::json& line) {
-    out_ << json_text(line) << std::endl;  // flushed, because others read the file during the run
-    if (!out_) throw DataError(path_.string() + ": cannot write the training log (disk full?)");
+    waiting_ += json_text(line) + "\n";
+    const int error = flush();  // at once, because others read the file during the run
+    if (error == 0 || std::exchange(warned_, true)) return;
+    log_warning("cannot write '{}': {}; the training goes on, and the lines are written when that is possible again",
+                path_.string(), std::strerror(error));
+}
+
+void TrainLog::close() {
+    int error = flush();
+    if (::fsync(fd_) != 0 && errno != EINVAL && errno != ENOTSUP && error == 0) error = errno;
+    if (::close(fd_) != 0 && error == 0) error = errno;
+    fd_ = -1;
+    if (error != 0) fail_to_write("write", path_, error);
 }
 
 }  // namespace gs

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -14,16 +13,26 @@ class TrainLog {
     /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. Throws
     /// DataError.
     TrainLog(const std::filesystem::path& path, std::int64_t iteration);
+    ~TrainLog();
+    TrainLog(const TrainLog&) = delete;
+    TrainLog& operator=(const TrainLog&) = delete;
 
-    /// Writes one line, which must have "iteration". Throws DataError when the write fails.
+    /// Writes one line, which must have "iteration". A line that cannot be written is kept and tried again with the
+    /// next one; a warning says so once.
     void write(const nlohmann::json& line);
 
     /// Returns the "reason" of the "photometric" event among the lines that were kept; empty if there is none.
     const std::string& photometric_reason() const { return photometric_reason_; }
+    /// Writes what is left, to the disk (fsync). Throws DataError when a line could not be written in the end.
+    void close();
 
   private:
+    int flush();
+
     std::filesystem::path path_;
-    std::ofstream out_;
+    int fd_ = -1;
+    std::string waiting_;  ///< lines, the first perhaps without its beginning, that are not yet in the file
+    bool warned_ = false;
     std::string photometric_reason_;
 };
 

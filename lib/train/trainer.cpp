@@ -385,6 +385,7 @@ class Run {
                         pruned_nonfinite_);
         writer_.check_folder();
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
+        writer_.close_log();
         return {iteration_,
                 backend_->count(),
                 train_seconds_,

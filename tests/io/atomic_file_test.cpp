@@ -2,42 +2,14 @@
 // Files appear completely or not at all, also when the disk refuses.
 #include "lib/io/atomic_file.h"
 
-#include <signal.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
+#include <unistd.h>
 
 #include "kernels/core/error.h"
 #include "tests/io/file_helpers.h"
+#include "tests/io/limits.h"
 
 namespace gs::test {
 namespace {
-
-/// Runs `f` in a child process, where limits can be set that would not go away again. Returns the child's exit status.
-template <class F> int in_child(F&& f) {
-    const pid_t child = ::fork();
-    if (child == 0) ::_exit(f());
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-/// Lets no file grow beyond `bytes` from here on: write() fails after a short write, as on a full disk.
-void limit_file_size(std::size_t bytes) {
-    ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{bytes, bytes};
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-}
-
-/// Returns 0 when `f` throws a DataError that contains both parts, 1 when it throws nothing, 2 for another message.
-template <class F> int data_error_status(F&& f, const std::string& part, const std::string& other_part) {
-    try {
-        f();
-        return 1;
-    } catch (const DataError& e) {
-        const std::string message = e.what();
-        return message.find(part) != std::string::npos && message.find(other_part) != std::string::npos ? 0 : 2;
-    }
-}
 
 TEST(AtomicFile, TargetAppearsOnlyAtCommit) {
     const TempFolder folder;
@@ -70,6 +42,19 @@ TEST(AtomicFile, LargeAndSmallWritesKeepTheirOrder) {
     }
     file.commit();
     EXPECT_EQ(slurp(folder / "sub/deep/a.bin"), expected);
+}
+
+TEST(AtomicFile, CopiesAreWhole) {
+    const TempFolder folder;
+    const std::string bytes(700000, 'x');
+    spit(folder / "a.bin", bytes);
+    spit(folder / "empty", "");
+    copy_file_atomic(folder / "a.bin", folder / "sub/b.bin");
+    copy_file_atomic(folder / "empty", folder / "sub/empty");
+    EXPECT_EQ(slurp(folder / "sub/b.bin"), bytes);
+    EXPECT_TRUE(std::filesystem::exists(folder / "sub/empty"));
+    EXPECT_CONTAINS(message_of<DataError>([&] { copy_file_atomic(folder / "none", folder / "sub/c"); }), "none");
+    EXPECT_FALSE(std::filesystem::exists(folder / "sub/c"));
 }
 
 TEST(AtomicFile, FolderBelowARegularFileIsADataError) {

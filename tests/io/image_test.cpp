@@ -9,6 +9,7 @@
 
 #include "kernels/core/error.h"
 #include "tests/io/file_helpers.h"
+#include "tests/io/limits.h"
 
 // OpenImageIO 2.4 itself loses the text of each decoding error; without the leak checker nobody calls this.
 extern "C" const char* __lsan_default_suppressions();
@@ -92,6 +93,35 @@ TEST(Image, JpegIsCloseAndHasNoAlpha) {
     const Image back = read_image(folder / "a.jpg");
     EXPECT_EQ(back.channels, 3);
     for (const std::uint8_t v : back.u8) EXPECT_NEAR(v, 100, 2);
+}
+
+TEST(Image, FormatsThatAreEncodedInMemoryComeBack) {
+    TempFolder folder;
+    const Image image = make_image(7, 5, 3);
+    for (const char* name : {"a.bmp", "a.tga", "a.ppm", "a.tiff", "a.PNG", "what?.png"}) {
+        write_image(folder / name, image);
+        EXPECT_EQ(read_image(folder / name).u8.size(), image.u8.size()) << name;
+    }
+    EXPECT_CONTAINS(message_of<DataError>([&] { write_image(folder / "a.jp2", image); }), "use PNG");
+    EXPECT_CONTAINS(message_of<DataError>([&] { write_image(folder / "a.xyz", image); }), "a.xyz");
+    EXPECT_EQ(folder.num_entries(), 6u);
+}
+
+TEST(Image, FullDiskIsADataErrorAndKeepsTheOldPicture) {
+    TempFolder folder;
+    for (const char* name : {"a.png", "a.jpg"}) {  // the other encoders need threads, which a forked child has not
+        const Image old = make_image(7, 5, 3);
+        write_image(folder / name, old);
+        const std::string before = test::slurp(folder / name);
+        const int status = test::in_child([&] {
+            test::limit_file_size(10);  // less than what encoders keep back until they close the file
+            return test::data_error_status([&] { write_image(folder / name, make_image(9, 9, 3)); }, name,
+                                           "File too large");
+        });
+        EXPECT_EQ(status, 0) << name;
+        EXPECT_EQ(test::slurp(folder / name), before) << name;
+    }
+    EXPECT_EQ(folder.num_entries(), 2u);
 }
 
 TEST(Image, GreyIsReplicatedAndGreyAlphaBecomesRgba) {

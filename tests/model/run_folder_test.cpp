@@ -10,6 +10,7 @@
 #include "lib/io/ply_file.h"
 #include "lib/model/cameras_json.h"
 #include "tests/io/file_helpers.h"
+#include "tests/io/limits.h"
 
 namespace gs::test {
 namespace {
@@ -81,9 +82,11 @@ TEST(RunFolder, OverwriteRemovesTheRunAndKeepsUserFiles) {
     spit(run.root / "checkpoints/iteration_.safetensors", "mine");
     spit(run.root / "checkpoints/iteration_3a.safetensors", "mine");
     prepare_run_folder(run, true);
+    replace_earlier_run(run, "new");
     EXPECT_EQ(
         listing(run.root),
-        "checkpoints checkpoints/iteration_.safetensors checkpoints/iteration_3a.safetensors notes.txt point_cloud "
+        "checkpoints checkpoints/iteration_.safetensors checkpoints/iteration_3a.safetensors config.yaml notes.txt "
+        "point_cloud "
         "point_cloud/iteration_30 "
         "point_cloud/iteration_30/edited.ply test test/ours_30 test/ours_30/renders test/ours_30/renders/best.png");
 }
@@ -93,7 +96,40 @@ TEST(RunFolder, OverwriteLeavesNothingOfARunAlone) {
     const RunFolder run{folder / "run"};
     write_run(run, 30);
     prepare_run_folder(run, true);
-    EXPECT_EQ(listing(run.root), "");
+    replace_earlier_run(run, "new");
+    EXPECT_EQ(listing(run.root), "config.yaml");
+    EXPECT_EQ(slurp(run.config()), "new");
+}
+
+TEST(RunFolder, OverwriteOnAFullDiskLeavesTheEarlierRun) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    write_run(run, 30);
+    const std::string before = listing(run.root);
+    const int status = in_child([&] {
+        limit_file_size(0);
+        prepare_run_folder(run, true);
+        return data_error_status([&] { replace_earlier_run(run, "new"); }, "config.yaml", "File too large");
+    });
+    EXPECT_EQ(status, 0);
+    EXPECT_EQ(listing(run.root), before);
+    EXPECT_EQ(slurp(run.config()), "x");
+}
+
+TEST(RunFolder, LeftoversOfKilledRunsGo) {
+    const TempFolder folder;
+    const RunFolder run{folder / "run"};
+    write_run(run, 30);
+    const std::string before = listing(run.root);
+    for (const char* name :
+         {".config.yaml.12-0.tmp", "checkpoints/.iteration_30.safetensors.12-1.tmp",
+          "point_cloud/iteration_30/.point_cloud.ply.12-2.tmp", "test/ours_30/gt/.00003.png.1-3.tmp"})
+        spit(run.root / name, "x");
+    spit(run.root / "mine/.a.12-0.tmp", "x");
+    EXPECT_THROW(prepare_run_folder(run, false), UsageError);
+    EXPECT_TRUE(fs::exists(run.root / "mine/.a.12-0.tmp"));
+    fs::remove_all(run.root / "mine");
+    EXPECT_EQ(listing(run.root), before);
 }
 
 TEST(RunFolder, ResumingKeepsEarlierAndProtectsLaterResults) {
@@ -109,6 +145,7 @@ TEST(RunFolder, ResumingKeepsEarlierAndProtectsLaterResults) {
     EXPECT_CONTAINS(message, "iteration 30");
     EXPECT_EQ(listing(run.root), before);
     prepare_run_folder(run, true, 30);
+    replace_earlier_run(run, "new", 30);
     EXPECT_FALSE(fs::exists(run.point_cloud(60)));
     EXPECT_FALSE(fs::exists(run.checkpoint(60)));
     EXPECT_TRUE(fs::exists(run.point_cloud(30)));
