@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 
 namespace gs {
@@ -68,8 +69,7 @@ Vector3d common_target(const std::vector<View>& views) {
 }  // namespace
 
 std::vector<Camera> read_camera_path(const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw DataError(fmt::format("{}: cannot be read", path.string()));
+    std::ifstream file = open_input(path);
     const auto json = try_parse_json(file);
     if (!json.is_array() || json.empty()) throw DataError(fmt::format("{}: not a JSON list of cameras", path.string()));
     std::vector<Camera> cameras;

@@ -12,6 +12,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/procedural_yaml.h"
 
 namespace gs::procedural {
@@ -207,10 +208,7 @@ Description parse_description(const std::string& text, const std::string& origin
 Description load_description(const std::string& name) {
     const bool is_file = name.size() > 5 && (name.ends_with(".yaml") || name.ends_with(".yml"));
     if (!is_file) return parse_description(known_scene(name), "builtin:" + name);
-    std::ifstream file(name, std::ios::binary);
-    std::stringstream text;
-    if (!file || !(text << file.rdbuf())) throw DataError(fmt::format("{}: cannot be read", name));
-    return parse_description(text.str(), name);
+    return parse_description(read_input(name), name);
 }
 
 Camera rig_camera(const CameraRig& rig, bool test, int index) {

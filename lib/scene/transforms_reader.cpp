@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 
 namespace gs {
@@ -224,8 +225,7 @@ std::optional<std::vector<std::string>> read_names(const Object& object, const c
 }  // namespace
 
 TransformsFile read_transforms(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    if (!in) throw DataError(fmt::format("{}: cannot be opened", path.string()));
+    std::ifstream in = open_input(path);
     json root;
     try {
         root = json::parse(in, nullptr, true, true);

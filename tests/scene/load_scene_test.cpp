@@ -84,7 +84,7 @@ TEST(LoadScene, TestListOverridesTheRule) {
     spit(folder / "list.txt", "b.png\nx.png\n");
     EXPECT_CONTAINS(error_of(options), "list.txt: line 2: no image is named 'x.png'");
     options.test_list = "no/such/file";
-    EXPECT_CONTAINS(error_of(options), "cannot be opened");
+    EXPECT_CONTAINS(error_of(options), "cannot be read: No such file");
 }
 
 TEST(LoadScene, OneImageIsNeverHeldOut) {
