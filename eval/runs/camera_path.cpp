@@ -70,7 +70,12 @@ Vector3d common_target(const std::vector<View>& views) {
 
 std::vector<Camera> read_camera_path(const std::filesystem::path& path) {
     std::ifstream file = open_input(path);
-    const auto json = try_parse_json(file);
+    nlohmann::json json;
+    try {
+        json = parse_json(file);
+    } catch (const nlohmann::json::exception& e) {
+        throw DataError(fmt::format("{}: not a JSON list of cameras: {}", path.string(), e.what()));
+    }
     if (!json.is_array() || json.empty()) throw DataError(fmt::format("{}: not a JSON list of cameras", path.string()));
     std::vector<Camera> cameras;
     for (std::size_t i = 0; i < json.size(); ++i)

@@ -22,7 +22,7 @@ using Json = nlohmann::ordered_json;
 Json existing(const std::filesystem::path& path) {
     if (!path_exists(path)) return Json::object();
     std::ifstream file = open_input(path);
-    Json json = Json::parse(file, nullptr, false);
+    Json json = try_parse_ordered_json(file);
     if (!json.is_object())
         throw DataError(fmt::format("{}: not a JSON object; remove it to have it written anew", path.string()));
     return json;

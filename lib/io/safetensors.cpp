@@ -93,7 +93,12 @@ SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : path_(path
 }
 
 void SafetensorsFile::parse_header(const std::string& text) {
-    const nlohmann::json header = try_parse_json(text);
+    nlohmann::json header;
+    try {
+        header = parse_json(text);
+    } catch (const nlohmann::json::exception& e) {
+        fail(fmt::format("the header is not a JSON object: {}", e.what()));
+    }
     if (!header.is_object()) fail("the header is not a JSON object");
     for (const auto& [name, entry] : header.items()) {
         if (!entry.is_object()) fail(fmt::format("header entry '{}' is not an object", name));

@@ -90,7 +90,7 @@ class Node {
 Json parse(const std::filesystem::path& path) {
     std::ifstream stream = open_input(path);
     try {
-        return Json::parse(stream);
+        return parse_json(stream);
     } catch (const Json::exception& e) {
         throw DataError(fmt::format("{}: not valid JSON (perhaps truncated): {}", path.string(), e.what()));
     }

@@ -228,7 +228,7 @@ TransformsFile read_transforms(const fs::path& path) {
     std::ifstream in = open_input(path);
     json root;
     try {
-        root = json::parse(in, nullptr, true, true);
+        root = parse_json(in, true);
     } catch (const json::exception& error) {
         throw DataError(fmt::format("{}: not valid JSON: {}", path.string(), error.what()));
     }
