@@ -29,8 +29,11 @@ Camera camera_from_json(const nlohmann::json& json, const std::string& where) {
         Camera camera;
         camera.width = int(positive("width"));
         camera.height = int(positive("height"));
-        if (camera.width < 1 || camera.height < 1 || camera.width > 65536 || camera.height > 65536)
-            throw DataError(fmt::format("{}: {}x{} is no image size", where, camera.width, camera.height));
+        // A few bytes must not ask for the whole memory; 8K pictures have 33.2 million pixels.
+        constexpr std::int64_t kMaxPixels = 1 << 25;
+        if (camera.width < 1 || camera.height < 1 || std::int64_t(camera.width) * camera.height > kMaxPixels)
+            throw DataError(fmt::format("{}: {}x{} is no size for a picture; it may have 1 to {} pixels", where,
+                                        camera.width, camera.height, kMaxPixels));
         camera.fy = positive("fy");
         camera.fx = json.contains("fx") ? positive("fx") : camera.fy;
         camera.cx = 0.5 * camera.width;

@@ -74,6 +74,11 @@ void apply_entry(TrainOptions& options, const fs::path& file, const std::string&
                                      wants_list ? "a list" : "a single value"));
     }
     set_option(options, option, texts, where);
+    try {
+        check_option(option, options);
+    } catch (const UsageError& e) {
+        throw UsageError(fmt::format("{}: {}", place(file, key_node), e.what()));
+    }
 }
 
 void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::path>& chain) {

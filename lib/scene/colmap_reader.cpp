@@ -46,7 +46,8 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
     };
     if (!image_ids_.insert(id).second) fail("the id appears twice");
     if (name.empty()) fail("the name is empty");
-    if (!model_.cameras.contains(camera_id)) fail(fmt::format("camera_id {} is not among the cameras", camera_id));
+    if (!model_.cameras.contains(camera_id))
+        fail(fmt::format("camera_id {} is not among those of {}", camera_id, "cameras" + file.extension().string()));
     Eigen::Quaterniond q(pose[0], pose[1], pose[2], pose[3]);
     const Eigen::Vector3d t(pose[4], pose[5], pose[6]);
     const double norm = q.coeffs().stableNorm();

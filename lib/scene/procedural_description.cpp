@@ -122,6 +122,10 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     CameraRig rig;
     section.read("width", rig.width, 8, 16384);
     section.read("height", rig.height, 8, 16384);
+    constexpr int kMaxPixels = 1 << 24;  // a few bytes of YAML must not ask for the whole memory
+    if (rig.width * rig.height > kMaxPixels)
+        throw UsageError(fmt::format("{}: {}x{} pixels are too many; at most {} are drawn", where, rig.width,
+                                     rig.height, kMaxPixels));
     section.read("fov", rig.fov, 1, 170);
     section.read("radius", rig.radius, 1e-3, kFar);
     // Straight up and down are excluded, because the picture's "up" is undefined there.
