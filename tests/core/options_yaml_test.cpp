@@ -103,6 +103,16 @@ TEST(OptionsYaml, WrongTypesNameFileLineKeyAndValue) {
     EXPECT_EQ(complaint("test-iterations: [[1]]\n"), "run.yaml:1: test-iterations: an element is a list, not a number");
 }
 
+TEST(OptionsYaml, ValuesOutOfRangeNameFileLineAndRange) {
+    EXPECT_EQ(complaint("seed: 1\nsh-degree: 7\n"), "run.yaml:2: option sh-degree: 7 is out of range (0..3)");
+    EXPECT_EQ(complaint("image-cache: 1 barrel\n").rfind("run.yaml:1: option image-cache: ", 0), 0u);
+    EXPECT_EQ(complaint("resolution: 3\n").rfind("run.yaml:1: option resolution: 3 ", 0), 0u);
+}
+
+TEST(OptionsYaml, KeysStandOnce) {
+    EXPECT_EQ(complaint("seed: 1\ncap-max: 5\nseed: 2\n"), "run.yaml:3: key 'seed' stands twice");
+}
+
 TEST(OptionsYaml, OneNumberIsAListOfOne) {
     TemporaryFolder folder;
     EXPECT_EQ(load_options_yaml(folder.write("run.yaml", "test-iterations: 5\n")).test_iterations,
