@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Options in YAML files: round trip, parents, and what errors say.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
@@ -32,10 +35,11 @@ std::vector<std::string> other_value(const Option& option) {
         return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};
     if (std::holds_alternative<std::string TrainOptions::*>(option.field)) return {"a: \"b\" #c"};
     if (std::holds_alternative<bool TrainOptions::*>(option.field)) return {"true"};
-    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field))
-        return {of_model->is_whole ? "2" : "0.1234567890123456"};
+    const double low = option.min.value_or(0), high = option.max.value_or(1);
+    const std::string real = fmt::format("{}", low + 0.1234567890123456 * (std::min(high, low + 1) - low));
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return {of_model->is_whole ? "2" : real};
     if (std::holds_alternative<std::uint64_t TrainOptions::*>(option.field)) return {"18446744073709551615"};
-    if (std::holds_alternative<double TrainOptions::*>(option.field)) return {"0.1234567890123456"};
+    if (std::holds_alternative<double TrainOptions::*>(option.field)) return {real};
     if (std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field)) return {"7", "30000"};
     return {"2"};
 }
