@@ -53,8 +53,9 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
         if (!input_) fail(fmt::format("cannot be decoded: OpenImageIO was built without {}", claim.format));
         OIIO::ImageSpec config, header;
         config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it that way
-        input_->set_ioproxy(file_.get());
-        if (!input_->open("image", header, config))
+        const bool takes_file = input_->supports("ioproxy");  // all six formats do from OpenImageIO 2.4 on
+        if (takes_file) input_->set_ioproxy(file_.get());
+        if (!input_->open(takes_file ? "image" : path.string(), header, config))
             fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
     } catch (const std::exception& e) {
         if (dynamic_cast<const Error*>(&e)) throw;

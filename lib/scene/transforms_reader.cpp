@@ -280,6 +280,8 @@ LensCamera resolve_intrinsics(const TransformsIntrinsics& in, int image_width, i
     // If only one focal length is given, pixels are square.
     lens.fx = fx ? *fx : *fy;
     lens.fy = fy ? *fy : *fx;
+    if (!std::isfinite(lens.fx) || !std::isfinite(lens.fy))
+        throw DataError(fmt::format("{}: the focal length is not finite; the angle of view is too small", where));
     lens.cx = in.cx.value_or(0.5 * lens.width);
     lens.cy = in.cy.value_or(0.5 * lens.height);
     return lens;
