@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "eval/runs/prune_appearance.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
@@ -26,10 +27,9 @@ void write_run(const SavedRun& run, const Gaussians& pruned, const fs::path& out
     options.model = output.string();
     write_text_atomic(to.config(), options_to_yaml(options));
     write_cfg_args(to, options);
-    std::error_code ignored;  // reading the file reports errors
     for (const auto file :
          {&RunFolder::cameras, &RunFolder::input_points, &RunFolder::ppisp, &RunFolder::appearance_choice})
-        if (fs::exists((from.*file)(), ignored)) copy_file_atomic((from.*file)(), (to.*file)());
+        if (path_exists((from.*file)())) copy_file_atomic((from.*file)(), (to.*file)());
 }
 
 PruneScores score(SavedRun& run) {
