@@ -3,9 +3,13 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "kernels/core/error.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/log.h"
 #include "lib/export/file_server.h"
 
 namespace gs {
@@ -16,11 +20,32 @@ struct ViewArguments {
     int port = 8000;
 };
 
+/// Returns the path of what a browser is to open: the viewer's page, or the scene of an export without the viewer.
+/// Throws UsageError for what is no folder, DataError for a folder that holds neither.
+std::string page_of(const std::filesystem::path& folder) {
+    std::error_code ignored;
+    if (!std::filesystem::is_directory(folder, ignored))
+        throw UsageError(fmt::format("'{}' is not a folder; gsapp export RUN -o DIR makes one", folder.string()));
+    if (std::filesystem::is_regular_file(folder / "index.html", ignored)) return "";
+    if (!std::filesystem::is_regular_file(folder / "scene.ngsplat", ignored))
+        throw DataError(
+            fmt::format("'{}' holds no export: index.html and scene.ngsplat are missing. Write one with: "
+                        "gsapp export RUN -o DIR, then: gsapp view DIR",
+                        folder.string()));
+    log_warning(
+        "'{}' holds scene.ngsplat without a viewer (index.html), so that only the scene is served; "
+        "scripts/build-viewer builds the viewer, and gsapp export --overwrite then writes it",
+        folder.string());
+    return "scene.ngsplat";
+}
+
 void run_view(const ViewArguments& arguments) {
+    const std::string page = page_of(arguments.folder);
     FileServer server(arguments.folder, arguments.port);
-    std::fputs(fmt::format("http://127.0.0.1:{}/\n", server.port()).c_str(), stdout);
+    catch_interrupts();
+    std::fputs(fmt::format("http://127.0.0.1:{}/{}\n", server.port(), page).c_str(), stdout);
     std::fflush(stdout);
-    server.run();  // until Ctrl-C
+    server.run();  // until Ctrl-C, which is the way to end it: exit code 0
 }
 
 }  // namespace

@@ -1,22 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp view's server: what it serves, and that nothing outside of its folder is.
+// gsapp view's server: what it serves, that nothing outside of its folder is, and that no client keeps it from others.
 #include "lib/export/file_server.h"
 
-#include <httplib.h>
+#include <sys/stat.h>
 
+#include <chrono>
+#include <list>
 #include <thread>
+#include <vector>
 
 #include "kernels/core/error.h"
+#include "tests/export/http_client.h"
 #include "tests/io/file_helpers.h"
 
 namespace gs::test {
 namespace {
 
 namespace fs = std::filesystem;
+using std::chrono::milliseconds;
 
 class Served : public ::testing::Test {
   protected:
-    Served() {
+    explicit Served(const ServerLimits& limits = {}) {
         spit(folder_ / "secret.txt", "secret");
         spit(folder_ / "site/index.html", "<p>page</p>");
         spit(folder_ / "site/assets/a b.js", "script");
@@ -26,25 +31,28 @@ class Served : public ::testing::Test {
         fs::create_symlink("../secret.txt", folder_ / "site/link.txt");
         fs::create_directory_symlink("..", folder_ / "site/up");
         fs::create_symlink("index.html", folder_ / "site/inside.html");
-        server_ = std::make_unique<FileServer>(folder_ / "site", 0);
+        fs::create_symlink("loop", folder_ / "site/loop");
+        EXPECT_EQ(::mkfifo((folder_ / "site/pipe").c_str(), 0600), 0);
+        server_ = std::make_unique<FileServer>(folder_ / "site", 0, limits);
         thread_ = std::thread([this] { server_->run(); });
     }
     ~Served() override {
-        get("/");  // the server runs: stop() would not be noticed before
         server_->stop();
         thread_.join();
     }
-    httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) {
-        httplib::Client client("127.0.0.1", server_->port());
-        client.set_url_encode(false);  // paths as they are
-        return client.Get(path, headers);
+    int port() const { return server_->port(); }
+    HttpResult get(const std::string& path, const std::string& fields = "", const std::string& method = "GET") {
+        return http_get(port(), path, fields, method);
     }
-    int status(const std::string& path) {
-        const auto result = get(path);
-        if (!result) return -1;
-        EXPECT_EQ(result->body.find("secret"), std::string::npos) << path;
-        return result->status;
+    /// Returns the status of the answer to any bytes.
+    int status_of(const std::string& bytes) {
+        HttpClient client(port());
+        client.send(bytes);
+        const HttpResult result = client.receive();
+        EXPECT_EQ(result.body.find("secret"), std::string::npos) << bytes.substr(0, 100);
+        return result.status;
     }
+    int status(const std::string& path) { return status_of(http_request(path)); }
 
     TempFolder folder_;
     const std::string scene_ = std::string(3'000'000, 's') + "end";
@@ -53,55 +61,233 @@ class Served : public ::testing::Test {
 };
 
 TEST_F(Served, FilesOfTheFolder) {
-    const auto page = get("/");
-    ASSERT_TRUE(page);
-    EXPECT_EQ(page->status, 200);
-    EXPECT_EQ(page->body, "<p>page</p>");
-    EXPECT_EQ(page->get_header_value("Content-Type"), "text/html; charset=utf-8");
-    EXPECT_EQ(get("/index.html?model=x")->body, page->body);
-    EXPECT_EQ(get("/inside.html")->body, page->body) << "a link that stays inside";
-    EXPECT_EQ(get("/assets/a%20b.js")->body, "script");
-    EXPECT_EQ(get("/empty.txt")->status, 200);
-    EXPECT_EQ(get("/scene.ngsplat")->body, scene_);
-    EXPECT_EQ(get("/scene.ngsplat", {httplib::make_range_header({{2'999'998, 3'000'001}})})->body, "ssen");
+    const HttpResult page = get("/");
+    EXPECT_EQ(page.status, 200);
+    EXPECT_EQ(page.body, "<p>page</p>");
+    EXPECT_EQ(page.fields.at("Content-Type"), "text/html; charset=utf-8");
+    EXPECT_EQ(page.fields.at("Date").size(), std::string("Sun, 06 Nov 1994 08:49:37 GMT").size());
+    EXPECT_EQ(get("/index.html?model=x").body, page.body);
+    EXPECT_EQ(get("http://localhost:8000/index.html").body, page.body);
+    EXPECT_EQ(get("/inside.html").body, page.body) << "a link that stays inside";
+    EXPECT_EQ(get("/assets/a%20b.js").body, "script");
+    EXPECT_EQ(get("/empty.txt").status, 200);
+    EXPECT_EQ(get("/scene.ngsplat").body, scene_);
 }
 
 TEST_F(Served, NothingElse) {
-    for (const char* path :
-         {"/nothing", "/assets", "/up", "/../secret.txt", "/%2e%2e/secret.txt", "/..%2fsecret.txt",
-          "/assets/../../secret.txt", "/assets/..%2f..%2fsecret.txt", "/../site-2/x.txt", "/link.txt", "/up/secret.txt",
-          "//etc/passwd", "///etc/passwd", "/%2fetc/passwd", "/index.html%00.txt"})
+    for (const char* path : {"/nothing",
+                             "/assets",
+                             "/up",
+                             "/../secret.txt",
+                             "/%2e%2e/secret.txt",
+                             "/..%2fsecret.txt",
+                             "/assets/../../secret.txt",
+                             "/assets/..%2f..%2fsecret.txt",
+                             "/../site-2/x.txt",
+                             "/link.txt",
+                             "/up/secret.txt",
+                             "//etc/passwd",
+                             "///etc/passwd",
+                             "/%2fetc/passwd",
+                             "/index.html%00.txt",
+                             "/loop",
+                             "/loop/x",
+                             "/pipe",
+                             "/index.html/",
+                             "/%ff%fe"})
         EXPECT_EQ(status(path), 404) << path;
     const std::string absolute = (folder_ / "secret.txt").string();
     EXPECT_EQ(status(absolute), 404);
     EXPECT_EQ(status("/" + absolute), 404);
+    EXPECT_EQ(status("/" + std::string(300, 'n')), 404) << "a name that no file can have";
+    EXPECT_EQ(status("/" + std::string(7000, 'n')), 404) << "a path that no file can have";
+}
+
+TEST_F(Served, RangesOfAFile) {
+    const auto range = [&](const std::string& value) { return get("/scene.ngsplat", "Range: " + value + "\r\n"); };
+    for (const auto& [value, content_range, body] :
+         {std::tuple("bytes=2999998-3000001", "bytes 2999998-3000001/3000003", "ssen"),
+          std::tuple("bytes=2999999-", "bytes 2999999-3000002/3000003", "send"),
+          std::tuple("bytes=-3", "bytes 3000000-3000002/3000003", "end"),
+          std::tuple("Bytes=3000002-99999999999999999999999", "bytes 3000002-3000002/3000003", "d")}) {
+        const HttpResult part = range(value);
+        EXPECT_EQ(part.status, 206) << value;
+        EXPECT_EQ(part.fields.at("Content-Range"), content_range) << value;
+        EXPECT_EQ(part.body, body) << value;
+    }
+    EXPECT_EQ(range("bytes=-99999999999999999999999").body, scene_);
+    for (const char* beyond : {"bytes=3000003-", "bytes=3000003-3000010", "bytes=99999999999999999999999-", "bytes=-0",
+                               "bytes=18446744073709551615-18446744073709551615"}) {
+        const HttpResult refused = range(beyond);
+        EXPECT_EQ(refused.status, 416) << beyond;
+        EXPECT_EQ(refused.fields.at("Content-Range"), "bytes */3000003") << beyond;
+    }
+    // RFC 9110, 14.2: what is malformed or of another unit is ignored; sets of several ranges may be.
+    for (const char* ignored : {"bytes=5-4", "bytes=-", "bytes=", "bytes", "bytes=x-5", "bytes=1-x", "bytes=--5",
+                                "lines=1-2", "bytes=0-0,5-6", "bytes=+1-2", "bytes=0x1-2"})
+        EXPECT_EQ(range(ignored).status, 200) << ignored;
+    EXPECT_EQ(get("/scene.ngsplat", "Range: bytes=0-1\r\nIf-Range: \"other\"\r\n").status, 200);
+    EXPECT_EQ(get("/empty.txt", "Range: bytes=0-\r\n").status, 416);
+    EXPECT_EQ(get("/empty.txt", "Range: bytes=-5\r\n").status, 200);
+}
+
+TEST_F(Served, HeadsWithoutBodies) {
+    HttpClient client(port());
+    client.send(http_request("/scene.ngsplat", "Range: bytes=0-1\r\n", "HEAD"));
+    const HttpResult head = client.receive(false);
+    EXPECT_EQ(head.status, 200) << "a range is for GET alone";
+    EXPECT_EQ(head.fields.at("Content-Length"), "3000003");
+    client.send(http_request("/nothing", "", "HEAD"));
+    EXPECT_EQ(client.receive(false).status, 404);
+    client.send(http_request("/"));
+    EXPECT_EQ(client.receive().body, "<p>page</p>") << "nothing lies between";
 }
 
 TEST_F(Served, ScenesToThePapersViewerButNothingToOtherSites) {
     const char* allowed = "Access-Control-Allow-Origin";
-    EXPECT_EQ(get("/scene.ngsplat")->get_header_value(allowed), "https://fhahlbohm.github.io");
-    EXPECT_EQ(get("/scene.ngsplat", {httplib::make_range_header({{0, 10}})})->get_header_value(allowed),
-              "https://fhahlbohm.github.io");
+    EXPECT_EQ(get("/scene.ngsplat").fields.at(allowed), "https://fhahlbohm.github.io");
+    EXPECT_EQ(get("/scene.ngsplat", "Range: bytes=0-10\r\n").fields.at(allowed), "https://fhahlbohm.github.io");
     for (const char* path : {"/", "/assets/a%20b.js", "/empty.txt", "/nothing.ngsplat"})
-        EXPECT_FALSE(get(path)->has_header(allowed)) << path;
+        EXPECT_FALSE(get(path).fields.contains(allowed)) << path;
 }
 
 TEST_F(Served, FilesAreOnlyRead) {
-    httplib::Client client("127.0.0.1", server_->port());
-    for (const auto& result : {client.Post("/index.html", "x", "text/plain"), client.Put("/new.txt", "x", "text/plain"),
-                               client.Delete("/index.html")}) {
-        ASSERT_TRUE(result);
-        EXPECT_EQ(result->status, 404);
+    for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "get"}) {
+        const HttpResult result = get("/index.html", "Content-Length: 1\r\n", method);
+        EXPECT_EQ(result.status, 405) << method;
+        EXPECT_EQ(result.fields.at("Allow"), "GET, HEAD");
     }
     EXPECT_EQ(slurp(folder_ / "site/index.html"), "<p>page</p>");
-    EXPECT_FALSE(fs::exists(folder_ / "site/new.txt"));
+}
+
+TEST_F(Served, OnlyThisMachineAsHost) {
+    const auto with_host = [&](const std::string& host, const std::string& target = "/") {
+        return status_of("GET " + target + " HTTP/1.1\r\nHost: " + host + "\r\n\r\n");
+    };
+    for (const char* host :
+         {"localhost", "localhost:8000", "127.0.0.1:8000", "[::1]:8000", "LocalHost:1", "[::1]", "localhost:"})
+        EXPECT_EQ(with_host(host), 200) << host;
+    for (const char* host : {"evil.example", "evil.example:8000", "localhost.evil.example", "127.0.0.1.evil.example",
+                             "", "localhost:80x", "127.0.0.2", "0.0.0.0", "[::1", "[::1]x", "[::2]", ":8000",
+                             "localhost@evil.example", "localhost, evil.example"})
+        EXPECT_EQ(with_host(host), 421) << host;
+    EXPECT_EQ(with_host("localhost", "http://evil.example/"), 421);
+    EXPECT_EQ(with_host("evil.example", "http://localhost/"), 421);
+    EXPECT_CONTAINS(get("http://evil.example/").body, "localhost, 127.0.0.1 and [::1]");
+}
+
+TEST_F(Served, WhatIsNoRequestIsRefused) {
+    const std::string host = "Host: localhost\r\n";
+    const std::string get_page = "GET / HTTP/1.1\r\n" + host;
+    for (const std::string& bytes : std::vector<std::string>{
+             "nonsense\r\n\r\n", "\x16\x03\x01\x02\r\n\r\n", "GET /\r\n" + host + "\r\n",
+             "GET index.html HTTP/1.1\r\n" + host + "\r\n", "GET http:///x HTTP/1.1\r\n" + host + "\r\n",
+             "GET /%2 HTTP/1.1\r\n" + host + "\r\n", "GET /%zz HTTP/1.1\r\n" + host + "\r\n",
+             "GET /a b HTTP/1.1\r\n" + host + "\r\n", "G(T / HTTP/1.1\r\n" + host + "\r\n", "GET / HTTP/1.1\r\n\r\n",
+             "GET / HTTP/1.1\r\nHost : localhost\r\n\r\n", get_page + host + "\r\n", get_page + "no colon\r\n\r\n",
+             get_page + " folded: x\r\n\r\n", get_page + "X: \x01\r\n\r\n"})
+        EXPECT_EQ(status_of(bytes), 400) << bytes;
+    EXPECT_EQ(status_of("GET / HTTP/2.0\r\n" + host + "\r\n"), 505);
+    EXPECT_EQ(status_of("GET /" + std::string(8192, 'x')), 414) << "before the line is complete";
+    EXPECT_EQ(status_of("GET /" + std::string(8192, 'x') + " HTTP/1.1\r\n" + host + "\r\n"), 414);
+    EXPECT_EQ(status_of("GET / HTTP/1.1\r\n" + host + "X: " + std::string(17000, 'x')), 431);
+    std::string fields;
+    for (int i = 0; i < 2000; ++i) fields += "X" + std::to_string(i) + ": y\r\n";
+    EXPECT_EQ(status_of("GET / HTTP/1.1\r\n" + host + fields + "\r\n"), 431);
+    EXPECT_EQ(status("/"), 200);
+}
+
+TEST_F(Served, ManyRequestsOverOneConnection) {
+    HttpClient client(port());
+    std::string requests;
+    for (int i = 0; i < 100; ++i) requests += "\r\n" + http_request("/assets/a%20b.js");
+    EXPECT_TRUE(client.send(requests + http_request("/", "Connection: Close\r\n")));
+    for (int i = 0; i < 100; ++i) ASSERT_EQ(client.receive().body, "script") << i;
+    EXPECT_EQ(client.receive().body, "<p>page</p>");
+    EXPECT_TRUE(client.is_ended());
+    HttpClient with_body(port());
+    with_body.send(http_request("/", "Content-Length: 60\r\n") + http_request("/assets/a%20b.js"));
+    EXPECT_EQ(with_body.receive().body, "<p>page</p>");
+    EXPECT_TRUE(with_body.is_ended()) << "a body is no request";
+    HttpClient half_closed(port());
+    half_closed.send("GET / HTTP/1.0\r\nHost: localhost\r\n\r\n");
+    half_closed.send_no_more();
+    EXPECT_EQ(half_closed.receive().body, "<p>page</p>");
+    EXPECT_TRUE(half_closed.is_ended());
+}
+
+TEST_F(Served, IdleAndTricklingClientsDelayNobody) {
+    std::list<HttpClient> idle, trickling, deaf;
+    for (int i = 0; i < 100; ++i) {
+        idle.emplace_back(port());
+        trickling.emplace_back(port()).send("GET / HTTP/1.1\r\nX");
+        if (i < 50) deaf.emplace_back(port()).send(http_request("/scene.ngsplat"));  // 3 MB that nobody takes
+    }
+    const auto start = std::chrono::steady_clock::now();
+    EXPECT_EQ(get("/").status, 200);
+    EXPECT_EQ(get("/scene.ngsplat").body, scene_);
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+}
+
+TEST_F(Served, MoreClientsThanItHasRoomForCostTheOldestIdleOne) {
+    HttpClient oldest(port());
+    std::list<HttpClient> others;
+    for (int i = 0; i < ServerLimits().connections; ++i) others.emplace_back(port());
+    EXPECT_EQ(status("/"), 200);
+    EXPECT_TRUE(oldest.is_ended());
+    others.back().send(http_request("/"));
+    EXPECT_EQ(others.back().receive().status, 200) << "the youngest is still there";
+    for (int i = 0; i < 2000; ++i) HttpClient(port()).send("GET");
+    EXPECT_EQ(status("/"), 200);
+}
+
+TEST_F(Served, StopsWhileClientsHang) {
+    std::list<HttpClient> clients;
+    for (int i = 0; i < 20; ++i) clients.emplace_back(port()).send(i % 2 ? "GET /" : http_request("/scene.ngsplat"));
+    const auto start = std::chrono::steady_clock::now();
+    server_->stop();
+    thread_.join();
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+    thread_ = std::thread([] {});
 }
 
 TEST_F(Served, APortOrFolderThatCannotBeUsedIsNamed) {
-    EXPECT_CONTAINS(message_of<DataError>([&] { FileServer(folder_ / "site", server_->port()); }),
-                    std::to_string(server_->port()));
+    EXPECT_CONTAINS(message_of<DataError>([&] { FileServer(folder_ / "site", port()); }), std::to_string(port()));
     EXPECT_CONTAINS(message_of<UsageError>([&] { FileServer(folder_ / "nowhere", 0); }), "nowhere");
     EXPECT_CONTAINS(message_of<UsageError>([&] { FileServer(folder_ / "secret.txt", 0); }), "secret.txt");
+}
+
+struct ServedInAHurry : Served {
+    ServedInAHurry() : Served({.head = milliseconds(300), .send = milliseconds(300), .rate = 1 << 30}) {}
+};
+
+TEST_F(ServedInAHurry, ARequestHasOneDeadlineThatNoTrickleExtends) {
+    HttpClient client(port());
+    const auto start = std::chrono::steady_clock::now();
+    while (client.send("G") && std::chrono::steady_clock::now() - start < std::chrono::seconds(5))
+        std::this_thread::sleep_for(milliseconds(20));
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+}
+
+TEST_F(ServedInAHurry, AClientThatTakesNoAnswerIsDropped) {
+    spit(folder_ / "site/large.bin", std::string(32 << 20, 'x'));  // more than the system takes in
+    HttpClient client(port());
+    client.send(http_request("/large.bin"));
+    std::this_thread::sleep_for(milliseconds(800));
+    EXPECT_EQ(client.receive().status, -1) << "the whole file came";
+}
+
+struct ServedToEight : Served {
+    ServedToEight() : Served({.connections = 8}) {}
+};
+
+TEST_F(ServedToEight, IdleClientsAreDroppedBeforeThoseThatAreServed) {
+    spit(folder_ / "site/large.bin", std::string(32 << 20, 'x'));
+    HttpClient served(port());
+    served.send(http_request("/large.bin"));
+    std::list<HttpClient> others;
+    for (int i = 0; i < 30; ++i) others.emplace_back(port());
+    EXPECT_EQ(served.receive().body.size(), 32u << 20);
 }
 
 }  // namespace

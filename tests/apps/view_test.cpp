@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// gsapp view as a process: the address it prints answers, a folder without an export is named, and Ctrl-C ends it.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <list>
+
+#include "tests/apps/program.h"
+#include "tests/export/http_client.h"
+
+namespace gs::test {
+namespace {
+
+TEST(View, AFolderWithoutAnExportIsNamed) {
+    const Program program;
+    program.folder().write("run/results.json", "{}");
+    const Outcome empty = program.run("view run --port 0", "timeout 5");
+    EXPECT_EQ(empty.exit_code, 3) << empty.err;
+    EXPECT_EQ(empty.out, "");
+    EXPECT_NE(empty.err.find("'run' holds no export"), std::string::npos) << empty.err;
+    EXPECT_NE(empty.err.find("gsapp export RUN -o DIR"), std::string::npos) << empty.err;
+    EXPECT_EQ(program.run("view nowhere --port 0", "timeout 5").exit_code, 2);
+}
+
+TEST(View, ThePrintedAddressAnswersAndCtrlCEndsItWhileClientsHang) {
+    for (const std::string page : {"", "scene.ngsplat"}) {
+        const Program program;
+        program.folder().write("site/scene.ngsplat", "the scene");
+        if (page.empty()) program.folder().write("site/index.html", "the page");
+        const std::string command = "timeout --preserve-status -s INT 1 '" GSAPP_PROGRAM "' view '" +
+                                    program.path("site").string() + "' --port 0 2>/dev/null";
+        FILE* const out = ::popen(command.c_str(), "r");
+        ASSERT_NE(out, nullptr);
+        int port = 0;
+        char path[100] = "";
+        EXPECT_EQ(std::fscanf(out, "http://127.0.0.1:%d/%99[^\n]", &port, path), page.empty() ? 1 : 2);
+        EXPECT_EQ(path, page);
+        std::list<HttpClient> clients;
+        for (int i = 0; i < 20; ++i) clients.emplace_back(port).send("GET /");
+        const HttpResult result = http_get(port, "/" + std::string(path));
+        EXPECT_EQ(result.status, 200);
+        EXPECT_EQ(result.body, page.empty() ? "the page" : "the scene");
+        const auto start = std::chrono::steady_clock::now();
+        const int status = ::pclose(out);
+        EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
+        EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+    }
+}
+
+}  // namespace
+}  // namespace gs::test
