@@ -14,7 +14,8 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
         std::ifstream in(path);
         for (std::string line; std::getline(in, line);) {
             const auto json = try_parse_json(line);  // a crash may have cut the last line short
-            if (json.is_object() && json.value("iteration", iteration + 1) <= iteration) kept += line + "\n";
+            const auto at = json.is_object() ? json.find("iteration") : json.end();
+            if (at != json.end() && at->is_number_integer() && *at <= iteration) kept += line + "\n";
         }
     }
     std::error_code ignored;  // the write below reports errors
