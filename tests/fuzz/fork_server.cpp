@@ -47,7 +47,10 @@ void redirect(const std::string& file, int descriptor) {
     for (std::size_t i = 4; i < fields.size(); ++i) arguments.push_back(fields[i].data());
     const int count = int(arguments.size());
     arguments.push_back(nullptr);
-    std::exit(__real_main(count, arguments.data()));
+    const int code = __real_main(count, arguments.data());
+    std::cout.flush();
+    std::fflush(nullptr);
+    std::_Exit(code);  // libraries would wait for threads that they started before the fork
 }
 
 }  // namespace
