@@ -2,10 +2,15 @@
 // The program `gsapp`: reads the command line, runs one subcommand, and turns errors into one message and an exit code.
 
 #include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <new>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "apps/gsapp/bench.h"
@@ -57,6 +62,25 @@ std::string version_report() {
     return architectures.empty() ? text : text + "\ncuda architectures: " + architectures;
 }
 
+/// Lets the numbers of `app` and its subcommands be decimal only. CLI11 also takes 0x10, 010 (as 8) and "nan".
+void require_decimal_numbers(CLI::App& app) {
+    const CLI::Validator decimal(
+        [](std::string& text) {
+            double value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            const bool whole = error == std::errc{} && end == text.data() + text.size();
+            const std::size_t digits = text.find_first_not_of('-');
+            const bool octal = text.size() > digits + 1 && text[digits] == '0' && std::isdigit(text[digits + 1]);
+            return whole && std::isfinite(value) && !octal ? "" : "'" + text + "' is not a decimal number";
+        },
+        "");
+    for (CLI::Option* option : app.get_options()) {
+        const std::string type = option->get_type_name(), word = type.substr(0, type.find(':'));
+        if (word == "INT" || word == "UINT" || word == "FLOAT") option->check(decimal);
+    }
+    for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) require_decimal_numbers(*sub);
+}
+
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
     app.set_version_flag("--version", version_report);  // asked only then: waking the GPU takes a while
@@ -73,6 +97,7 @@ int run(int argc, char** argv) {
     add_metrics_command(app, selected);
     add_prune_appearance_command(app, selected);
     add_options_command(app, selected);
+    require_decimal_numbers(app);
     try {
         std::vector<std::string> words = with_bench_subcommand({argv + 1, argv + argc});
         std::reverse(words.begin(), words.end());  // as CLI11 takes them
@@ -104,6 +129,11 @@ int main(int argc, char** argv) {
         return static_cast<int>(e.code());
     } catch (const gs::Error& e) {
         return gs::report(e.what(), e.code());
+    } catch (const std::filesystem::filesystem_error& e) {
+        const std::string path = e.path2().empty() ? e.path1().string() : e.path2().string();
+        return gs::report(path + ": " + e.code().message(), gs::ExitCode::kDataset);
+    } catch (const std::system_error& e) {  // a thread or lock that the system does not give
+        return gs::report(std::string("the system refused: ") + e.what(), gs::ExitCode::kDevice);
     } catch (const std::bad_alloc&) {
         return gs::report("out of memory; a smaller --cap-max, --image-cache or -r helps", gs::ExitCode::kDevice);
     } catch (const std::exception& e) {

@@ -9,6 +9,7 @@
 #include "apps/gsapp/command.h"
 #include "eval/runs/prune_run.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/log.h"
 
 namespace gs {
@@ -23,7 +24,7 @@ struct PruneArguments {
 
 void run_prune(const PruneArguments& arguments) {
     const fs::path output = arguments.output.empty() ? pruned_folder(arguments.run) : fs::path(arguments.output);
-    if (fs::exists(output) && !fs::is_empty(output))
+    if (path_exists(output) && !list_folder(output).empty())
         throw UsageError(fmt::format("{} is not empty; choose another folder with -o", output.string()));
     SavedRun run =
         open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));

@@ -62,7 +62,7 @@ void add_render_command(CLI::App& app, Command& selected) {
     CLI::Option* path =
         command->add_option("--path", arguments->path, "File of cameras in the cameras.json format")->excludes(views);
     command->add_option("--orbit", arguments->orbit, "That many cameras on a circle around the scene")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(1, 1000000))
         ->excludes(views)
         ->excludes(path);
     command->add_option("--iteration", arguments->iteration, "Saved iteration to render (default: the last)")

@@ -10,6 +10,7 @@
 #include "eval/runs/training_evaluation.h"
 #include "kernels/core/error.h"
 #include "kernels/cuda/cuda_device.h"
+#include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -81,7 +82,7 @@ std::string free_run_folder(const fs::path& parent, const TrainOptions& options,
     for (int n = 1;; ++n) {
         const fs::path folder =
             parent / (scene_name(options.source) + "-" + options.appearance + "-" + std::to_string(n));
-        if (!fs::exists(folder.string() + suffix)) return folder.string();
+        if (!path_exists(folder.string() + suffix)) return folder.string();
     }
 }
 

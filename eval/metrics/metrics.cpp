@@ -12,6 +12,7 @@
 #include "eval/metrics/milo.h"
 #include "eval/metrics/psnr.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/train/choose_backend.h"
 
 namespace gs {
@@ -44,8 +45,7 @@ std::optional<MetricScore> without_weights(const std::filesystem::path& folder, 
     if (folder.empty())
         return MetricScore{std::nullopt, "not measured: no weights (see scripts/export_metric_weights.py)"};
     for (const std::string& file : files) {
-        std::error_code ignored;
-        if (!std::filesystem::exists(folder / file, ignored))
+        if (!path_exists(folder / file))
             return MetricScore{
                 std::nullopt,
                 fmt::format("not measured: no weights: {} is missing (see scripts/export_metric_weights.py)",
@@ -165,8 +165,7 @@ std::vector<std::string> parse_metric_names(const std::string& list) {
 std::filesystem::path metric_weights_folder(const std::string& given) {
     const char* variable = std::getenv("GSAPP_METRIC_WEIGHTS");
     const std::string folder = !given.empty() ? given : variable != nullptr ? variable : "";
-    std::error_code ignored;
-    if (!folder.empty() && !std::filesystem::is_directory(folder, ignored))
+    if (!folder.empty() && !folder_exists(folder))
         throw UsageError(
             fmt::format("{}: '{}' is no folder", given.empty() ? "GSAPP_METRIC_WEIGHTS" : "--metric-weights", folder));
     return folder;

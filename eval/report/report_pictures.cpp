@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "eval/report/report.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/io/image.h"
 #include "lib/model/run_folder.h"
@@ -65,14 +66,15 @@ class Images {
 /// Returns file index and name of up to `max_views` test views that the run has pictures of.
 std::vector<std::pair<int, std::string>> views_of(const TableRow& row, int max_views) {
     std::vector<std::pair<int, std::string>> all, chosen;
-    std::ifstream file(RunFolder{row.folder}.per_view(), std::ios::binary);
-    const Json json = Json::parse(file, nullptr, false);
+    if (!path_exists(RunFolder{row.folder}.per_view())) return {};
+    std::ifstream file = open_input(RunFolder{row.folder}.per_view());
+    const Json json = try_parse_ordered_json(file);
     const std::string key = fmt::format("ours_{}", row.iteration);
     if (json.is_object() && json.contains("image_names") && json.at("image_names").contains(key))
         for (const auto& [picture, name] : json.at("image_names").at(key).items())
             all.emplace_back(int(all.size()), name.is_string() ? name.get<std::string>() : picture);
     const auto missing = [&](const auto& view) {
-        return !std::filesystem::exists(RunFolder{row.folder}.render("test", row.iteration, view.first));
+        return !path_exists(RunFolder{row.folder}.render("test", row.iteration, view.first));
     };
     all.erase(std::remove_if(all.begin(), all.end(), missing), all.end());
     const std::size_t count = std::min<std::size_t>(std::size_t(max_views), all.size());
@@ -95,7 +97,7 @@ Json layers_of(const TableRow& row, const std::vector<std::pair<int, std::string
         layers["error"].push_back(full.u8.size() == truth.u8.size() ? images.add(error_of(full, truth)) : -1);
         for (const char* part : {"base", "residual"}) {
             const auto path = folder.picture_part("test", row.iteration, part, index);
-            layers[part].push_back(std::filesystem::exists(path) ? images.add(read_image(path)) : -1);
+            layers[part].push_back(path_exists(path) ? images.add(read_image(path)) : -1);
         }
     }
     return layers;

@@ -13,6 +13,7 @@
 #include "eval/runs/protocol.h"
 #include "eval/runs/training_options.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/model/run_folder.h"
@@ -73,9 +74,10 @@ std::optional<FrameTimes> frame_times_fact(const nlohmann::json& object) {
 
 TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration) {
     const std::string file = RunFolder{run_folder}.results().string();
-    std::ifstream stream(file, std::ios::binary);
-    if (!stream)
-        throw DataError(fmt::format("{}: cannot be read; 'gsapp eval {}' writes it", file, run_folder.string()));
+    if (const std::string fault = input_fault(file); !fault.empty())
+        throw DataError(
+            fmt::format("{}: cannot be read: {}; 'gsapp eval {}' writes it", file, fault, run_folder.string()));
+    std::ifstream stream = open_input(file);
     const nlohmann::json json = try_parse_json(stream);
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", file));
     std::optional<std::int64_t> chosen;
@@ -88,7 +90,9 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     const std::string key = fmt::format("ours_{}", *chosen);
     TableRow row;
     row.folder = run_folder;
-    const auto folder = std::filesystem::absolute(run_folder).lexically_normal();  // so that "." has a name, too
+    std::error_code ignored;
+    const auto folder =
+        std::filesystem::absolute(run_folder, ignored).lexically_normal();  // so that "." has a name, too
     row.run = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
     row.iteration = *chosen;
     row.psnr = score(json, file, key, "PSNR");
@@ -136,9 +140,7 @@ bool holds_same_run(const TrainOptions& options) {
 
 std::optional<TableRow> finished_run(const TrainOptions& options) {
     const RunFolder folder{options.model};
-    std::error_code ignored;
-    if (!std::filesystem::exists(folder.point_cloud(options.iterations), ignored) || !holds_same_run(options))
-        return std::nullopt;
+    if (!path_exists(folder.point_cloud(options.iterations)) || !holds_same_run(options)) return std::nullopt;
     try {
         TableRow row = read_table_row(folder.root, options.iterations);
         read_training(row, folder.root);

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 
 namespace gs {
@@ -28,8 +29,11 @@ Camera camera_from_json(const nlohmann::json& json, const std::string& where) {
         Camera camera;
         camera.width = int(positive("width"));
         camera.height = int(positive("height"));
-        if (camera.width < 1 || camera.height < 1 || camera.width > 65536 || camera.height > 65536)
-            throw DataError(fmt::format("{}: {}x{} is no image size", where, camera.width, camera.height));
+        // A few bytes must not ask for the whole memory; 8K pictures have 33.2 million pixels.
+        constexpr std::int64_t kMaxPixels = 1 << 25;
+        if (camera.width < 1 || camera.height < 1 || std::int64_t(camera.width) * camera.height > kMaxPixels)
+            throw DataError(fmt::format("{}: {}x{} is no size for a picture; it may have 1 to {} pixels", where,
+                                        camera.width, camera.height, kMaxPixels));
         camera.fy = positive("fy");
         camera.fx = json.contains("fx") ? positive("fx") : camera.fy;
         camera.cx = 0.5 * camera.width;
@@ -68,9 +72,13 @@ Vector3d common_target(const std::vector<View>& views) {
 }  // namespace
 
 std::vector<Camera> read_camera_path(const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw DataError(fmt::format("{}: cannot be read", path.string()));
-    const auto json = try_parse_json(file);
+    std::ifstream file = open_input(path);
+    nlohmann::json json;
+    try {
+        json = parse_json(file);
+    } catch (const nlohmann::json::exception& e) {
+        throw DataError(fmt::format("{}: not a JSON list of cameras: {}", path.string(), e.what()));
+    }
     if (!json.is_array() || json.empty()) throw DataError(fmt::format("{}: not a JSON list of cameras", path.string()));
     std::vector<Camera> cameras;
     for (std::size_t i = 0; i < json.size(); ++i)

@@ -8,6 +8,7 @@
 #include <array>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/model/run_folder.h"
 
 namespace gs {
@@ -67,8 +68,7 @@ CorrectionMode best_correction(const PpispState& state) {
 
 EvalCorrection saved_correction(const std::filesystem::path& run_folder) {
     const auto path = RunFolder{run_folder}.ppisp();
-    std::error_code ignored;
-    if (!std::filesystem::exists(path, ignored)) return {};
+    if (!path_exists(path)) return {};
     const PpispFile file = read_ppisp_json(path);
     return {best_correction(file.state), file.exif, file.mean_exif};
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "eval/runs/prune_appearance.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
@@ -28,7 +29,7 @@ void write_run(const SavedRun& run, const Gaussians& pruned, const fs::path& out
     write_cfg_args(to, options);
     for (const auto file :
          {&RunFolder::cameras, &RunFolder::input_points, &RunFolder::ppisp, &RunFolder::appearance_choice})
-        if (fs::exists((from.*file)())) fs::copy_file((from.*file)(), (to.*file)());
+        if (path_exists((from.*file)())) write_text_atomic((to.*file)(), read_input((from.*file)()));
 }
 
 PruneScores score(SavedRun& run) {

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
@@ -19,10 +20,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json existing(const std::filesystem::path& path) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(path, ignored)) return Json::object();
-    std::ifstream file(path, std::ios::binary);
-    Json json = Json::parse(file, nullptr, false);
+    if (!path_exists(path)) return Json::object();
+    std::ifstream file = open_input(path);
+    Json json = try_parse_ordered_json(file);
     if (!json.is_object())
         throw DataError(fmt::format("{}: not a JSON object; remove it to have it written anew", path.string()));
     return json;

@@ -8,6 +8,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
@@ -25,17 +26,15 @@ namespace fs = std::filesystem;
 namespace {
 
 SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> iteration) {
-    std::error_code ignored;
     if (iteration) {
-        if (fs::exists(folder.point_cloud(*iteration), ignored))
-            return {read_ply(folder.point_cloud(*iteration)), *iteration};
-        if (fs::exists(folder.checkpoint(*iteration), ignored))
+        if (path_exists(folder.point_cloud(*iteration))) return {read_ply(folder.point_cloud(*iteration)), *iteration};
+        if (path_exists(folder.checkpoint(*iteration)))
             return {read_checkpoint(folder.checkpoint(*iteration)).state, *iteration};
         throw DataError(fmt::format("{}: neither {} nor {} exists; was iteration {} saved?", folder.root.string(),
                                     folder.point_cloud(*iteration).string(), folder.checkpoint(*iteration).string(),
                                     *iteration));
     }
-    if (fs::exists(folder.root / "point_cloud", ignored)) {
+    if (path_exists(folder.root / "point_cloud")) {
         const std::int64_t latest = latest_point_cloud(folder.root);
         return {read_ply(folder.point_cloud(latest)), latest};
     }
@@ -46,16 +45,14 @@ SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> i
 }  // namespace
 
 bool holds_model(const fs::path& run_folder) {
-    std::error_code ignored;
     if (run_folder.empty()) return false;
-    return fs::exists(run_folder / "point_cloud", ignored) || fs::exists(run_folder / "checkpoints", ignored);
+    return path_exists(run_folder / "point_cloud") || path_exists(run_folder / "checkpoints");
 }
 
 SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
     const RunFolder folder{run_folder};
     SavedModel model = read_gaussians(folder, iteration);
-    std::error_code ignored;
-    if (fs::exists(folder.ppisp(), ignored)) {
+    if (path_exists(folder.ppisp())) {
         PpispFile file = read_ppisp_json(folder.ppisp());
         if (file.iteration != model.iteration)
             log_warning("{} is of iteration {}, the model of {}", folder.ppisp().string(), file.iteration,
@@ -86,9 +83,8 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
 
 nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
     const fs::path path = RunFolder{run_folder}.appearance_choice();
-    std::error_code ignored;
-    if (!fs::exists(path, ignored)) return nullptr;
-    std::ifstream file(path, std::ios::binary);
+    if (!path_exists(path)) return nullptr;
+    std::ifstream file = open_input(path);
     auto json = try_parse_ordered_json(file);
     if (!json.is_object()) throw DataError(fmt::format("{}: not a JSON object", path.string()));
     return json;

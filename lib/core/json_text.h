@@ -13,14 +13,16 @@ namespace gs {
 std::string json_text(const nlohmann::json& json, int indent = -1);
 std::string json_text(const nlohmann::ordered_json& json, int indent = -1);
 
-/// Parses one JSON value. Throws nlohmann::json::parse_error.
+/// Parses one JSON value, with comments (// and /* */) if these are allowed. Throws nlohmann::json::exception for what
+/// is not JSON, is nested too deep, or names a key twice in one object.
 nlohmann::json parse_json(const std::string& text);
-nlohmann::json parse_json(std::istream& in);
+nlohmann::json parse_json(std::istream& in, bool comments = false);
 
-/// Parses one JSON value; the result is_discarded() where the text is none.
+/// Parses one JSON value without comments; the result is_discarded() where the text is none, or
+/// such a one as `parse_json` does not take.
 nlohmann::json try_parse_json(const std::string& text);
 nlohmann::json try_parse_json(std::istream& in);
-/// Parses one JSON value and keeps the order of its keys; the result is_discarded() where the text is none.
+/// The same, and the keys keep their order.
 nlohmann::ordered_json try_parse_ordered_json(std::istream& in);
 
 }  // namespace gs

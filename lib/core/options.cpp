@@ -192,6 +192,12 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
         option.field);
 }
 
+void check_option(const Option& option, const TrainOptions& options) {
+    check_value(option, options);
+    if (option.key == "resolution") check_resolution(options.resolution);
+    if (option.key == "image-cache") check_image_cache(options.image_cache);
+}
+
 LogLevel shown_messages(const TrainOptions& options) {
     if (options.quiet) return LogLevel::kWarn;
     return options.verbose ? LogLevel::kDebug : options.log_level;
@@ -200,9 +206,7 @@ LogLevel shown_messages(const TrainOptions& options) {
 void validate(TrainOptions& options) {
     if (options.source.empty())
         throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
-    for (const Option& option : train_option_table()) check_value(option, options);
-    check_resolution(options.resolution);
-    check_image_cache(options.image_cache);
+    for (const Option& option : train_option_table()) check_option(option, options);
     if (options.resume == "latest" && options.model.empty()) {
         throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
     }

@@ -69,6 +69,9 @@ std::string option_text(const Option& option, const TrainOptions& options);
 void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values,
                 const std::string& where);
 
+/// Checks one value against the table and the rules of its option. Throws UsageError naming option, value and range.
+void check_option(const Option& option, const TrainOptions& options);
+
 /// What quiet, verbose and log-level say together.
 LogLevel shown_messages(const TrainOptions& options);
 
@@ -76,9 +79,9 @@ LogLevel shown_messages(const TrainOptions& options);
 /// values by the numbers they stand for. Throws UsageError naming option, value and range.
 void validate(TrainOptions& options);
 
-/// Returns the defaults overlaid with the file, its `parent:` (relative to the file) first. They are not validated: the
-/// command line may still add the missing parts. Throws UsageError naming file, line, key, and for an unknown key the
-/// nearest known one.
+/// Returns the defaults overlaid with the file, its `parent:` (relative to the file) first. The rules between options
+/// are not checked: the command line may still add the missing parts. Throws UsageError naming file, line and key for a
+/// value out of range, for a key that stands twice, and for an unknown key, with the nearest known one.
 TrainOptions load_options_yaml(const std::filesystem::path& path);
 
 /// Every option with its value, grouped by headings, after a comment naming the program; load_options_yaml reads it

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 
 namespace gs {
 namespace {
@@ -112,7 +113,7 @@ TrainOptions TrainArguments::base(bool stored_run) const {
     apply_flags(flags_only);
     const std::filesystem::path run = flags_only.model;
     const bool wanted = !flags_only.resume.empty() || (stored_run && !run.empty());
-    if (!wanted || !std::filesystem::exists(run / "config.yaml")) return {};
+    if (!wanted || !path_exists(run / "config.yaml")) return {};
     TrainOptions options = load_run_options(run);
     options.overwrite = false;  // these two belong to one call of the program, not to the run
     options.resume.clear();

@@ -3,10 +3,12 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <set>
 
 #include <fmt/format.h>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
 #include "lib/core/version.h"
@@ -23,12 +25,9 @@ std::string place(const fs::path& file, const YAML::Node& node) {
 }
 
 YAML::Node parse_file(const fs::path& file) {
-    if (fs::is_directory(file)) throw UsageError(fmt::format("the configuration file {} is a folder", file.string()));
     try {
-        return YAML::LoadFile(file.string());
-    } catch (const YAML::BadFile&) {
-        throw UsageError(fmt::format("cannot read the configuration file {}; does it exist?", file.string()));
-    } catch (const YAML::ParserException& e) {
+        return YAML::Load(read_input(file));
+    } catch (const YAML::Exception& e) {
         throw UsageError(fmt::format("{}:{}: not valid YAML: {}", file.string(), e.mark.line + 1, e.msg));
     }
 }
@@ -75,10 +74,17 @@ void apply_entry(TrainOptions& options, const fs::path& file, const std::string&
                                      wants_list ? "a list" : "a single value"));
     }
     set_option(options, option, texts, where);
+    try {
+        check_option(option, options);
+    } catch (const UsageError& e) {
+        throw UsageError(fmt::format("{}: {}", place(file, key_node), e.what()));
+    }
 }
 
 void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::path>& chain) {
-    const fs::path canonical = fs::weakly_canonical(file);
+    if (const std::string fault = input_fault(file); !fault.empty())
+        throw UsageError(fmt::format("cannot read the configuration file {}: {}", file.string(), fault));
+    const fs::path canonical = canonical_path(file);
     if (std::find(chain.begin(), chain.end(), canonical) != chain.end()) {
         throw UsageError(fmt::format("{}: the file is its own parent", file.string()));
     }
@@ -94,11 +100,14 @@ void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::pat
                                          kind_of(parent)));
         apply_file(options, file.parent_path() / parent.Scalar(), chain);
     }
+    std::set<std::string> keys;
     for (const auto& entry : root) {
         if (!entry.first.IsScalar())
             throw UsageError(
                 fmt::format("{}: a key is {}, not a name", place(file, entry.first), kind_of(entry.first)));
         const std::string key = entry.first.Scalar();
+        if (!keys.insert(key).second)
+            throw UsageError(fmt::format("{}: key '{}' stands twice", place(file, entry.first), key));
         if (key != kParentKey) apply_entry(options, file, key, entry.first, entry.second);
     }
 }
@@ -133,7 +142,7 @@ std::string options_to_yaml(const TrainOptions& options) {
 
 TrainOptions load_run_options(const fs::path& run_folder) {
     const fs::path file = run_folder / "config.yaml";
-    if (!fs::exists(file)) {
+    if (!path_exists(file)) {
         throw DataError(
             fmt::format("{} is not the output folder of a run: it has no config.yaml", run_folder.string()));
     }

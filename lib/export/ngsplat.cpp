@@ -12,6 +12,7 @@
 #include <fstream>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -70,6 +71,7 @@ class Writer {
 class Reader {
   public:
     explicit Reader(const std::filesystem::path& path) : path_(path) {
+        if (const std::string fault = input_fault(path); !fault.empty()) fail(fault);
         std::error_code error;
         left_ = std::int64_t(std::filesystem::file_size(path, error));
         if (error) fail(error.message());

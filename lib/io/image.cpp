@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes and encodes image files with OpenImageIO.
+// Reads and writes images.
 #include "lib/io/image.h"
 
 #include <OpenImageIO/imageio.h>
@@ -14,16 +14,12 @@
 #include <type_traits>
 
 #include "kernels/core/error.h"
+#include "lib/io/image_file.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Limits of an image, so that a damaged header cannot ask for the whole memory. 2^29 pixels is five times the largest
-// photographs in use, and 65535 is the largest side that JPEG can hold.
-constexpr int kMaxSide = 65535;
-constexpr std::int64_t kMaxPixels = std::int64_t(1) << 29;
 
 /// The decoded channels that become rgb and alpha (-1 = none).
 struct ChannelPlan {
@@ -52,44 +48,22 @@ std::string trimmed(std::string text) {
     throw DataError(fmt::format("image {}: {}", path.string(), reason));
 }
 
-std::unique_ptr<OIIO::ImageInput> open_image(const fs::path& path) {
-    std::error_code error;
-    if (!fs::is_regular_file(path, error)) fail(path, "no such file");
-    if (fs::file_size(path, error) == 0) fail(path, "the file is empty (0 bytes)");
-    OIIO::ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it that way
-    auto input = OIIO::ImageInput::open(path.string(), &config);
-    if (!input) fail(path, fmt::format("cannot be decoded: {}", trimmed(OIIO::geterror())));
-    const OIIO::ImageSpec& spec = input->spec();
-    if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0)
-        fail(path, fmt::format("size {}x{} with {} channels is not an image", spec.width, spec.height, spec.nchannels));
-    if (spec.width > kMaxSide || spec.height > kMaxSide || std::int64_t(spec.width) * spec.height > kMaxPixels)
-        fail(path,
-             fmt::format("size {}x{} is above the limit of {} pixels; the header is damaged, or the image needs tiling",
-                         spec.width, spec.height, kMaxPixels));
-    if (spec.deep || spec.depth > 1) fail(path, "deep and volume images are not photographs");
-    return input;
-}
-
-template <class T> std::vector<T> decode(OIIO::ImageInput& input, const fs::path& path, OIIO::TypeDesc type) {
-    const OIIO::ImageSpec& spec = input.spec();
-    std::vector<T> data(std::size_t(spec.width) * spec.height * spec.nchannels);
-    if (!input.read_image(0, 0, 0, spec.nchannels, type, data.data()))
-        fail(path, fmt::format("cannot be decoded: {}", trimmed(input.geterror())));
-    return data;
-}
-
-/// Picks the planned channels and undoes premultiplication where the file has it. `one` is the value of full alpha.
+/// Appends decoded pixels to `out` with the planned channels, and undoes premultiplication where the file has it. `one`
+/// is the value of full alpha.
 template <class T>
-std::vector<T> arrange(std::vector<T>&& in, const OIIO::ImageSpec& spec, const ChannelPlan& plan, float one) {
+void append(const T* in, std::size_t count, const OIIO::ImageSpec& spec, const ChannelPlan& plan, float one,
+            std::vector<T>& out) {
     const int channels = plan.alpha >= 0 ? 4 : 3;
     const bool premultiplied = plan.alpha >= 0 && spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
-    if (spec.nchannels == channels && !premultiplied) return std::move(in);
-    const std::size_t pixels = std::size_t(spec.width) * spec.height;
-    std::vector<T> out(pixels * channels);
+    if (spec.nchannels == channels && !premultiplied) {
+        out.insert(out.end(), in, in + count);
+        return;
+    }
+    const std::size_t pixels = count / std::size_t(spec.nchannels), begin = out.size();
+    out.resize(begin + pixels * std::size_t(channels));
     for (std::size_t p = 0; p < pixels; ++p) {
         const T* source = &in[p * spec.nchannels];
-        T* target = &out[p * channels];
+        T* target = &out[begin + p * channels];
         for (int c = 0; c < 3; ++c) target[c] = source[plan.rgb[c]];
         if (plan.alpha < 0) continue;
         const float alpha = target[3] = source[plan.alpha];
@@ -102,6 +76,12 @@ std::vector<T> arrange(std::vector<T>&& in, const OIIO::ImageSpec& spec, const C
                 target[c] = straight;
         }
     }
+}
+
+template <class T> std::vector<T> decoded(ImageFile& file, const ChannelPlan& plan, float one) {
+    std::vector<T> out;
+    out.reserve(std::size_t(file.spec().width) * file.spec().height * (plan.alpha >= 0 ? 4 : 3));
+    file.decode<T>([&](const T* in, std::size_t count) { append(in, count, file.spec(), plan, one, out); });
     return out;
 }
 
@@ -162,21 +142,21 @@ void encode(const fs::path& temporary, const fs::path& path, const Image& image)
 }  // namespace
 
 ImageInfo read_image_info(const fs::path& path) {
-    const auto input = open_image(path);
-    const OIIO::ImageSpec& spec = input->spec();
+    const ImageFile file(path);
+    const OIIO::ImageSpec& spec = file.spec();
     return {spec.width, spec.height, plan_channels(spec).alpha >= 0 ? 4 : 3, decodes_to_float(spec)};
 }
 
 Image read_image(const fs::path& path) {
-    const auto input = open_image(path);
-    const OIIO::ImageSpec& spec = input->spec();
+    ImageFile file(path);
+    const OIIO::ImageSpec& spec = file.spec();
     const ChannelPlan plan = plan_channels(spec);
     Image image;
     image.width = spec.width;
     image.height = spec.height;
     image.channels = plan.alpha >= 0 ? 4 : 3;
     if (decodes_to_float(spec)) {
-        image.f32 = arrange(decode<float>(*input, path, OIIO::TypeDesc::FLOAT), spec, plan, 1.0f);
+        image.f32 = decoded<float>(file, plan, 1.0f);
         for (std::size_t i = 0; i < image.f32.size(); ++i) {
             if (std::isfinite(image.f32[i])) continue;
             const std::size_t pixel = i / image.channels;
@@ -184,7 +164,7 @@ Image read_image(const fs::path& path) {
                                    pixel / image.width, image.f32[i]));
         }
     } else {
-        image.u8 = arrange(decode<std::uint8_t>(*input, path, OIIO::TypeDesc::UINT8), spec, plan, 255.0f);
+        image.u8 = decoded<std::uint8_t>(file, plan, 255.0f);
     }
     return image;
 }

@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 
 namespace gs {
 namespace {
@@ -58,6 +59,7 @@ void write_ply_header(std::ostream& out, const PlyHeader& header) {
 }
 
 PlyReader::PlyReader(const std::filesystem::path& path) : path_(path) {
+    if (const std::string fault = input_fault(path); !fault.empty()) fail(fault);
     std::error_code error;
     const std::int64_t file_bytes = std::int64_t(std::filesystem::file_size(path, error));
     if (error) fail(error.message());
@@ -115,10 +117,11 @@ void PlyReader::parse_header() {
             in_shared = have_vertex && !more && name == "shared";
             more = more || have_vertex;
             if (in_shared) {
-                if (!(words >> header_.num_shared) || header_.num_shared < 0)
+                if (!(words >> header_.num_shared) || header_.num_shared < 0 || words >> word)
                     fail(fmt::format("bad count in '{}'", line));
             } else if (in_vertex) {
-                if (!(words >> header_.count) || header_.count < 0) fail(fmt::format("bad vertex count in '{}'", line));
+                if (!(words >> header_.count) || header_.count < 0 || words >> word)
+                    fail(fmt::format("bad vertex count in '{}'", line));
                 have_vertex = true;
             } else if (!have_vertex) {
                 fail(fmt::format("element '{}' stands before the vertices", name));

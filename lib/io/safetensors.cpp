@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/io/atomic_file.h"
 
@@ -70,6 +71,7 @@ void write_safetensors(const std::filesystem::path& path, std::span<const Tensor
 }
 
 SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : path_(path) {
+    if (const std::string fault = input_fault(path); !fault.empty()) fail(fault);
     std::error_code error;
     const std::uint64_t file_bytes = std::filesystem::file_size(path, error);
     if (error) fail(error.message());
@@ -91,7 +93,12 @@ SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : path_(path
 }
 
 void SafetensorsFile::parse_header(const std::string& text) {
-    const nlohmann::json header = try_parse_json(text);
+    nlohmann::json header;
+    try {
+        header = parse_json(text);
+    } catch (const nlohmann::json::exception& e) {
+        fail(fmt::format("the header is not a JSON object: {}", e.what()));
+    }
     if (!header.is_object()) fail("the header is not a JSON object");
     for (const auto& [name, entry] : header.items()) {
         if (!entry.is_object()) fail(fmt::format("header entry '{}' is not an object", name));

@@ -10,6 +10,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/portable.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
@@ -87,10 +88,9 @@ class Node {
 };
 
 Json parse(const std::filesystem::path& path) {
-    std::ifstream stream(path, std::ios::binary);
-    if (!stream) throw DataError(fmt::format("{}: cannot be read", path.string()));
+    std::ifstream stream = open_input(path);
     try {
-        return Json::parse(stream);
+        return parse_json(stream);
     } catch (const Json::exception& e) {
         throw DataError(fmt::format("{}: not valid JSON (perhaps truncated): {}", path.string(), e.what()));
     }

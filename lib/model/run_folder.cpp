@@ -12,6 +12,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
@@ -42,9 +43,9 @@ struct NumberedFile {
 /// Lists the entries "<prefix>N<suffix>" of a folder, ascending by N; none if the folder does not exist.
 std::vector<NumberedFile> list_numbered(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
     std::vector<NumberedFile> found;
-    std::error_code error;
-    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-        if (const auto n = numbered(it->path(), prefix, suffix)) found.push_back({*n, it->path()});
+    if (!folder_exists(folder)) return found;
+    for (const fs::path& path : list_folder(folder)) {
+        if (const auto n = numbered(path, prefix, suffix)) found.push_back({*n, path});
     }
     std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.number < b.number; });
     return found;
@@ -154,7 +155,7 @@ void prepare_run_folder(const RunFolder& folder, bool overwrite, std::optional<s
     for (const auto& list : {point_clouds(folder.root), checkpoints(folder.root)}) {
         if (!list.empty()) latest = std::max(latest, list.back().number);
     }
-    const bool conflict = latest > after || (!resume_iteration && fs::exists(folder.config(), error));
+    const bool conflict = latest > after || (!resume_iteration && path_exists(folder.config()));
     if (conflict && !overwrite) {
         const std::string holds = latest >= 0 ? fmt::format("a run up to iteration {}", latest) : "a run (config.yaml)";
         throw UsageError(resume_iteration ? fmt::format("the output folder '{}' holds {}, later than the resumed "
@@ -194,7 +195,9 @@ std::int64_t latest_point_cloud(const fs::path& run_folder) {
 
 void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
     const auto absolute = [](const std::string& path) {
-        return path.starts_with("builtin:") ? path : fs::absolute(path).lexically_normal().string();
+        std::error_code error;  // without a current folder the path stays as it is
+        const fs::path whole = path.starts_with("builtin:") ? fs::path() : fs::absolute(path, error);
+        return whole.empty() ? path : whole.lexically_normal().string();
     };
     const auto flag = [](bool value) { return value ? "True" : "False"; };
     write_text_atomic(

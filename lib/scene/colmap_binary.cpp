@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/colmap_checks.h"
 
 namespace gs::colmap {
@@ -21,7 +22,7 @@ namespace fs = std::filesystem;
 /// Reads values one after the other; errors name the position in the file.
 class Cursor {
   public:
-    explicit Cursor(const fs::path& file) : file_(file), data_(read_file(file)) {}
+    explicit Cursor(const fs::path& file) : file_(file), data_(read_input(file)) {}
 
     const fs::path& file() const { return file_; }
     std::size_t remaining() const { return data_.size() - position_; }
@@ -132,8 +133,7 @@ void read_points(const fs::path& file, ModelBuilder& builder) {
 void read_binary(const fs::path& folder, ModelBuilder& builder) {
     read_cameras(folder / "cameras.bin", builder);
     read_images(folder / "images.bin", builder);
-    std::error_code ignored;
-    if (fs::exists(folder / "points3D.bin", ignored)) read_points(folder / "points3D.bin", builder);
+    if (path_exists(folder / "points3D.bin")) read_points(folder / "points3D.bin", builder);
 }
 
 }  // namespace gs::colmap

@@ -12,9 +12,6 @@
 
 namespace gs::colmap {
 
-/// Returns the whole file. Throws DataError if it cannot be opened or read.
-std::string read_file(const std::filesystem::path& path);
-
 /// Adds cameras, images and points to a model and checks each. Counts the skipped ones and notes them in `finish`.
 class ModelBuilder {
   public:

@@ -6,12 +6,11 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <fstream>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/colmap_checks.h"
 
 namespace gs {
@@ -22,18 +21,6 @@ namespace colmap {
 
 // Larger than any camera's image; a larger value means a damaged file.
 constexpr std::uint64_t kMaxSide = 1 << 20;
-
-std::string read_file(const fs::path& path) {
-    std::error_code error;
-    const std::uintmax_t size = fs::is_regular_file(path, error) ? fs::file_size(path, error) : 0;
-    std::ifstream in(path, std::ios::binary);
-    if (error || !in) throw DataError(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
-    std::string data(size, '\0');
-    in.read(data.data(), static_cast<std::streamsize>(size));
-    if (static_cast<std::uintmax_t>(in.gcount()) != size)
-        throw DataError(fmt::format("{}: cannot be read", path.string()));
-    return data;
-}
 
 void ModelBuilder::add_camera(const fs::path& file, std::uint32_t id, CameraModel model, std::uint64_t width,
                               std::uint64_t height, std::span<const double> params) {
@@ -59,7 +46,8 @@ void ModelBuilder::add_image(const fs::path& file, std::uint32_t id, const std::
     };
     if (!image_ids_.insert(id).second) fail("the id appears twice");
     if (name.empty()) fail("the name is empty");
-    if (!model_.cameras.contains(camera_id)) fail(fmt::format("camera_id {} is not among the cameras", camera_id));
+    if (!model_.cameras.contains(camera_id))
+        fail(fmt::format("camera_id {} is not among those of {}", camera_id, "cameras" + file.extension().string()));
     Eigen::Quaterniond q(pose[0], pose[1], pose[2], pose[3]);
     const Eigen::Vector3d t(pose[4], pose[5], pose[6]);
     const double norm = q.coeffs().stableNorm();
@@ -101,24 +89,23 @@ void ModelBuilder::finish() {
 
 namespace {
 
-bool is_file(const fs::path& path) {
-    std::error_code ignored;
-    return fs::is_regular_file(path, ignored);
+bool has_binary(const fs::path& folder) {
+    return path_exists(folder / "cameras.bin") && path_exists(folder / "images.bin");
 }
-
-bool has_binary(const fs::path& folder) { return is_file(folder / "cameras.bin") && is_file(folder / "images.bin"); }
-bool has_text(const fs::path& folder) { return is_file(folder / "cameras.txt") && is_file(folder / "images.txt"); }
+bool has_text(const fs::path& folder) {
+    return path_exists(folder / "cameras.txt") && path_exists(folder / "images.txt");
+}
 
 /// Returns the number of images that a model claims; only used to choose between models.
 std::uint64_t count_images(const fs::path& folder) {
     if (has_binary(folder)) {
         std::uint64_t count = 0;
-        std::ifstream in(folder / "images.bin", std::ios::binary);
+        std::ifstream in = open_input(folder / "images.bin");
         in.read(reinterpret_cast<char*>(&count), sizeof(count));
         return in ? count : 0;
     }
     // An estimate: two lines per image, comments not counted.
-    std::ifstream in(folder / "images.txt");
+    std::ifstream in = open_input(folder / "images.txt");
     std::uint64_t lines = 0;
     for (std::string line; std::getline(in, line);) lines += line.empty() || line[0] != '#';
     return lines / 2;
@@ -128,10 +115,10 @@ std::uint64_t count_images(const fs::path& folder) {
 
 fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& notes) {
     std::vector<std::pair<std::uint64_t, fs::path>> candidates;
-    std::error_code error;
-    for (const fs::directory_entry& entry : fs::directory_iterator(scene / "sparse", error))
-        if (entry.is_directory(error) && (has_binary(entry.path()) || has_text(entry.path())))
-            candidates.emplace_back(count_images(entry.path()), entry.path());
+    const bool has_models = folder_exists(scene / "sparse");
+    for (const fs::path& folder : has_models ? list_folder(scene / "sparse") : std::vector<fs::path>())
+        if (folder_exists(folder) && (has_binary(folder) || has_text(folder)))
+            candidates.emplace_back(count_images(folder), folder);
     if (!candidates.empty()) {
         const auto best = *std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
             return a.first != b.first ? a.first > b.first : a.second < b.second;

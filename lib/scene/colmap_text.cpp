@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/colmap_checks.h"
 
 namespace gs::colmap {
@@ -19,7 +20,7 @@ constexpr std::string_view kBlanks = " \t\r";
 /// Walks through the lines of a text file.
 class Lines {
   public:
-    explicit Lines(const fs::path& file) : file_(file), data_(read_file(file)) {}
+    explicit Lines(const fs::path& file) : file_(file), data_(read_input(file)) {}
 
     /// Reads the next line, including blank lines and comments; returns false at the end.
     bool next_raw(std::string_view& line) {
@@ -144,8 +145,7 @@ void read_text_points(const fs::path& file, ModelBuilder& builder) {
 void read_text(const fs::path& folder, ModelBuilder& builder) {
     read_text_cameras(folder / "cameras.txt", builder);
     read_text_images(folder / "images.txt", builder);
-    std::error_code ignored;
-    if (fs::exists(folder / "points3D.txt", ignored)) read_text_points(folder / "points3D.txt", builder);
+    if (path_exists(folder / "points3D.txt")) read_text_points(folder / "points3D.txt", builder);
 }
 
 }  // namespace gs::colmap

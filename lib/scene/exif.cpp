@@ -2,11 +2,12 @@
 // Reads exposure settings from image files and turns them into stops.
 #include "lib/scene/exif.h"
 
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+
+#include "kernels/core/error.h"
+#include "lib/io/image_file.h"
 
 namespace gs {
 namespace {
@@ -22,14 +23,14 @@ std::optional<double> positive(const OIIO::ImageSpec& spec, std::initializer_lis
 }  // namespace
 
 ExifSettings read_exif_settings(const std::filesystem::path& path) {
-    const auto input = OIIO::ImageInput::open(path.string());
-    if (!input) {
-        OIIO::geterror();  // else the library keeps the message and returns it to a later caller
+    try {
+        const ImageFile file(path);
+        const OIIO::ImageSpec& spec = file.spec();
+        return {positive(spec, {"ExposureTime"}),
+                positive(spec, {"Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"}), positive(spec, {"FNumber"})};
+    } catch (const DataError&) {
         return {};
     }
-    const OIIO::ImageSpec& spec = input->spec();
-    return {positive(spec, {"ExposureTime"}), positive(spec, {"Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"}),
-            positive(spec, {"FNumber"})};
 }
 
 std::vector<std::optional<double>> exposure_stops(const std::vector<ExifSettings>& images) {

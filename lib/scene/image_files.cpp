@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "lib/core/input_file.h"
+
 namespace gs {
 
 namespace fs = std::filesystem;
@@ -22,11 +24,13 @@ std::string without_extension(const std::string& name) {
 }
 
 ImageFolder::ImageFolder(const fs::path& folder) : folder_(folder) {
+    if (!folder_exists(folder)) return;
+    list_folder(folder);  // says why a folder cannot be listed; folders in it that cannot be are passed over
     std::error_code error;
     for (fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error), end;
          !error && it != end; it.increment(error)) {
         std::error_code ignored;
-        if (it->is_regular_file(ignored) && has_image_extension(it->path()))
+        if (!it->is_directory(ignored) && has_image_extension(it->path()))
             names_.push_back(it->path().lexically_relative(folder).generic_string());
     }
     std::sort(names_.begin(), names_.end());

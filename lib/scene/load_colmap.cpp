@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/image_files.h"
@@ -18,11 +19,10 @@ namespace fs = std::filesystem;
 /// Chooses the folder to read images from: for a divisor the pre-scaled images_N if there is one. Throws DataError if
 /// the folder does not exist.
 fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options, SourceScene& out) {
-    std::error_code ignored;
     const bool divisor = options.resolution == 2 || options.resolution == 4 || options.resolution == 8;
     if (divisor) {
         const fs::path scaled = scene / fmt::format("{}_{}", options.images, options.resolution);
-        if (fs::is_directory(scaled, ignored)) {
+        if (folder_exists(scaled)) {
             out.prescaled = options.resolution;
             out.notes.push_back(fmt::format("images: {} as they are, for resolution {}", scaled.filename().string(),
                                             options.resolution));
@@ -30,7 +30,7 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
         }
     }
     const fs::path folder = scene / options.images;
-    if (!fs::is_directory(folder, ignored))
+    if (!folder_exists(folder))
         throw DataError(fmt::format("{}: image folder '{}' does not exist (choose another with --images)",
                                     scene.string(), options.images));
     return folder;
@@ -54,13 +54,11 @@ class SortedPairs {
 };
 
 void read_points(const fs::path& scene, const fs::path& model_folder, ColmapModel& model, SourceScene& out) {
-    std::error_code ignored;
     out.points = std::move(model.points);
-    const bool has_file =
-        fs::exists(model_folder / "points3D.bin", ignored) || fs::exists(model_folder / "points3D.txt", ignored);
+    const bool has_file = path_exists(model_folder / "points3D.bin") || path_exists(model_folder / "points3D.txt");
     for (const fs::path& folder : {model_folder, scene})
         if (const fs::path ply = folder / "points3D.ply";
-            !has_file && out.points.positions.empty() && fs::exists(ply, ignored)) {
+            !has_file && out.points.positions.empty() && path_exists(ply)) {
             out.points = read_point_ply(ply);
             out.notes.push_back(fmt::format("points: {} from {}", out.points.positions.size(), ply.string()));
         }

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/exif.h"
 #include "lib/scene/image_files.h"
@@ -29,17 +30,16 @@ void check_options(const SceneOptions& options) {
 }
 
 SourceScene read_source(const fs::path& source, const SceneOptions& options) {
-    std::error_code ignored;
-    if (!fs::exists(source, ignored)) throw DataError(fmt::format("{}: no such folder or file", source.string()));
-    if (!fs::is_directory(source, ignored)) return load_transforms(source);
+    if (!path_exists(source)) throw DataError(fmt::format("{}: no such folder or file", source.string()));
+    if (!folder_exists(source)) return load_transforms(source);
     std::vector<std::string> notes;
     if (const fs::path model = find_colmap_model(source, notes); !model.empty()) {
         SourceScene scene = load_colmap(source, model, options);
         scene.notes.insert(scene.notes.begin(), notes.begin(), notes.end());
         return scene;
     }
-    if (fs::exists(source / "transforms_train.json", ignored)) return load_nerf_synthetic(source);
-    if (fs::exists(source / "transforms.json", ignored)) return load_transforms(source / "transforms.json");
+    if (path_exists(source / "transforms_train.json")) return load_nerf_synthetic(source);
+    if (path_exists(source / "transforms.json")) return load_transforms(source / "transforms.json");
     throw DataError(fmt::format(
         "{}: not a scene: neither sparse/0/cameras.bin (or .txt) nor transforms_train.json nor transforms.json found; "
         "photographs alone need 'gsapp prepare' first",
@@ -49,15 +49,17 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
 /// Marks the views whose names a list file holds, one per line, with or without extension. Throws DataError for an
 /// unreadable file or an unknown name.
 std::vector<bool> read_test_list(const std::string& path, const std::vector<SourceView>& views) {
-    std::ifstream in(path);
-    if (!in) throw DataError(fmt::format("test list {}: cannot be opened", path));
+    if (const std::string fault = input_fault(path); !fault.empty())
+        throw DataError(fmt::format("test list {}: cannot be read: {}", path, fault));
+    std::ifstream in = open_input(path);
     std::map<std::string, std::size_t> by_name;
     for (std::size_t i = 0; i < views.size(); ++i) by_name.emplace(without_extension(views[i].name), i);
     for (std::size_t i = 0; i < views.size(); ++i) by_name[views[i].name] = i;
     std::vector<bool> test(views.size());
     std::size_t number = 0;
     for (std::string line; std::getline(in, line);) {
-        ++number;
+        constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";  // editors on Windows write it
+        if (++number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
         line.erase(line.find_last_not_of(" \t\r") + 1);
         if (line.empty() || line[0] == '#') continue;
         const auto it = by_name.find(line);

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/image_files.h"
 #include "lib/scene/source_scene.h"
 #include "lib/scene/transforms_reader.h"
@@ -17,12 +18,16 @@ namespace fs = std::filesystem;
 
 /// Finds the image of a frame, whose file_path may lack the extension.
 std::optional<fs::path> find_image(const fs::path& folder, const std::string& file_path) {
-    std::error_code ignored;
+    const auto is_there = [](const fs::path& path) {
+        std::error_code error;
+        const fs::file_type type = fs::status(path, error).type();
+        // A file that cannot be looked at is there: reading it says why it is of no use.
+        return type != fs::file_type::not_found && type != fs::file_type::directory;
+    };
     const fs::path exact = folder / file_path;
-    if (fs::is_regular_file(exact, ignored)) return exact;
+    if (is_there(exact)) return exact;
     for (const std::string_view extension : kImageExtensions)
-        if (fs::path candidate = exact.string() + std::string(extension); fs::is_regular_file(candidate, ignored))
-            return candidate;
+        if (fs::path candidate = exact.string() + std::string(extension); is_there(candidate)) return candidate;
     return {};
 }
 
@@ -76,8 +81,7 @@ SourceScene load_nerf_synthetic(const fs::path& folder) {
     out.random_init_half_extent = 1.5;
     Preflight preflight;
     append(read_transforms(folder / "transforms_train.json"), preflight, false, out);
-    std::error_code ignored;
-    if (const fs::path test = folder / "transforms_test.json"; fs::exists(test, ignored)) {
+    if (const fs::path test = folder / "transforms_test.json"; path_exists(test)) {
         append(read_transforms(test), preflight, true, out);
         out.given_split = "transforms_train.json / transforms_test.json";
     }
@@ -93,15 +97,14 @@ SourceScene load_transforms(const fs::path& path) {
     append(file, preflight, false, out);
     apply_explicit_split(file, out);
     const fs::path test = path.parent_path() / "transforms_test.json";
-    std::error_code ignored;
-    if (out.given_split.empty() && path.filename() != test.filename() && fs::exists(test, ignored)) {
+    if (out.given_split.empty() && path.filename() != test.filename() && path_exists(test)) {
         append(read_transforms(test), preflight, true, out);
         out.given_split = path.filename().string() + " / transforms_test.json";
     }
     finish(preflight, path, out);
     if (!file.point_file.empty()) {
         const fs::path points = path.parent_path() / file.point_file;
-        if (fs::exists(points, ignored))
+        if (path_exists(points))
             out.points = read_point_ply(points);
         else
             out.notes.push_back(

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "lib/core/input_file.h"
 #include "lib/scene/image_files.h"
 
 namespace gs {
@@ -14,9 +15,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Whether there is such a mask, be it readable or not: reading it says why it is not. A name that is too long, as one
+/// with a second extension may be, is no mask's.
 bool names_file(const fs::path& path) {
-    std::error_code ignored;
-    return fs::is_regular_file(path, ignored);
+    std::error_code error;
+    const fs::file_type type = fs::status(path, error).type();
+    return error != std::errc::filename_too_long && type != fs::file_type::not_found &&
+           type != fs::file_type::directory;
 }
 
 /// Returns `image` with `channels` channels: surplus ones are cut, missing ones are filled with full alpha.
@@ -50,8 +55,7 @@ std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& imag
     std::vector<std::string> names{image_name + ".png", image_name, stem + ".png", stem + ".mask.png"};
     for (const std::string_view extension : kImageExtensions) names.push_back(stem + std::string(extension));
     for (const fs::path& folder : folders) {
-        std::error_code ignored;
-        if (!fs::is_directory(folder, ignored)) continue;
+        if (!folder_exists(folder)) continue;
         for (const std::string& name : names)
             if (names_file(folder / name)) return MaskFile{folder / name, false};
     }

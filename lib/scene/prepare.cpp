@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/process.h"
 #include "lib/io/image.h"
@@ -37,23 +38,22 @@ struct WorkFolder {
 };
 
 bool lies_within(const fs::path& inner, const fs::path& outer) {
-    const fs::path relative = fs::weakly_canonical(inner).lexically_relative(fs::weakly_canonical(outer));
+    const fs::path relative = canonical_path(inner).lexically_relative(canonical_path(outer));
     return !relative.empty() && *relative.begin() != "..";
 }
 
 /// Checks the target first, because colmap may run for hours. Throws UsageError.
 void check_target(const PrepareOptions& options) {
-    std::error_code ignored;
     if (lies_within(options.scene, options.images))
         throw UsageError(fmt::format("{} lies inside the folder of photographs {}; give another -o",
                                      options.scene.string(), options.images.string()));
-    if (!fs::exists(options.scene, ignored)) return;
+    if (!path_exists(options.scene)) return;
     const std::string target = options.scene.string();
     if (lies_within(options.images, options.scene))
         throw UsageError(fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target,
                                      options.images.string()));
-    if (fs::is_directory(options.scene, ignored) && fs::is_empty(options.scene, ignored)) return;
-    if (!fs::is_directory(options.scene / "sparse", ignored))
+    if (folder_exists(options.scene) && list_folder(options.scene).empty()) return;
+    if (!folder_exists(options.scene / "sparse"))
         throw UsageError(fmt::format("{} exists and is not a scene; give another -o", target));
     if (!options.overwrite) throw UsageError(fmt::format("{} exists; --overwrite replaces it", target));
 }
@@ -64,7 +64,7 @@ bool same_size(const fs::path& images) {
     std::error_code error;
     std::set<std::pair<int, int>> sizes;
     for (fs::recursive_directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
-        if (!it->is_regular_file()) continue;
+        if (std::error_code ignored; !it->is_regular_file(ignored)) continue;
         try {
             const ImageInfo info = read_image_info(it->path());
             sizes.insert({info.width, info.height});

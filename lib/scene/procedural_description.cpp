@@ -12,6 +12,7 @@
 
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
+#include "lib/core/input_file.h"
 #include "lib/scene/procedural_yaml.h"
 
 namespace gs::procedural {
@@ -121,6 +122,10 @@ CameraRig read_cameras(const YAML::Node& node, const std::string& where) {
     CameraRig rig;
     section.read("width", rig.width, 8, 16384);
     section.read("height", rig.height, 8, 16384);
+    constexpr int kMaxPixels = 1 << 24;  // a few bytes of YAML must not ask for the whole memory
+    if (rig.width * rig.height > kMaxPixels)
+        throw UsageError(fmt::format("{}: {}x{} pixels are too many; at most {} are drawn", where, rig.width,
+                                     rig.height, kMaxPixels));
     section.read("fov", rig.fov, 1, 170);
     section.read("radius", rig.radius, 1e-3, kFar);
     // Straight up and down are excluded, because the picture's "up" is undefined there.
@@ -207,10 +212,7 @@ Description parse_description(const std::string& text, const std::string& origin
 Description load_description(const std::string& name) {
     const bool is_file = name.size() > 5 && (name.ends_with(".yaml") || name.ends_with(".yml"));
     if (!is_file) return parse_description(known_scene(name), "builtin:" + name);
-    std::ifstream file(name, std::ios::binary);
-    std::stringstream text;
-    if (!file || !(text << file.rdbuf())) throw DataError(fmt::format("{}: cannot be read", name));
-    return parse_description(text.str(), name);
+    return parse_description(read_input(name), name);
 }
 
 Camera rig_camera(const CameraRig& rig, bool test, int index) {

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 
 #include "kernels/core/error.h"
 #include "lib/core/nearest.h"
@@ -22,8 +23,10 @@ template <class T> void check_range(T value, T low, T high, const std::string& w
 YamlSection::YamlSection(const YAML::Node& node, std::string where, const std::vector<std::string>& known)
     : node_(node), where_(std::move(where)) {
     if (!node.IsMap()) throw UsageError(fmt::format("{}: expected a mapping (key: value)", where_));
+    std::set<std::string> keys;
     for (const auto& entry : node) {
         const std::string key = entry.first.Scalar();
+        if (!keys.insert(key).second) throw UsageError(fmt::format("{}: key '{}' stands twice", where_, key));
         if (std::find(known.begin(), known.end(), key) == known.end())
             throw UsageError(
                 fmt::format("{}: unknown key '{}'; did you mean '{}'?", where_, key, nearest_key(key, known)));

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 
 namespace gs {
@@ -224,11 +225,10 @@ std::optional<std::vector<std::string>> read_names(const Object& object, const c
 }  // namespace
 
 TransformsFile read_transforms(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    if (!in) throw DataError(fmt::format("{}: cannot be opened", path.string()));
+    std::ifstream in = open_input(path);
     json root;
     try {
-        root = json::parse(in, nullptr, true, true);
+        root = parse_json(in, true);
     } catch (const json::exception& error) {
         throw DataError(fmt::format("{}: not valid JSON: {}", path.string(), error.what()));
     }
@@ -280,6 +280,8 @@ LensCamera resolve_intrinsics(const TransformsIntrinsics& in, int image_width, i
     // If only one focal length is given, pixels are square.
     lens.fx = fx ? *fx : *fy;
     lens.fy = fy ? *fy : *fx;
+    if (!std::isfinite(lens.fx) || !std::isfinite(lens.fy))
+        throw DataError(fmt::format("{}: the focal length is not finite; the angle of view is too small", where));
     lens.cx = in.cx.value_or(0.5 * lens.width);
     lens.cy = in.cy.value_or(0.5 * lens.height);
     return lens;

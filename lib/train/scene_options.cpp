@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <string_view>
 
+#include "lib/core/input_file.h"
+
 namespace gs {
 namespace {
 
@@ -14,8 +16,8 @@ bool is_builtin(const std::string& source) { return source.starts_with(kBuiltin)
 
 /// Returns the folder of the scene, also if `source` names a file in it.
 std::filesystem::path scene_folder(const std::string& source) {
-    const std::filesystem::path path = std::filesystem::weakly_canonical(source);
-    return std::filesystem::is_regular_file(path) ? path.parent_path() : path;
+    const std::filesystem::path path = canonical_path(source);
+    return path_exists(path) && !folder_exists(path) ? path.parent_path() : path;
 }
 
 }  // namespace

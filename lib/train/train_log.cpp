@@ -3,6 +3,7 @@
 #include "lib/train/train_log.h"
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
 #include "lib/io/atomic_file.h"
 
@@ -10,8 +11,8 @@ namespace gs {
 
 TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : path_(path) {
     std::string kept;
-    if (iteration > 0) {
-        std::ifstream in(path);
+    if (iteration > 0 && path_exists(path)) {
+        std::ifstream in = open_input(path);
         for (std::string line; std::getline(in, line);) {
             const auto json = try_parse_json(line);  // a crash may have cut the last line short
             const auto at = json.is_object() ? json.find("iteration") : json.end();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the program answers to wrong calls: one message, the documented exit code, nothing on stdout, no files.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "tests/apps/program.h"
 
@@ -85,6 +86,71 @@ TEST(ExitCode, CudaIsNotAvailable) {
     const Program program;
     if (program.run("--version").out.find(", cuda") != std::string::npos) GTEST_SKIP() << "there is a CUDA device";
     expect_refusal(program, "train -s builtin:diffuse -m run --device cuda", 4, "--device cpu");
+}
+
+/// Every way to name a file or folder that is read, with @ in its place.
+const char* const kInputs[] = {"train -s @ -m run",
+                               "train -s builtin:diffuse --config @",
+                               "train -s builtin:diffuse -m run --resume @",
+                               "train -s builtin:diffuse -m @ --resume",
+                               "train -s scene --eval --test-list @ -m run",
+                               "train -s builtin:@.yaml -m run",
+                               "train -s builtin:diffuse --config parent.yaml",
+                               "eval @",
+                               "render @",
+                               "export @ -o out",
+                               "bench @",
+                               "bench frames @",
+                               "prune-appearance @ -o out",
+                               "metrics @ a.png",
+                               "view @"};
+
+std::string with_name(std::string arguments, const std::string& name) {
+    if (const auto at = arguments.find('@'); at != std::string::npos) arguments.replace(at, 1, name);
+    return arguments;
+}
+
+/// A refusal for a reason that lies in a file: code 2 or 3, and the message names it.
+void expect_named(const Program& program, const std::string& arguments, const std::string& name) {
+    const Outcome outcome = program.run(arguments, "timeout 10");
+    EXPECT_TRUE(outcome.exit_code == 2 || outcome.exit_code == 3)
+        << arguments.substr(0, 80) << " ended with " << outcome.exit_code << "\n"
+        << outcome.err;
+    EXPECT_NE(outcome.err.find(name), std::string::npos) << arguments.substr(0, 80) << "\n" << outcome.err;
+}
+
+TEST(ExitCode, NamesTooLongAndLoopsOfLinksAreNamed) {
+    const Program program;
+    std::filesystem::create_symlink("loop", program.path("loop"));
+    std::filesystem::create_symlink("loop.yaml", program.path("loop.yaml"));
+    for (const std::string& name : {std::string("loop"), std::string(300, 'x')}) {
+        program.folder().write("parent.yaml", "parent: " + name + "\n");
+        for (const char* arguments : kInputs)
+            if (std::string(arguments).find("--test-list") == std::string::npos)
+                expect_named(program, with_name(arguments, name), name.substr(0, 4));
+    }
+}
+
+TEST(ExitCode, PipesAndDevicesAreRefusedWithoutWaiting) {
+    const Program program;
+    program.folder().write("parent.yaml", "parent: pipe\n");
+    ASSERT_EQ(::mkfifo(program.path("pipe").c_str(), 0666), 0);
+    ASSERT_EQ(::mkfifo(program.path("pipe.yaml").c_str(), 0666), 0);
+    std::filesystem::create_directories(program.path("scene"));
+    for (const char* name : {"pipe", "/dev/zero"})
+        for (const std::string arguments : {"train -s @ -m run", "train -s builtin:diffuse --config @",
+                                            "train -s builtin:diffuse -m run --resume @", "metrics @ a.png"})
+            expect_named(program, with_name(arguments, name), name);
+    expect_named(program, "train -s builtin:diffuse --config parent.yaml", "pipe");
+    expect_named(program, "train -s builtin:pipe.yaml -m run", "pipe.yaml");
+}
+
+TEST(ExitCode, NumbersAreDecimal) {
+    const Program program;
+    for (const char* number : {"0x10", "010", "1e", "nan", "3x"}) {
+        expect_refusal(program, std::string("train -s builtin:diffuse --eval --time-frames ") + number, 2, number);
+        expect_refusal(program, std::string("render run --orbit ") + number, 2, number);
+    }
 }
 
 TEST(OptionsCommand, PrintsYamlThatTrainReads) {

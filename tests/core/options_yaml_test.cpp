@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Options in YAML files: round trip, parents, and what errors say.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
@@ -32,10 +35,11 @@ std::vector<std::string> other_value(const Option& option) {
         return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};
     if (std::holds_alternative<std::string TrainOptions::*>(option.field)) return {"a: \"b\" #c"};
     if (std::holds_alternative<bool TrainOptions::*>(option.field)) return {"true"};
-    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field))
-        return {of_model->is_whole ? "2" : "0.1234567890123456"};
+    const double low = option.min.value_or(0), high = option.max.value_or(1);
+    const std::string real = fmt::format("{}", low + 0.1234567890123456 * (std::min(high, low + 1) - low));
+    if (const auto* of_model = std::get_if<ModelOptionField>(&option.field)) return {of_model->is_whole ? "2" : real};
     if (std::holds_alternative<std::uint64_t TrainOptions::*>(option.field)) return {"18446744073709551615"};
-    if (std::holds_alternative<double TrainOptions::*>(option.field)) return {"0.1234567890123456"};
+    if (std::holds_alternative<double TrainOptions::*>(option.field)) return {real};
     if (std::holds_alternative<std::vector<std::int64_t> TrainOptions::*>(option.field)) return {"7", "30000"};
     return {"2"};
 }
@@ -101,6 +105,16 @@ TEST(OptionsYaml, WrongTypesNameFileLineKeyAndValue) {
     EXPECT_EQ(complaint("seed:\n"), "run.yaml:1: seed: the value is empty, but a single value is needed");
     EXPECT_EQ(complaint("test-iterations: [1, two]\n"), "run.yaml:1: test-iterations: 'two' is not a whole number");
     EXPECT_EQ(complaint("test-iterations: [[1]]\n"), "run.yaml:1: test-iterations: an element is a list, not a number");
+}
+
+TEST(OptionsYaml, ValuesOutOfRangeNameFileLineAndRange) {
+    EXPECT_EQ(complaint("seed: 1\nsh-degree: 7\n"), "run.yaml:2: option sh-degree: 7 is out of range (0..3)");
+    EXPECT_EQ(complaint("image-cache: 1 barrel\n").rfind("run.yaml:1: option image-cache: ", 0), 0u);
+    EXPECT_EQ(complaint("resolution: 3\n").rfind("run.yaml:1: option resolution: 3 ", 0), 0u);
+}
+
+TEST(OptionsYaml, KeysStandOnce) {
+    EXPECT_EQ(complaint("seed: 1\ncap-max: 5\nseed: 2\n"), "run.yaml:3: key 'seed' stands twice");
 }
 
 TEST(OptionsYaml, OneNumberIsAListOfOne) {

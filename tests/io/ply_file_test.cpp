@@ -69,6 +69,8 @@ TEST(PlyFile, DamagedHeadersAreNamedErrors) {
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element face 2\n"), "'face'");
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex -2\n"), "vertex count");
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 99999999999999999999\n"), "vertex count");
+    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1 2\n"), "vertex count");
+    EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 0x10\n"), "vertex count");
     EXPECT_CONTAINS(
         read_error(folder, std::string(kStart) + "element vertex 1\nproperty list uchar int i\nend_header\n"), "list");
     EXPECT_CONTAINS(read_error(folder, std::string(kStart) + "element vertex 1\nproperty half x\nend_header\n"),
@@ -85,7 +87,7 @@ TEST(PlyFile, DamagedHeadersAreNamedErrors) {
                        "element vertex 1152921504606846976\nproperty double x\nproperty double y\nend_header\n1234567"),
         "truncated");
     EXPECT_CONTAINS(message_of<DataError>([&] { PlyReader file(folder / "absent.ply"); }), "No such file");
-    EXPECT_CONTAINS(message_of<DataError>([&] { PlyReader file(folder.path()); }), "directory");
+    EXPECT_CONTAINS(message_of<DataError>([&] { PlyReader file(folder.path()); }), "it is a folder");
 }
 
 }  // namespace

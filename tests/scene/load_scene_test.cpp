@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole scenes: image folders, sizes, splits, masks, pre-flight notes, extent.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "kernels/core/error.h"
 #include "lib/scene/scene.h"
+#include "tests/core/unprivileged.h"
 #include "tests/scene/scene_fixture.h"
 
 namespace gs {
@@ -84,7 +86,70 @@ TEST(LoadScene, TestListOverridesTheRule) {
     spit(folder / "list.txt", "b.png\nx.png\n");
     EXPECT_CONTAINS(error_of(options), "list.txt: line 2: no image is named 'x.png'");
     options.test_list = "no/such/file";
-    EXPECT_CONTAINS(error_of(options), "cannot be opened");
+    EXPECT_CONTAINS(error_of(options), "cannot be read: No such file");
+}
+
+TEST(LoadScene, TestListMayBeginWithAByteOrderMark) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), numbered(4));
+    spit(folder / "list.txt",
+         "\xef\xbb\xbf"
+         "b.png\r\nd.png");
+    SceneOptions options = at(folder.path(), true);
+    options.test_list = (folder / "list.txt").string();
+    EXPECT_EQ(names_of(load_scene(options).test), (std::vector<std::string>{"b.png", "d.png"}));
+    options.test_list = "/dev/zero";
+    EXPECT_CONTAINS(error_of(options), "test list /dev/zero: cannot be read: it is a device");
+}
+
+TEST(LoadScene, PipesInPlaceOfImagesMasksAndModelsAreNamed) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), numbered(2));
+    const auto make_pipe = [&](const std::string& name) {
+        std::filesystem::remove(folder / name);
+        ASSERT_EQ(::mkfifo((folder / name).c_str(), 0666), 0);
+    };
+    make_pipe("images/a.png");
+    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "a.png: it is a named pipe"));
+    std::filesystem::create_directory(folder / "masks");
+    make_pipe("masks/b.png");
+    const Scene scene = load_scene(at(folder.path()));
+    EXPECT_CONTAINS(message_of<DataError>([&] { scene.train[0].load(); }), "masks/b.png: it is a named pipe");
+    make_pipe("sparse/0/cameras.bin");
+    EXPECT_CONTAINS(error_of(at(folder.path())), "cameras.bin: cannot be read: it is a named pipe");
+}
+
+TEST(LoadScene, WhatMayNotBeReadIsSaidToBe) {
+    namespace fs = std::filesystem;
+    TempFolder folder;
+    write_colmap_scene(folder.path(), numbered(2));
+    fs::permissions(folder.path(), fs::perms(0755));
+    const auto error_without = [&](const std::string& name) {
+        const fs::path path = name.empty() ? folder.path() : folder / name;
+        fs::permissions(path, fs::perms::none);
+        std::string error;
+        {
+            const Unprivileged nobody;
+            error = nobody.bound() ? error_of(at(folder.path())) : "skipped";
+        }
+        fs::permissions(path, fs::perms(0755));
+        return error;
+    };
+    const std::string error = error_without("images");
+    if (error == "skipped") GTEST_SKIP() << "root is bound by no permissions";
+    EXPECT_CONTAINS(error, "images: cannot be listed: Permission denied");
+    EXPECT_CONTAINS(error_without(""), "Permission denied");
+    EXPECT_CONTAINS(error_without("sparse"), "sparse: cannot be listed: Permission denied");
+    EXPECT_CONTAINS(error_without("sparse/0/images.bin"), "images.bin: cannot be read: Permission denied");
+}
+
+TEST(LoadScene, FolderNamesMayHoldPatterns) {
+    TempFolder folder;
+    write_colmap_scene(folder / "scene", numbered(2));
+    std::filesystem::rename(folder / "scene", folder / "*?[a]");
+    const Scene scene = load_scene(at(folder / "*?[a]"));
+    EXPECT_EQ(scene.train.size(), 2u);
+    EXPECT_EQ(scene.train[0].load().color.u8, gradient_image(16, 12).u8);
 }
 
 TEST(LoadScene, OneImageIsNeverHeldOut) {

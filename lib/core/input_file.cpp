@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// Looks at a file before it is opened.
+#include "lib/core/input_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+const char* kind_word(fs::file_type type) {
+    switch (type) {
+        case fs::file_type::directory:
+            return "a folder";
+        case fs::file_type::fifo:
+            return "a named pipe (FIFO)";
+        case fs::file_type::character:
+        case fs::file_type::block:
+            return "a device";
+        case fs::file_type::socket:
+            return "a socket";
+        default:
+            return "a special file";
+    }
+}
+
+[[noreturn]] void fail(const fs::path& path, const std::string& reason) {
+    throw DataError(fmt::format("{}: {}", path.string(), reason));
+}
+
+}  // namespace
+
+std::string input_fault(const fs::path& path) {
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    // `status` reports a missing file as an error, too.
+    if (error) return error.message();
+    if (!fs::is_regular_file(status)) return fmt::format("it is {}, not a regular file", kind_word(status.type()));
+    const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0) return std::strerror(errno);
+    ::close(fd);
+    return {};
+}
+
+std::ifstream open_input(const fs::path& path) {
+    if (const std::string fault = input_fault(path); !fault.empty()) fail(path, "cannot be read: " + fault);
+    std::ifstream in(path, std::ios::binary);
+    if (!in) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
+    return in;
+}
+
+std::string read_input(const fs::path& path) {
+    std::ifstream in = open_input(path);
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(path, error);
+    if (error) fail(path, "cannot be read: " + error.message());
+    std::string data(size, '\0');
+    in.read(data.data(), std::streamsize(size));
+    if (std::uintmax_t(in.gcount()) != size)
+        fail(path, fmt::format("cannot be read: only {} of {} bytes came", in.gcount(), size));
+    return data;
+}
+
+bool path_exists(const fs::path& path) {
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    if (status.type() == fs::file_type::not_found) return false;
+    if (error) fail(path, error.message());
+    return true;
+}
+
+bool folder_exists(const fs::path& path) {
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    if (status.type() == fs::file_type::not_found) return false;
+    if (error) fail(path, error.message());
+    return fs::is_directory(status);
+}
+
+std::vector<fs::path> list_folder(const fs::path& folder) {
+    std::vector<fs::path> entries;
+    std::error_code error;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+        entries.push_back(it->path());
+    if (error) fail(folder, "cannot be listed: " + error.message());
+    std::sort(entries.begin(), entries.end());
+    return entries;
+}
+
+fs::path canonical_path(const fs::path& path) {
+    std::error_code error;
+    fs::path canonical = fs::weakly_canonical(path, error);
+    if (error) fail(path, error.message());
+    return canonical;
+}
+
+}  // namespace gs

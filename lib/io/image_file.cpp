@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opens and decodes image files with OpenImageIO.
+#include "lib/io/image_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstdint>
+#include <type_traits>
+#include <vector>
+
+#include "kernels/core/error.h"
+#include "lib/io/image_claim.h"
+
+namespace gs {
+namespace {
+
+std::string reason_from(std::string text) {
+    while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
+    return text.empty() ? "unknown reason" : text;
+}
+
+/// Returns the fewest bytes that a TIFF or EXR file of this header can have, 0 where its compression sets no bound.
+double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
+    const std::string compression = spec.get_string_attribute("compression", "none");
+    const auto ratio = [&]() -> double {
+        if (compression == "none") return 1;
+        if (compression == "packbits" || compression == "rle") return 64;  // a run of 128 in two bytes
+        if (compression == "zip" || compression == "zips") return 1032;    // deflate: a match of 258 in two bits
+        if (compression == "lzw") return 2731;                             // fewer than 4096 bytes in 12 bits
+        return 0;
+    }();
+    if (ratio == 0) return 0;
+    const double pixels = double(spec.width) * spec.height;
+    if (format == "openexr") return double(spec.image_bytes(true)) / ratio;
+    // Palettes and subsampled colours store fewer values than channels.
+    const int photometric = spec.get_int_attribute("tiff:PhotometricInterpretation", -1);
+    const int channels = photometric >= 0 && photometric <= 2 ? spec.nchannels : 1;
+    const int bits = spec.get_int_attribute("oiio:BitsPerSample", int(8 * spec.format.size()));
+    return pixels * channels * bits / 8 / ratio;
+}
+
+}  // namespace
+
+ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
+    ImageClaim claim = read_image_claim(path);
+    // Three bytes a pixel are the least that an image becomes; the number of channels is known below.
+    if (claim.width > 0) check_image_claim(path, claim, 3.0 * double(claim.width) * double(claim.height));
+    try {
+        file_ = std::make_unique<OIIO::Filesystem::IOFile>(path.string(), OIIO::Filesystem::IOProxy::Read);
+        input_ = OIIO::ImageInput::create(claim.format);
+        if (!input_) fail(fmt::format("cannot be decoded: OpenImageIO was built without {}", claim.format));
+        OIIO::ImageSpec config, header;
+        config.attribute("oiio:UnassociatedAlpha", 1);  // alpha stays straight where the format stores it that way
+        const bool takes_file = input_->supports("ioproxy");  // all six formats do from OpenImageIO 2.4 on
+        if (takes_file) input_->set_ioproxy(file_.get());
+        if (!input_->open(takes_file ? "image" : path.string(), header, config))
+            fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
+    } catch (const std::exception& e) {
+        if (dynamic_cast<const Error*>(&e)) throw;
+        fail(fmt::format("cannot be decoded: {}", e.what()));
+    }
+    const OIIO::ImageSpec& spec = input_->spec();
+    if (spec.nchannels <= 0)
+        fail(fmt::format("size {}x{} with {} channels is not an image", spec.width, spec.height, spec.nchannels));
+    if (spec.deep || spec.depth > 1) fail("deep and volume images are not photographs");
+    if (claim.width == 0) {
+        claim.least_bytes = least_bytes(spec, claim.format);
+        // One strip may hold the whole image, and tiles are decoded together.
+        claim.work_bytes = double(spec.image_bytes(true)) * (spec.tile_width > 0 ? 2 : 1);
+    }
+    claim.width = spec.width, claim.height = spec.height;
+    const int channels = spec.nchannels == 2 || spec.nchannels > 3 ? 4 : 3, bytes = spec.format.size() > 1 ? 4 : 1;
+    check_image_claim(path, claim, double(spec.width) * spec.height * channels * bytes);
+}
+
+template <class T> void ImageFile::decode(const std::function<void(const T*, std::size_t)>& take) {
+    constexpr auto kType = std::is_same_v<T, float> ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+    const OIIO::ImageSpec& spec = input_->spec();
+    const std::size_t row = std::size_t(spec.width) * std::size_t(spec.nchannels);
+    const auto check = [&](bool done) {
+        if (!done) fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
+    };
+    try {
+        if (spec.tile_width > 0) {
+            std::vector<T> samples(row * std::size_t(spec.height));
+            check(input_->read_image(0, 0, 0, spec.nchannels, kType, samples.data()));
+            take(samples.data(), samples.size());
+            return;
+        }
+        // Whole strips of a TIFF, which are decoded together, and some four million values at least.
+        const std::size_t strip =
+            std::size_t(std::clamp(spec.get_int_attribute("tiff:RowsPerStrip", 1), 1, spec.height));
+        const std::size_t wanted = std::max<std::size_t>(1, (std::size_t(1) << 22) / row);
+        const int rows = int(std::min((wanted + strip - 1) / strip * strip, std::size_t(spec.height)));
+        std::vector<T> samples(row * std::size_t(rows));
+        for (int y = 0; y < spec.height; y += rows) {
+            const int end = std::min(y + rows, spec.height);
+            check(input_->read_scanlines(0, 0, spec.y + y, spec.y + end, 0, 0, spec.nchannels, kType, samples.data()));
+            take(samples.data(), row * std::size_t(end - y));
+        }
+    } catch (const std::exception& e) {
+        if (dynamic_cast<const Error*>(&e)) throw;
+        fail(fmt::format("cannot be decoded: {}", e.what()));
+    }
+}
+
+template void ImageFile::decode(const std::function<void(const float*, std::size_t)>&);
+template void ImageFile::decode(const std::function<void(const std::uint8_t*, std::size_t)>&);
+
+void ImageFile::fail(const std::string& reason) const {
+    throw DataError(fmt::format("image {}: {}", path_.string(), reason));
+}
+
+}  // namespace gs

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// An image file opened by OpenImageIO: by its first bytes and not by its name, and only if it can hold what it
+// declares.
+#pragma once
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace gs {
+
+class ImageFile {
+  public:
+    /// Reads the header. Throws DataError naming the file and the reason.
+    explicit ImageFile(const std::filesystem::path& path);
+
+    const OIIO::ImageSpec& spec() const { return input_->spec(); }
+
+    /// Decodes from top to bottom and hands on some rows at a time: `take(samples, count)` with `count` values of all
+    /// channels, of type T. So memory only grows as rows come. T is float or std::uint8_t. Throws DataError.
+    template <class T> void decode(const std::function<void(const T*, std::size_t)>& take);
+
+    /// Throws DataError "image FILE: reason".
+    [[noreturn]] void fail(const std::string& reason) const;
+
+  private:
+    std::filesystem::path path_;
+    // A name may hold characters that OpenImageIO would read as a query ("?") or a pattern. It gets the open file.
+    std::unique_ptr<OIIO::Filesystem::IOFile> file_;
+    std::unique_ptr<OIIO::ImageInput> input_;
+};
+
+}  // namespace gs

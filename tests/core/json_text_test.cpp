@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// JSON that would be taken for something else, or end the program, is refused.
+#include "lib/core/json_text.h"
+
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+namespace gs {
+namespace {
+
+std::string refusal(const std::string& text) {
+    try {
+        parse_json(text);
+    } catch (const nlohmann::json::exception& e) {
+        return e.what();
+    }
+    return "";
+}
+
+TEST(JsonText, KeysStandOnceInAnObject) {
+    EXPECT_NE(refusal(R"({"a": 1, "b": {"a": 2, "a": 3}})").find("\"a\" stands twice"), std::string::npos);
+    EXPECT_EQ(refusal(R"({"a": [{"a": 1}, {"a": 2}], "b": {"a": {}}})"), "");
+    EXPECT_TRUE(try_parse_json(R"({"a": 1, "a": 2})").is_discarded());
+}
+
+TEST(JsonText, DeepNestingIsRefusedBeforeItOverflowsTheStack) {
+    constexpr std::size_t kDeep = 300000;
+    EXPECT_NE(refusal(std::string(kDeep, '[') + std::string(kDeep, ']')).find("nested deeper"), std::string::npos);
+    std::istringstream in(std::string(kDeep, '['));
+    EXPECT_TRUE(try_parse_ordered_json(in).is_discarded());
+    const std::string shallow = std::string(90, '[') + std::string(90, ']');
+    EXPECT_EQ(json_text(parse_json(shallow)), shallow);
+}
+
+TEST(JsonText, CommentsAreTakenWhereTheyAreAllowed) {
+    const std::string text = "{\"a\": 1 // one\n}";
+    std::istringstream with(text), without(text);
+    EXPECT_EQ(parse_json(with, true).at("a"), 1);
+    EXPECT_THROW(parse_json(without), nlohmann::json::exception);
+}
+
+}  // namespace
+}  // namespace gs
