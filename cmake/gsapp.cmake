@@ -17,6 +17,15 @@ if(GSAPP_SANITIZE)
   target_compile_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE} -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g)
   target_link_options(gsapp_flags INTERFACE -fsanitize=${GSAPP_SANITIZE})
 endif()
+if(GSAPP_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    message(FATAL_ERROR "GSAPP_FUZZ needs clang 16 or later with its compiler-rt: apt-get install clang-16 libclang-rt-16-dev, and the preset fuzz")
+  endif()
+  # libFuzzer sees which branches of the libraries an input takes. Casts of numbers that do not fit are undefined, too, but
+  # belong to no group. Clang 16 cannot capture structured bindings where it reads OpenMP, and warns of GCC's flags.
+  target_compile_options(gsapp_flags INTERFACE -fsanitize=fuzzer-no-link,float-cast-overflow -fno-sanitize-recover=float-cast-overflow
+    -gline-tables-only -fno-openmp-simd -Wno-unknown-warning-option -Wno-source-uses-openmp)
+endif()
 
 include(cmake/precompile.cmake)
 
