@@ -78,7 +78,7 @@ std::vector<Target> run_targets() {
          },
          read_options},
         {"cameras.json", [] { return std::vector{cameras()}; },
-         [](const std::string& bytes) { read_camera_path(put("cameras.json", bytes)); }},
+         [](const std::string& bytes) { read_camera_path(put("cameras.json", bytes), {}); }},
         {"results.json",
          [] {
              return std::vector<std::string>{kResults, R"({"ours_30000": {"SSIM": 1, "PSNR": null}})"};
