@@ -54,22 +54,25 @@ void RunLock::lock_file() {
     for (;;) {
         file_fd_ = ::openat(folder_fd_, kLockName, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
         if (file_fd_ < 0)
-            throw DataError(fmt::format("cannot write in the output folder '{}': {}; choose an output folder you may "
-                                        "write to",
-                                        folder_.string(), std::strerror(errno)));
+            throw DataError(
+                fmt::format("cannot write in the output folder '{}': {}; choose an output folder you may "
+                            "write to",
+                            folder_.string(), std::strerror(errno)));
         int result = 0;
         do {
             result = ::flock(file_fd_, LOCK_EX | LOCK_NB);
         } while (result != 0 && errno == EINTR);
         if (result != 0 && errno == EWOULDBLOCK)
-            throw UsageError(fmt::format("another run{} writes into the output folder '{}'; choose another --model "
-                                         "folder, or wait until that run has ended",
-                                         holder(file_fd_), folder_.string()));
+            throw UsageError(
+                fmt::format("another run{} writes into the output folder '{}'; choose another --model "
+                            "folder, or wait until that run has ended",
+                            holder(file_fd_), folder_.string()));
         if (result != 0)
             log_warning("'{}' cannot be locked ({}): make sure that no other run writes into it", folder_.string(),
                         std::strerror(errno));
         // A run that ended in between has removed the file that is now locked. Its successor is another file.
-        struct stat locked {}, named {};
+        struct stat locked {
+        }, named{};
         if (::fstat(file_fd_, &locked) == 0 && ::fstatat(folder_fd_, kLockName, &named, 0) == 0 &&
             same_file(locked, named))
             break;
@@ -87,10 +90,11 @@ RunLock::~RunLock() {
 }
 
 void RunLock::check_folder() const {
-    struct stat locked {}, named {};
+    struct stat locked {
+    }, named{};
     if (::fstat(folder_fd_, &locked) == 0 && ::stat(folder_.c_str(), &named) == 0 && same_file(locked, named)) return;
-    throw DataError(fmt::format("the output folder '{}' was removed or replaced while the run wrote to it",
-                                folder_.string()));
+    throw DataError(
+        fmt::format("the output folder '{}' was removed or replaced while the run wrote to it", folder_.string()));
 }
 
 }  // namespace gs

@@ -98,7 +98,8 @@ class Signals(unittest.TestCase):
         for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
             with self.subTest(number):
                 shutil.rmtree(self.run_folder, ignore_errors=True)
-                process = self.stop_after_first_checkpoint(self.arguments(iterations=1000000))
+                default = lambda: signal.signal(number, signal.SIG_DFL)  # whatever this test was started with
+                process = self.stop_after_first_checkpoint(self.arguments(iterations=1000000), preexec_fn=default)
                 process.send_signal(number)
                 process.send_signal(signal.SIGCONT)
                 self.assertEqual(self.finish(process), 130, self.messages)

@@ -52,7 +52,7 @@ TEST(CameraPath, MapCoordinatesAreReadFromTheFilesOffset) {
         const Eigen::Vector3d center = scene.train[i].camera.center();
         EXPECT_NEAR((cameras[i].center() - center).norm(), 0, 1e-9);
         EXPECT_NEAR((in_scene[i].center() - scene.frame.to_scene(center)).norm(), 0, 1e-6);
-    }
+        {R"([{"width":900000,"height":600,"position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]],"fy":5}])", "900000"},
     // A file without an offset has the scene's own coordinates.
     const auto own =
         read_camera_path(folder.write("own.json", R"([{"width":8,"height":6,"position":[500100,4000000,100],)"

@@ -70,5 +70,17 @@ TEST_F(TrainingEvaluationTest, AddsPicturesAndTimesOfTheTrainedModel) {
     EXPECT_EQ(json["num_gaussians"]["ours_20"], 7);
 }
 
+TEST_F(TrainingEvaluationTest, TheTimeOfAPartIsNotThatOfTheRun) {
+    TrainingEvaluation evaluation(options_, scene_, progress_, 0);
+    evaluation(20, backend_);
+    evaluation.finish({.iterations = 20,
+                       .num_gaussians = 7,
+                       .train_seconds = 4,
+                       .memory = {},
+                       .photometric = "",
+                       .whole_time = false});
+    EXPECT_FALSE(results()["timing"]["ours_20"].contains("train_seconds"));
+}
+
 }  // namespace
 }  // namespace gs
