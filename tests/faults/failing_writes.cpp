@@ -3,7 +3,7 @@
 // them fail, or all from one on, as a full disk does. Environment:
 //   GSAPP_FAULT_ROOT    the folder; calls on other files pass
 //   GSAPP_FAULT_AT      number of the call that fails, from 1; 0 = none
-//   GSAPP_FAULT_KEEP    1 = the calls after it fail as well
+//   GSAPP_FAULT_KEEP    1 = the calls after it fail as well, but for renames, which need no space
 //   GSAPP_FAULT_ERROR   errno of the failure
 //   GSAPP_FAULT_REPORT  file that gets one line a call: "KIND PATH"
 // Only the program gsapp is affected; the programs that it starts inherit the variables, but not the failures.
@@ -35,9 +35,8 @@ template <class Function> Function* original(const char* name) {
 }
 
 bool below_root(const std::string& path) {
-    static const std::string root = strncmp(program_invocation_short_name, "gsapp", 5) == 0
-                                        ? setting("GSAPP_FAULT_ROOT")
-                                        : "";
+    static const std::string root =
+        strncmp(program_invocation_short_name, "gsapp", 5) == 0 ? setting("GSAPP_FAULT_ROOT") : "";
     return !root.empty() && path.compare(0, root.size() + 1, root + "/") == 0;
 }
 
@@ -55,7 +54,8 @@ bool fails(const char* kind, const std::string& path) {
         const std::string line = std::string(kind) + " " + path + "\n";
         if (fd >= 0) syscall(SYS_write, fd, line.data(), line.size()), syscall(SYS_close, fd);
     }
-    if (at == 0 || (keep ? number < at : number != at)) return false;
+    const bool also = keep && number > at && strcmp(kind, "rename") != 0;
+    if (at == 0 || (number != at && !also)) return false;
     errno = atoi(setting("GSAPP_FAULT_ERROR"));
     return true;
 }
