@@ -11,6 +11,7 @@
 #include "lib/core/input_file.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
+#include "lib/core/utf8.h"
 #include "lib/core/version.h"
 
 namespace gs {
@@ -112,6 +113,20 @@ void apply_file(TrainOptions& options, const fs::path& file, std::vector<fs::pat
     }
 }
 
+/// Returns a quoted text with its bytes as they are. The library's emitter replaces those that are no UTF-8, and then
+/// the file of that name would not be found again; its reader passes them on.
+std::string raw_scalar(const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) {
+        if (c == '"' || c == '\\') out += '\\';
+        if (static_cast<unsigned char>(c) < 0x20)
+            out += fmt::format("\\x{:02x}", c);
+        else
+            out += c;
+    }
+    return out + '"';
+}
+
 }  // namespace
 
 TrainOptions load_options_yaml(const fs::path& path) {
@@ -123,6 +138,7 @@ TrainOptions load_options_yaml(const fs::path& path) {
 
 std::string options_to_yaml(const TrainOptions& options) {
     YAML::Emitter out;
+    std::vector<std::pair<std::string, std::string>> raw;  // what stands for a text, and the text
     out << YAML::BeginMap;
     std::string group;
     for (const Option& option : train_option_table()) {
@@ -133,11 +149,15 @@ std::string options_to_yaml(const TrainOptions& options) {
         out << YAML::Key << option.key << YAML::Value;
         if (const auto* list = std::get_if<std::vector<std::int64_t> TrainOptions::*>(&option.field))
             out << YAML::Flow << options.**list;
+        else if (const std::string text = option_text(option, options); is_utf8(text))
+            out << text;
         else
-            out << option_text(option, options);
+            out << raw.emplace_back(fmt::format("not-utf-8-{}", option.key), raw_scalar(text)).first;
     }
     out << YAML::EndMap;
-    return "# " + version_text() + "\n" + out.c_str() + "\n";
+    std::string yaml = "# " + version_text() + "\n" + out.c_str() + "\n";
+    for (const auto& [mark, text] : raw) yaml.replace(yaml.find(": " + mark) + 2, mark.size(), text);
+    return yaml;
 }
 
 TrainOptions load_run_options(const fs::path& run_folder) {

@@ -14,6 +14,7 @@
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
+#include "lib/core/utf8.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
 #include "lib/io/temporary.h"
@@ -113,13 +114,17 @@ void remove_leftovers_of_runs(const RunFolder& folder) {
     for (const fs::path& path : folders) remove_leftovers(path);
 }
 
-/// Returns the text as a Python string literal.
+/// Returns the text as a Python string literal. Bytes of a name that is not UTF-8 are written as Python itself reads
+/// such names (surrogateescape).
 std::string quoted(const std::string& text) {
+    const bool utf8 = is_utf8(text);
     std::string out = "'";
     for (const char c : text) {
         if (c == '\\' || c == '\'') out += '\\';
         if (c == '\n') {
             out += "\\n";
+        } else if (!utf8 && static_cast<unsigned char>(c) >= 0x80) {
+            out += fmt::format("\\udc{:02x}", static_cast<unsigned char>(c));
         } else {
             out += c;
         }

@@ -144,17 +144,23 @@ void sync_scene(const fs::path& scene) {
     if (error != 0) fail_to_write("write", scene, error);
 }
 
-/// Puts the new scene in the place of an earlier one, which goes to `old`, and back if that fails.
-void put_in_place(const fs::path& scene, const fs::path& target, const fs::path& old) {
+/// Puts the new scene in the place of an earlier one, which is removed only then, and put back if that fails.
+void put_in_place(const fs::path& scene, const fs::path& target) {
+    const fs::path old = target.string() + fmt::format(".replaced-{}", ::getpid());
     const bool replaces = fs::exists(fs::symlink_status(target));
     if (replaces) fs::rename(target, old);
     try {
         fs::rename(scene, target);
-    } catch (const fs::filesystem_error&) {
-        if (replaces) fs::rename(old, target);
+    } catch (const fs::filesystem_error& e) {
+        std::error_code error;
+        if (replaces) fs::rename(old, target, error);
+        if (error)
+            throw DataError(fmt::format("{}: {}; the earlier scene is now in {}", target.string(), e.code().message(),
+                                        old.string()));
         throw;
     }
     sync_folder(target.parent_path(), target);
+    fs::remove_all(old);
 }
 
 }  // namespace
@@ -187,7 +193,7 @@ void prepare_scene(const PrepareOptions& options, const PrepareProgress& progres
                   progress);
         arrange(dense);
         sync_scene(dense);
-        put_in_place(dense, target, work.path() / "old");
+        put_in_place(dense, target);
     } catch (const fs::filesystem_error& e) {
         const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // of a rename the target
         throw DataError(fmt::format("{}: {}", path.string(), e.code().message()));

@@ -71,6 +71,18 @@ TEST(OptionsYaml, DefaultsSurviveTheRoundTrip) {
     EXPECT_EQ(options_to_yaml(read), options_to_yaml({}));
 }
 
+TEST(OptionsYaml, NamesThatAreNotUtf8SurviveTheRoundTrip) {
+    for (const char* name :
+         {"caf\xE9", "\xFF", "a \"b\" \\ \t #c: \xE9\n", "not-utf-8-source", "caf\xC3\xA9", "'\xE9'"}) {
+        TrainOptions options;
+        options.source = options.model = name;
+        TemporaryFolder folder;
+        const TrainOptions back = load_options_yaml(folder.write("run.yaml", options_to_yaml(options)));
+        EXPECT_EQ(back.source, name);
+        EXPECT_EQ(back.model, name);
+    }
+}
+
 TEST(OptionsYaml, ChildBeatsParentAndParentIsRelativeToTheFile) {
     TemporaryFolder folder;
     std::filesystem::create_directory(folder.path() / "sub");

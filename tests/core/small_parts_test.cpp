@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
 
 #include "kernels/core/error.h"
@@ -11,6 +12,7 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/nearest.h"
+#include "lib/core/utf8.h"
 #include "lib/core/version.h"
 #include "tests/core/temporary_folder.h"
 
@@ -68,6 +70,26 @@ TEST(Interrupt, SecondSignalEndsTheProgram) {
 TEST(Version, NamesTheProgram) {
     EXPECT_EQ(version_text().rfind("gsapp ", 0), 0u);
     EXPECT_NE(version_text().find(version()), std::string::npos);
+}
+
+TEST(Utf8, IsToldFromOtherBytes) {
+    for (const char* text :
+         {"", "plain", "\xC3\xA9", "\xE2\x82\xAC", "\xF0\x9F\x98\x80", "\xED\x9F\xBF", "\xF4\x8F\xBF\xBF"})
+        EXPECT_TRUE(is_utf8(text)) << text;
+    for (const char* text : {"\xE9", "\x80", "\xC3", "\xC0\x80", "\xE0\x80\x80", "\xED\xA0\x80", "\xF0\x80\x80\x80",
+                             "\xF4\x90\x80\x80", "\xF5\x80\x80\x80", "a\xE2\x82", "\xC3\xA9\xFF"})
+        EXPECT_FALSE(is_utf8(text)) << text;
+}
+
+TEST(Log, AFullDiskIsSaidOnceAndEndsNothing) {
+    ASSERT_EXIT(
+        {
+            setup_log(LogLevel::kWarn);
+            add_log_file("/dev/full");
+            for (int i = 0; i < 3; ++i) log_warning("message {}", i);
+            std::exit(0);
+        },
+        testing::ExitedWithCode(0), "message 0\nwarning: .*/dev/full.*\nwarning: message 1\nwarning: message 2\n$");
 }
 
 TEST(Log, MessagesReachTheFileByLevel) {

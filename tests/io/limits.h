@@ -25,7 +25,9 @@ template <class F> int in_child(F&& f) {
 /// Lets no file grow beyond `bytes` from here on: write() fails after a short write, as on a full disk.
 inline void limit_file_size(std::size_t bytes) {
     ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{bytes, bytes};
+    rlimit limit{};
+    ::getrlimit(RLIMIT_FSIZE, &limit);
+    limit.rlim_cur = bytes;  // the soft limit, which can be raised again
     ::setrlimit(RLIMIT_FSIZE, &limit);
 }
 

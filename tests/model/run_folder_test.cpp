@@ -212,6 +212,9 @@ TEST(RunFolder, CfgArgsIsThePythonNamespace) {
     options.source = "builtin:glossy";
     write_cfg_args(run, options);
     EXPECT_CONTAINS(slurp(run.cfg_args()), "sh_degree=0, source_path='builtin:glossy'");
+    options.source = "/data/caf\xE9";
+    write_cfg_args(run, options);
+    EXPECT_CONTAINS(slurp(run.cfg_args()), "source_path='/data/caf\\udce9'");
 }
 
 TEST(RunFolder, InputPointsHaveTheLayoutOf3dgs) {
