@@ -77,8 +77,8 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
     if (spec.deep || spec.depth > 1) fail("deep and volume images are not photographs");
     if (claim.width == 0) {
         claim.least_bytes = least_bytes(spec, claim.format);
-        // One strip may hold the whole image, and tiles are decoded together.
-        claim.work_bytes = double(spec.image_bytes(true)) * (spec.tile_width > 0 ? 2 : 1);
+        // One strip may hold the whole image: the library has it once, `decode` a second time. So it is with tiles.
+        claim.work_bytes = 2.0 * double(spec.image_bytes(true));
     }
     claim.width = spec.width, claim.height = spec.height;
     const int channels = spec.nchannels == 2 || spec.nchannels > 3 ? 4 : 3, bytes = spec.format.size() > 1 ? 4 : 1;
