@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <iterator>
 #include <set>
 #include <vector>
 
@@ -22,29 +23,71 @@ struct JsonFault : nlohmann::json::exception {
 // The library writes and copies values by recursion: a deep one would exhaust the stack. No file nests ten levels.
 constexpr int kMaxDepth = 100;
 
-template <class Json, class Input> Json parsed(Input& in, bool comments) {
-    std::vector<std::set<std::string>> keys;  // of the objects that are open
-    return Json::parse(
-        in,
-        [&](int depth, typename Json::parse_event_t event, Json& value) {
-            using Event = typename Json::parse_event_t;
-            if (depth > kMaxDepth) throw JsonFault(fmt::format("it is nested deeper than {} levels", kMaxDepth));
-            if (event == Event::object_start) keys.emplace_back();
-            if (event == Event::object_end) keys.pop_back();
-            if (event == Event::key && !keys.back().insert(value.template get<std::string>()).second)
-                throw JsonFault(fmt::format("the key {} stands twice in one object", json_text(value)));
-            return true;
-        },
-        true, comments);
+/// Walks through a text before it becomes a value. It knows the library's callbacks by their names. (A filter given to
+/// the parser itself would take a time that grows with the square of a list's length.)
+class Walk {
+  public:
+    bool start_object(std::size_t) {
+        keys_.emplace_back();
+        return enter();
+    }
+    bool end_object() {
+        keys_.pop_back();
+        --depth_;
+        return true;
+    }
+    bool start_array(std::size_t) { return enter(); }
+    bool end_array() {
+        --depth_;
+        return true;
+    }
+    bool key(std::string& name) {
+        if (keys_.back().insert(name).second) return true;
+        return refuse(fmt::format("the key {} stands twice in one object", json_text(nlohmann::json(name))));
+    }
+    bool null() { return true; }
+    bool boolean(bool) { return true; }
+    bool number_integer(std::int64_t) { return true; }
+    bool number_unsigned(std::uint64_t) { return true; }
+    bool number_float(double, const std::string&) { return true; }
+    bool string(std::string&) { return true; }
+    bool binary(nlohmann::json::binary_t&) { return true; }
+    bool parse_error(std::size_t, const std::string&, const nlohmann::json::exception&) { return false; }
+
+    /// What is wrong with the text although it is JSON; empty if nothing is.
+    const std::string& fault() const { return fault_; }
+
+  private:
+    bool enter() {
+        return ++depth_ <= kMaxDepth || refuse(fmt::format("it is nested deeper than {} levels", kMaxDepth));
+    }
+    bool refuse(std::string fault) {
+        fault_ = std::move(fault);
+        return false;
+    }
+
+    int depth_ = 0;
+    std::vector<std::set<std::string>> keys_;  ///< of the objects that are open
+    std::string fault_;
+};
+
+template <class Json> Json parsed(const std::string& text, bool comments) {
+    Walk walk;
+    // What is no JSON is left to the parser below, which says where.
+    nlohmann::json::sax_parse(text, &walk, nlohmann::json::input_format_t::json, true, comments);
+    if (!walk.fault().empty()) throw JsonFault(walk.fault());
+    return Json::parse(text, nullptr, true, comments);
 }
 
-template <class Json, class Input> Json parsed_or_discarded(Input& in) {
+template <class Json> Json parsed_or_discarded(const std::string& text) {
     try {
-        return parsed<Json>(in, false);
+        return parsed<Json>(text, false);
     } catch (const nlohmann::json::exception&) {
         return Json(Json::value_t::discarded);
     }
 }
+
+std::string whole(std::istream& in) { return {std::istreambuf_iterator<char>(in), {}}; }
 
 }  // namespace
 
@@ -52,12 +95,12 @@ std::string json_text(const nlohmann::json& json, int indent) { return text_of(j
 std::string json_text(const nlohmann::ordered_json& json, int indent) { return text_of(json, indent); }
 
 nlohmann::json parse_json(const std::string& text) { return parsed<nlohmann::json>(text, false); }
-nlohmann::json parse_json(std::istream& in, bool comments) { return parsed<nlohmann::json>(in, comments); }
+nlohmann::json parse_json(std::istream& in, bool comments) { return parsed<nlohmann::json>(whole(in), comments); }
 
 nlohmann::json try_parse_json(const std::string& text) { return parsed_or_discarded<nlohmann::json>(text); }
-nlohmann::json try_parse_json(std::istream& in) { return parsed_or_discarded<nlohmann::json>(in); }
+nlohmann::json try_parse_json(std::istream& in) { return parsed_or_discarded<nlohmann::json>(whole(in)); }
 nlohmann::ordered_json try_parse_ordered_json(std::istream& in) {
-    return parsed_or_discarded<nlohmann::ordered_json>(in);
+    return parsed_or_discarded<nlohmann::ordered_json>(whole(in));
 }
 
 }  // namespace gs

@@ -33,6 +33,12 @@ TEST(JsonText, DeepNestingIsRefusedBeforeItOverflowsTheStack) {
     EXPECT_EQ(json_text(parse_json(shallow)), shallow);
 }
 
+TEST(JsonText, LongListsTakeNoLongTime) {
+    std::string text = "[{}";
+    for (int i = 0; i < 200000; ++i) text += ",{}";
+    EXPECT_EQ(parse_json(text + "]").size(), 200001u);
+}
+
 TEST(JsonText, CommentsAreTakenWhereTheyAreAllowed) {
     const std::string text = "{\"a\": 1 // one\n}";
     std::istringstream with(text), without(text);
