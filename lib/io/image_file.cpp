@@ -41,6 +41,15 @@ double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
     return pixels * channels * bits / 8 / ratio;
 }
 
+/// Whether a decoder that succeeded has lost pixels. OpenImageIO hands out the rows of truncated TIFF and JPEG files as
+/// if they were whole and only keeps the decoder's complaint. Other complaints of the JPEG decoder, as of bytes between
+/// segments, cost no pixel.
+bool is_damage(const std::string& format, const std::string& complaint) {
+    if (format == "tiff") return !complaint.empty();
+    const auto says = [&](const char* words) { return complaint.find(words) != std::string::npos; };
+    return format == "jpeg" && (says("remature end") || says("Huffman code"));
+}
+
 }  // namespace
 
 ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
@@ -57,6 +66,7 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
         if (takes_file) input_->set_ioproxy(file_.get());
         if (!input_->open(takes_file ? "image" : path.string(), header, config))
             fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
+        input_->geterror();  // what was not in order with the metadata is not reported as damage to pixels
     } catch (const std::exception& e) {
         if (dynamic_cast<const Error*>(&e)) throw;
         fail(fmt::format("cannot be decoded: {}", e.what()));
@@ -67,8 +77,8 @@ ImageFile::ImageFile(const std::filesystem::path& path) : path_(path) {
     if (spec.deep || spec.depth > 1) fail("deep and volume images are not photographs");
     if (claim.width == 0) {
         claim.least_bytes = least_bytes(spec, claim.format);
-        // One strip may hold the whole image, and tiles are decoded together.
-        claim.work_bytes = double(spec.image_bytes(true)) * (spec.tile_width > 0 ? 2 : 1);
+        // One strip may hold the whole image: the library has it once, `decode` a second time. So it is with tiles.
+        claim.work_bytes = 2.0 * double(spec.image_bytes(true));
     }
     claim.width = spec.width, claim.height = spec.height;
     const int channels = spec.nchannels == 2 || spec.nchannels > 3 ? 4 : 3, bytes = spec.format.size() > 1 ? 4 : 1;
@@ -80,7 +90,9 @@ template <class T> void ImageFile::decode(const std::function<void(const T*, std
     const OIIO::ImageSpec& spec = input_->spec();
     const std::size_t row = std::size_t(spec.width) * std::size_t(spec.nchannels);
     const auto check = [&](bool done) {
-        if (!done) fail(fmt::format("cannot be decoded: {}", reason_from(input_->geterror())));
+        const std::string complaint = input_->geterror();
+        if (!done || is_damage(input_->format_name(), complaint))
+            fail(fmt::format("cannot be decoded: {}", reason_from(complaint)));
     };
     try {
         if (spec.tile_width > 0) {

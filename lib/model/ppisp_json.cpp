@@ -146,15 +146,16 @@ PpispFile read_ppisp_json(const std::filesystem::path& path) {
     if (cameras.size() == 0) cameras.fail("at least one camera is needed");
     file.state = identity_ppisp(int(frames.size()), int(cameras.size()));
     const bool controllers = cameras.at(std::size_t(0)).has("controller");
-    if (controllers) file.state.controller.resize(cameras.size() * std::size_t(kControllerWeights));
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         const Node camera = cameras.at(c);
         float* values = file.state.param.data() + file.state.camera_offset(int(c));
         camera.at("vignetting").channels(values, kIspVignetting);
         camera.at("response").channels(values + kChannels * kIspVignetting, kIspResponse);
         if (camera.has("controller") != controllers) camera.fail("either all cameras have a controller or none");
-        if (controllers)
-            camera.at("controller").numbers(file.state.controller.data() + c * kControllerWeights, kControllerWeights);
+        if (!controllers) continue;
+        // Camera by camera, so that a long list of empty cameras does not take the memory of their weights.
+        file.state.controller.resize((c + 1) * std::size_t(kControllerWeights));
+        camera.at("controller").numbers(&file.state.controller[c * kControllerWeights], kControllerWeights);
     }
     for (std::size_t f = 0; f < frames.size(); ++f) {
         const Node frame = frames.at(f);

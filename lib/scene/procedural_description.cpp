@@ -178,16 +178,16 @@ YAML::Node parse_yaml(const std::string& text, const std::string& origin) {
     }
 }
 
-const char* known_scene(const std::string& name) {
+const char* known_scene(const std::string& name, const std::string& where) {
     if (const char* text = embedded_scene(name)) return text;
-    throw UsageError(fmt::format("builtin:{}: no such scene; known are {} (or the path of a .yaml file)", name,
+    throw UsageError(fmt::format("{}builtin:{}: no such scene; known are {} (or the path of a .yaml file)", where, name,
                                  fmt::join(embedded_scene_names(), ", ")));
 }
 
 /// Merges `base: NAME`: keys of the file replace the same keys of the base scene.
-YAML::Node with_base(const YAML::Node& node) {
+YAML::Node with_base(const YAML::Node& node, const std::string& where) {
     if (!node.IsMap() || !node["base"]) return node;
-    YAML::Node merged = with_base(YAML::Load(known_scene(node["base"].as<std::string>())));
+    YAML::Node merged = with_base(YAML::Load(known_scene(node["base"].as<std::string>(), where)), where);
     for (const auto& entry : node) merged[entry.first.Scalar()] = entry.second;
     return merged;
 }
@@ -199,7 +199,7 @@ Description parse_description(const std::string& text, const std::string& origin
     const YamlSection checked(own, origin, kTopKeys);  // before merging, so that messages refer to this file
     std::string base;
     checked.read("base", base);
-    const YamlSection top(with_base(own), origin, kTopKeys);
+    const YamlSection top(with_base(own, origin + ": base: "), origin, kTopKeys);
     Description description;
     description.world = read_world(top);
     if (top.has("cameras")) description.cameras = read_cameras(top.node("cameras"), top.where("cameras"));
@@ -211,7 +211,7 @@ Description parse_description(const std::string& text, const std::string& origin
 
 Description load_description(const std::string& name) {
     const bool is_file = name.size() > 5 && (name.ends_with(".yaml") || name.ends_with(".yml"));
-    if (!is_file) return parse_description(known_scene(name), "builtin:" + name);
+    if (!is_file) return parse_description(known_scene(name, ""), "builtin:" + name);
     return parse_description(read_input(name), name);
 }
 

@@ -166,6 +166,31 @@ TEST(ImageErrors, TruncatedFilesAreRefused) {
     }
 }
 
+TEST(ImageErrors, TruncatedTiffAndJpegAreRefusedThoughTheirDecodersGoOn) {
+    TempFolder folder;
+    for (const char* compression : {"none", "lzw", "zip", "packbits"}) {
+        OIIO::ImageSpec spec(64, 64, 3, OIIO::TypeDesc::UINT8);
+        spec.attribute("compression", compression);
+        auto out = OIIO::ImageOutput::create("tiff");
+        ASSERT_TRUE(out && out->open((folder / "a.tif").string(), spec) &&
+                    out->write_image(OIIO::TypeDesc::UINT8, make_image(64, 64, 3).u8.data()) && out->close());
+        const std::string bytes = test::slurp(folder / "a.tif");
+        EXPECT_EQ(read_image(folder / "a.tif").u8, make_image(64, 64, 3).u8);
+        for (const std::size_t lost : {std::size_t(5), bytes.size() / 3}) {
+            test::spit(folder / "b.tif", bytes.substr(0, bytes.size() - lost));
+            EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "b.tif"); }), "b.tif: ");
+        }
+    }
+    write_image(folder / "a.jpg", make_image(64, 64, 3));
+    const std::string bytes = test::slurp(folder / "a.jpg");
+    for (const std::size_t lost : {std::size_t(50), bytes.size() / 3}) {
+        test::spit(folder / "b.jpg", bytes.substr(0, bytes.size() - lost));
+        EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "b.jpg"); }), "remature end");
+    }
+    test::spit(folder / "b.jpg", bytes + "appended by a camera");
+    EXPECT_EQ(read_image(folder / "b.jpg").width, 64);
+}
+
 TEST(ImageErrors, NonFinitePixelsAreNamed) {
     TempFolder folder;
     write_raw<float>(folder / "a.exr", 2, 1, 3, OIIO::TypeDesc::FLOAT,

@@ -118,5 +118,13 @@ TEST_F(Damage, IsNamed) {
     EXPECT_NE(error_of("{\"version\": NaN}").find("not valid JSON"), std::string::npos);
 }
 
+TEST_F(Damage, ManyEmptyCamerasTakeNoMemoryForTheirControllers) {
+    nlohmann::json json = json_;
+    json["cameras"][0]["controller"] = nlohmann::json::array();
+    // 400,000 controllers would take 387 GB.
+    for (int i = 0; i < 400000; ++i) json["cameras"].push_back(nlohmann::json::object());
+    expect_error(json, "cameras[0].controller: 0 numbers, expected 241961");
+}
+
 }  // namespace
 }  // namespace gs
