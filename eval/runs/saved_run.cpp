@@ -89,6 +89,9 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     run.options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) run.options.source = instead.source;
     if (instead.device) run.options.device = *instead.device;
+    if (run.options.source.empty())
+        throw DataError(fmt::format("{}: no 'source', so the scene of the run is not known",
+                                    RunFolder{run_folder}.config().string()));
     SavedModel model = read_saved_model(run_folder, iteration);
     run.scene = load_scene_of(model, scene_options(run.options));
     run.iteration = model.iteration;

@@ -65,6 +65,18 @@ class Head {
             refuse(path_, "cannot be decoded: the file ends within its header, it is truncated");
         return data;
     }
+    /// Returns the characters before the next zero byte, of which OpenEXR takes at most kMaxText.
+    std::string text(std::uint64_t offset) {
+        std::string data;
+        in_.seekg(std::streamoff(offset));
+        for (char c; in_.get(c) && c != '\0' && data.size() <= kMaxText;) data += c;
+        if (!in_ || data.size() > kMaxText) refuse(path_, "cannot be decoded: a name in its header does not end");
+        return data;
+    }
+    std::uint64_t length() {
+        in_.seekg(0, std::ios::end);
+        return std::uint64_t(in_.tellg());
+    }
     std::string magic() {
         std::string data(16, '\0');
         in_.read(data.data(), 16);
@@ -75,6 +87,8 @@ class Head {
     [[noreturn]] void damaged(const std::string& what) const { refuse(path_, "cannot be decoded: " + what); }
 
   private:
+    static constexpr std::size_t kMaxText = 255;
+
     fs::path path_;
     std::ifstream in_;
 };
@@ -170,6 +184,36 @@ ImageClaim bmp_claim(Head& head) {
     return claim;
 }
 
+/// Checks the sizes of the attributes, for which OpenEXR makes room before it reads them: each is a name, a type, a
+/// length of four bytes and that many bytes. The pixels' size is left to the decoder.
+ImageClaim exr_claim(Head& head) {
+    constexpr int kMaxAttributes = 4096;
+    const bool several_parts = (little_endian(head.bytes(4, 4).data(), 4) & 0x1000) != 0;
+    std::uint64_t at = 8;
+    for (int i = 0; i < kMaxAttributes; ++i) {
+        const std::string name = head.text(at);
+        at += name.size() + 1;
+        if (name.empty()) {  // the end of a header; that of several is another one
+            if (!several_parts || head.bytes(at, 1)[0] == '\0') return {"openexr"};
+            continue;
+        }
+        const std::string type = head.text(at);
+        at += type.size() + 1;
+        const std::uint64_t size = little_endian(head.bytes(at, 4).data(), 4);
+        at += 4;
+        if (size > head.length() || at > head.length() - size)
+            head.damaged(fmt::format("its attribute '{}' claims {} bytes, of which the file lacks some", name, size));
+        if (type == "preview") {
+            const std::string sides = head.bytes(at, 8);
+            const double pixels = double(little_endian(&sides[0], 4)) * double(little_endian(&sides[4], 4));
+            if (8 + 4 * pixels != double(size))
+                head.damaged(fmt::format("its preview of {} pixels does not fit into {} bytes", pixels, size));
+        }
+        at += size;
+    }
+    head.damaged(fmt::format("its header has more than {} attributes", kMaxAttributes));
+}
+
 }  // namespace
 
 ImageClaim read_image_claim(const fs::path& path) {
@@ -183,7 +227,7 @@ ImageClaim read_image_claim(const fs::path& path) {
     if (begins("RIFF"sv) && magic.size() >= 12 && magic.compare(8, 4, "WEBP") == 0) return webp_claim(head);
     if (begins("BM"sv)) return bmp_claim(head);
     if (begins("II*\0"sv) || begins("MM\0*"sv) || begins("II+\0"sv) || begins("MM\0+"sv)) return {"tiff"};
-    if (begins("\x76\x2f\x31\x01"sv)) return {"openexr"};
+    if (begins("\x76\x2f\x31\x01"sv)) return exr_claim(head);
     refuse(path, "cannot be decoded: its first bytes are not those of a PNG, JPEG, TIFF, WebP, BMP or EXR file");
 }
 

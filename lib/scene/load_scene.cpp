@@ -31,6 +31,20 @@ void check_options(const SceneOptions& options) {
         throw UsageError(fmt::format("test_every is {}; must be at least 0", options.test_every));
 }
 
+/// Throws DataError where a COLMAP model has one of its two necessary files: it was meant to be read.
+void require_whole_model(const fs::path& source) {
+    for (const fs::path& folder : {source / "sparse" / "0", source / "sparse", source})
+        for (const char* form : {".bin", ".txt"}) {
+            const fs::path cameras = folder / (std::string("cameras") + form),
+                           images = folder / (std::string("images") + form);
+            if (path_exists(cameras) == path_exists(images)) continue;
+            const auto& [missing, present] =
+                path_exists(cameras) ? std::pair(images, cameras) : std::pair(cameras, images);
+            throw DataError(fmt::format("{}: is missing, and {} alone is no COLMAP model", missing.string(),
+                                        present.filename().string()));
+        }
+}
+
 SourceScene read_source(const fs::path& source, const SceneOptions& options) {
     if (!path_exists(source)) throw DataError(fmt::format("{}: no such folder or file", source.string()));
     if (!folder_exists(source)) return load_transforms(source);
@@ -42,6 +56,7 @@ SourceScene read_source(const fs::path& source, const SceneOptions& options) {
     }
     if (path_exists(source / "transforms_train.json")) return load_nerf_synthetic(source);
     if (path_exists(source / "transforms.json")) return load_transforms(source / "transforms.json");
+    require_whole_model(source);
     throw DataError(fmt::format(
         "{}: not a scene: neither sparse/0/cameras.bin (or .txt) nor transforms_train.json nor transforms.json found; "
         "photographs alone need 'gsapp prepare' first",

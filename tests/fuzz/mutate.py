@@ -46,6 +46,9 @@ class Server:
         options = f"detect_leaks=0:exitcode={SANITIZED}:quarantine_size_mb=16:max_allocation_size_mb=1024:allocator_may_return_null=0"
         environment["ASAN_OPTIONS"] = options
         environment["UBSAN_OPTIONS"] = f"exitcode={SANITIZED}:print_stacktrace=1"
+        symbolizer = shutil.which("llvm-symbolizer-16") or shutil.which("llvm-symbolizer")
+        if symbolizer:
+            environment["ASAN_SYMBOLIZER_PATH"] = os.path.realpath(symbolizer)
         environment.pop("GSAPP_METRIC_WEIGHTS", None)
         self.process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
                                         encoding="utf-8", errors="surrogateescape", env=environment)
@@ -361,16 +364,19 @@ violations:
     config = {"config.yaml": b"parent: parent.yaml\n" + run["out/config.yaml"], "parent.yaml": b"sh-degree: 2\nlambda-dssim: 0.3\n"}
     kinds.append(Kind("config", {**colmap, **config}, [(few + " --config config.yaml", list(config))]))
     names = {part: [n for n in run if n.startswith("out/") and n.endswith(part)] for part in (".ply", ".safetensors", ".json", ".jsonl", ".png")}
+    run["out/auto.json"] = b'{"model": "sh", "lines": ["because"], "explained": {"direction": 0.5}, "trials": [], "seconds": 1.5}'
+    pair = {**run, **{n.replace("out/", "two/"): data for n, data in run.items() if n.startswith("out/")}}
     model = [n for n in names[".ply"] if "iteration_2" in n]
     checkpoint = [n for n in names[".safetensors"] if "iteration_2" in n]
     plan, results = ["out/config.yaml"], ["out/results.json", "out/per_view.json"]
     kinds += [
         Kind("run", run, [
-            ("eval out", plan + model * 3 + results), ("eval out --skip-render --html page.html", plan + results + names[".png"][:1]),
+            ("eval out", plan + model * 3 + results + ["out/auto.json"]), ("eval out --skip-render --html page.html", plan + results + names[".png"]),
             ("render out --views all", plan + model), ("render out --path out/cameras.json", ["out/cameras.json"]),
             ("export out -o site.ply --format ply", model), ("export out -o site.splat --format splat", model), ("export out -o site", model + plan),
             ("bench frames out --frame-repeat 1", plan + model + results),
             ("prune-appearance out -o pruned", plan + model)]),
+        Kind("two_runs", pair, [(f"eval out two --skip-render --format {form}", plan + results * 2) for form in ("markdown", "csv", "latex", "json")]),
         Kind("resume", run, [("train -m out --resume latest --iterations 3", plan + checkpoint * 4 + names[".jsonl"] * 2 + results)]),
         Kind("ppisp", corrected, [("eval out", ["out/ppisp.json"]), ("export out -o site", ["out/ppisp.json"]),
                                   (few.replace("out", "two") + " --ppisp-from out/ppisp.json --controller-iterations 0", ["out/ppisp.json"])]),

@@ -173,6 +173,22 @@ TEST(ImageClaim, OtherFormatsAndFragmentsAreRefused) {
     EXPECT_CONTAINS(message_of<DataError>([&] { read_image(folder / "a.gif"); }), "PNG, JPEG, TIFF, WebP, BMP or EXR");
 }
 
+// OpenEXR made room for 1.9 GB when a type of attribute was damaged, and for 16 GB when the sides of a preview were.
+TEST(ImageClaim, ExrAttributesThatTheFileCannotHoldAreRefused) {
+    const TempFolder folder;
+    const std::string start("\x76\x2f\x31\x01\x02\0\0\0", 8), size_and_data("\x08\0\0\0\xff\xff\0\0\xff\xff\0\0", 12);
+    const std::pair<std::string, const char*> cases[] = {
+        {start + std::string("a\0odd\0rtsi", 10), "attribute 'a' claims 1769174130 bytes"},
+        {start + std::string("p\0preview\0", 10) + size_and_data, "preview of 4294836225 pixels"},
+        {start + std::string(400, 'n'), "a name in its header does not end"},
+        {start + std::string("a\0odd", 5), "a name in its header does not end"},
+    };
+    for (const auto& [bytes, reason] : cases) {
+        test::spit(folder / "i.exr", bytes);
+        EXPECT_CONTAINS(message_of<DataError>([&] { read_image_info(folder / "i.exr"); }), reason);
+    }
+}
+
 TEST(ImageClaim, PipesAreRefused) {
     const TempFolder folder;
     ASSERT_EQ(::mkfifo((folder / "a.png").c_str(), 0666), 0);

@@ -397,6 +397,15 @@ TEST(LoadScene, UnknownSourcesAreErrorsWithAHint) {
     EXPECT_CONTAINS(error_of(at(folder.path())), "not a scene");
 }
 
+TEST(LoadScene, TheMissingHalfOfAColmapModelIsNamed) {
+    for (const char* missing : {"cameras.bin", "images.bin"}) {
+        TempFolder folder;
+        write_colmap_scene(folder.path(), {"a.png"});
+        std::filesystem::remove(folder / (std::string("sparse/0/") + missing));
+        EXPECT_CONTAINS(error_of(at(folder.path())), std::string("sparse/0/") + missing + ": is missing");
+    }
+}
+
 TEST(LoadScene, ImageThatChangesAfterwardsIsAnError) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png"});

@@ -74,6 +74,19 @@ TEST(SavedRun, FallsBackToTheCheckpoint) {
     EXPECT_THROW(open_saved_run(saved.folder.path() / "nowhere", std::nullopt), DataError);
 }
 
+TEST(SavedRun, AConfigurationWithoutASceneIsNamed) {
+    const RunOnDisk saved;
+    write_ply(saved.names().point_cloud(100), one_gaussian(), {});
+    saved.folder.write("config.yaml", "iterations: 100\n");
+    try {
+        open_saved_run(saved.folder.path(), std::nullopt);
+        ADD_FAILURE() << "nothing was thrown";
+    } catch (const DataError& error) {
+        EXPECT_NE(std::string(error.what()).find("config.yaml: no 'source'"), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(open_saved_run(saved.folder.path(), std::nullopt, {.source = "builtin:diffuse"}).iteration, 100);
+}
+
 TEST(SavedRun, FactsNameModelAndStrategy) {
     TrainOptions options;
     options.source = "builtin:glossy";
