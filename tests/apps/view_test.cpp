@@ -13,6 +13,7 @@ namespace {
 
 TEST(View, AFolderWithoutAnExportIsNamed) {
     const Program program;
+    std::filesystem::create_directory(program.path("run"));
     program.folder().write("run/results.json", "{}");
     const Outcome empty = program.run("view run --port 0", "timeout 5");
     EXPECT_EQ(empty.exit_code, 3) << empty.err;
@@ -25,6 +26,7 @@ TEST(View, AFolderWithoutAnExportIsNamed) {
 TEST(View, ThePrintedAddressAnswersAndCtrlCEndsItWhileClientsHang) {
     for (const std::string page : {"", "scene.ngsplat"}) {
         const Program program;
+        std::filesystem::create_directory(program.path("site"));
         program.folder().write("site/scene.ngsplat", "the scene");
         if (page.empty()) program.folder().write("site/index.html", "the page");
         const std::string command = "timeout --preserve-status -s INT 1 '" GSAPP_PROGRAM "' view '" +
