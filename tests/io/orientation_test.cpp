@@ -39,7 +39,7 @@ TEST(Orientation, AnUprightCopyKeepsTheRest) {
     const auto input = OIIO::ImageInput::open((folder / "upright/a.jpg").string());
     ASSERT_TRUE(input);
     EXPECT_EQ(input->spec().get_int_attribute("Orientation", 1), 1);
-    EXPECT_NEAR(input->spec().get_float_attribute("ExposureTime"), 0.01f, 1e-6f);
+    EXPECT_NEAR(input->spec().get_float_attribute("ExposureTime"), 0.01f, 1e-5f);
     EXPECT_EQ(input->spec().get_float_attribute("Exif:FocalLength"), 35.0f);
     const Image image = read_image(folder / "upright/a.jpg");
     ASSERT_EQ(image.width, 16);
@@ -49,6 +49,8 @@ TEST(Orientation, AnUprightCopyKeepsTheRest) {
 
     write_tagged(folder / "c.tif", 4, 2, 3);
     write_upright_copy(folder / "c.tif", folder / "upright/c.tif");
+    EXPECT_NEAR(OIIO::ImageInput::open((folder / "upright/c.tif").string())->spec().get_float_attribute("ExposureTime"),
+                0.01f, 1e-5f);
     const Image exact = read_image(folder / "upright/c.tif");
     EXPECT_EQ(exact.value(0, 0, 0), 0.0f);
     EXPECT_EQ(exact.value(3, 1, 2), 1.0f);
