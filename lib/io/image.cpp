@@ -40,6 +40,12 @@ bool decodes_to_float(const OIIO::ImageSpec& spec) {
     return spec.format.basetype != OIIO::TypeDesc::UINT8 && spec.format.basetype != OIIO::TypeDesc::INT8;
 }
 
+/// Returns 1 also for values that EXIF does not define.
+int stored_orientation(const OIIO::ImageSpec& spec) {
+    const int orientation = spec.get_int_attribute("Orientation", 1);
+    return orientation >= 1 && orientation <= 8 ? orientation : 1;
+}
+
 std::string trimmed(std::string text) {
     while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
     return text.empty() ? "unknown reason" : text;
@@ -160,7 +166,8 @@ std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
 ImageInfo read_image_info(const fs::path& path) {
     const ImageFile file(path);
     const OIIO::ImageSpec& spec = file.spec();
-    return {spec.width, spec.height, plan_channels(spec).alpha >= 0 ? 4 : 3, decodes_to_float(spec)};
+    return {spec.width, spec.height, plan_channels(spec).alpha >= 0 ? 4 : 3, decodes_to_float(spec),
+            stored_orientation(spec)};
 }
 
 Image read_image(const fs::path& path) {

@@ -27,6 +27,7 @@ struct Image {
 struct ImageInfo {
     int width = 0, height = 0, channels = 0;
     bool float_data = false;  ///< read_image would return float
+    int orientation = 1;      ///< EXIF tag 1..8, 1 where the file has none; `width` and `height` are those stored
 };
 
 /// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors.

@@ -47,6 +47,7 @@ void append(const TransformsFile& file, Preflight& preflight, bool given_test, S
         }
         view.lens = resolve_intrinsics(frame.intrinsics, view.info.width, view.info.height,
                                        fmt::format("{}: frame '{}'", file.path.string(), frame.file_path));
+        preflight.choose_turn(view);
         preflight.fit_lens(view);
         if (frame.mask_path.empty())
             view.mask = find_mask(folder, view.name, view.image_path, 1);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lib/core/input_file.h"
+#include "lib/io/orientation.h"
 #include "lib/scene/image_files.h"
 
 namespace gs {
@@ -67,8 +68,11 @@ std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& imag
     return {};
 }
 
-Image load_mask(const MaskFile& file, bool invert, int width, int height) {
-    Image mask = resize_image(read_mask(file.path), width, height);
+Image load_mask(const MaskFile& file, bool invert, int width, int height, int turn) {
+    Image stored = read_mask(file.path);
+    if (is_quarter_turn(turn) && (stored.width > stored.height) != (width > height))
+        stored = upright(std::move(stored), turn);
+    Image mask = resize_image(stored, width, height);
     if (invert != file.inverted)
         for (std::uint8_t& v : mask.u8) v = 255 - v;
     return mask;

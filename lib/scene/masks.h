@@ -22,8 +22,9 @@ struct MaskFile {
 std::optional<MaskFile> find_mask(const std::filesystem::path& scene, const std::string& image_name,
                                   const std::filesystem::path& image_path, int factor);
 
-/// Reads a mask and resizes it to the given size: loss weights, 255 = use, 0 = ignore.
-Image load_mask(const MaskFile& file, bool invert, int width, int height);
+/// Reads a mask and resizes it to the given size: loss weights, 255 = use, 0 = ignore. `turn` is the EXIF orientation
+/// by which the image was turned; a mask that lies as the image was stored is turned with it.
+Image load_mask(const MaskFile& file, bool invert, int width, int height, int turn = 1);
 
 /// Applies SceneOptions::alpha_mode and then mask_mode to a decoded view. AlphaMode::kMask moves the alpha channel
 /// into the mask. MaskMode::kTransparent multiplies the mask into the alpha channel. `mask` must have the size of

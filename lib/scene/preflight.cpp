@@ -9,6 +9,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/splat/camera.h"
+#include "lib/io/orientation.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {
@@ -98,6 +99,20 @@ bool Preflight::accept_file(SourceView& view, const std::optional<std::filesyste
     return true;
 }
 
+void Preflight::choose_turn(SourceView& view) {
+    ImageInfo& info = view.info;
+    if (info.orientation == 1) return;
+    const bool lens_is_wide = view.lens.width > view.lens.height, lens_is_tall = view.lens.width < view.lens.height;
+    const bool disagrees = (lens_is_wide && info.width < info.height) || (lens_is_tall && info.width > info.height);
+    if (!is_quarter_turn(info.orientation) || !disagrees) {
+        kept_.push_back(view.name);
+        return;
+    }
+    turned_.push_back(view.name);
+    view.turn = info.orientation;
+    std::swap(info.width, info.height);
+}
+
 void Preflight::fit_lens(SourceView& view) {
     if (view.lens.width == view.info.width && view.lens.height == view.info.height) return;
     rescaled_.push_back(fmt::format("{} is {}x{}, its camera {}x{}", view.name, view.info.width, view.info.height,
@@ -120,6 +135,15 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
         throw DataError(
             fmt::format("{}: no usable image{}", where, reasons.empty() ? "; the file lists none" : reasons));
     }
+    if (!turned_.empty())
+        lines.push_back(
+            fmt::format("{} images are turned by their EXIF orientation, as the sizes of their cameras ask ({})",
+                        turned_.size(), listed(turned_)));
+    if (!kept_.empty())
+        lines.push_back(
+            fmt::format("{} images have an EXIF orientation: ignored, because their cameras fit the pixels as "
+                        "stored; pictures of the run show them so, perhaps on their side ({})",
+                        kept_.size(), listed(kept_)));
     if (!rescaled_.empty())
         lines.push_back(fmt::format("{} images differ in size from their camera: intrinsics scaled per axis ({})",
                                     rescaled_.size(), rescaled_[0]));

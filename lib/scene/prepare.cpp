@@ -15,10 +15,13 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
+#include "kernels/core/parallel.h"
 #include "lib/core/interrupt.h"
+#include "lib/core/log.h"
 #include "lib/core/process.h"
 #include "lib/io/image.h"
 #include "lib/io/temporary.h"
+#include "lib/io/orientation.h"
 
 namespace gs {
 namespace {
@@ -47,23 +50,49 @@ void check_target(const PrepareOptions& options) {
     if (!options.overwrite) throw UsageError(fmt::format("{} exists; --overwrite replaces it", target));
 }
 
-/// Returns true if all photographs have one size, so that they may share one camera. Throws DataError when there are
-/// none.
-bool same_size(const fs::path& images) {
+/// What lies in a folder of photographs, by path relative to it.
+struct Photographs {
+    std::set<std::pair<int, int>> sizes;  ///< width and height once upright, pixels
+    std::size_t count = 0;
+    std::vector<fs::path> turned, others;  ///< photographs whose EXIF orientation is not 1; all other files
+};
+
+/// Throws DataError when there are no photographs.
+Photographs find_photographs(const fs::path& images) {
     std::error_code error;
-    std::set<std::pair<int, int>> sizes;
+    Photographs found;
     for (fs::recursive_directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
         if (std::error_code ignored; !it->is_regular_file(ignored)) continue;
+        const fs::path name = it->path().lexically_relative(images);
+        bool turned = false;
         try {
             const ImageInfo info = read_image_info(it->path());
-            sizes.insert({info.width, info.height});
+            turned = info.orientation != 1;
+            if (is_quarter_turn(info.orientation))
+                found.sizes.insert({info.height, info.width});
+            else
+                found.sizes.insert({info.width, info.height});
+            ++found.count;
         } catch (const DataError&) {
             // Folders of photographs also hold other files; colmap skips them, too.
         }
+        (turned ? found.turned : found.others).push_back(name);
     }
     if (error) throw DataError(fmt::format("{}: cannot be read: {}", images.string(), error.message()));
-    if (sizes.empty()) throw DataError(fmt::format("{}: no photographs found", images.string()));
-    return sizes.size() == 1;
+    if (found.count == 0) throw DataError(fmt::format("{}: no photographs found", images.string()));
+    return found;
+}
+
+/// Writes the photographs into `folder` as they are to be looked at, because colmap ignores their EXIF orientation:
+/// those that have one turned, the other files as links. Throws DataError, and Interrupted when the user stopped it.
+void write_upright(const fs::path& images, const Photographs& photographs, const fs::path& folder) {
+    for (const auto* names : {&photographs.turned, &photographs.others})
+        for (const fs::path& name : *names) fs::create_directories((folder / name).parent_path());
+    for (const fs::path& name : photographs.others) fs::create_symlink(fs::canonical(images / name), folder / name);
+    parallel_for(std::int64_t(photographs.turned.size()), [&](std::int64_t i) {
+        if (!interrupted()) write_upright_copy(images / photographs.turned[i], folder / photographs.turned[i]);
+    });
+    if (interrupted()) throw Interrupted("stopped while photographs were turned upright");
 }
 
 /// Extracts "3/67" from "Processed file [3/67]"; empty when the line holds no such count.
@@ -169,14 +198,21 @@ void prepare_scene(const PrepareOptions& options, const PrepareProgress& progres
     if (options.matcher != "exhaustive" && options.matcher != "sequential")
         throw UsageError(fmt::format("--matcher: '{}' is not one of exhaustive, sequential", options.matcher));
     check_target(options);
-    const char* single_camera = same_size(options.images) ? "1" : "0";
+    const Photographs photographs = find_photographs(options.images);
+    const char* single_camera = photographs.sizes.size() == 1 ? "1" : "0";
     const char* gpu = options.gpu ? "1" : "0";
     const fs::path target = options.scene.has_filename() ? options.scene : options.scene.parent_path();
     const WorkFolder work(target);
-    const std::string database = (work.path() / "database.db").string(), images = options.images.string();
+    const std::string database = (work.path() / "database.db").string();
+    const std::string images = (photographs.turned.empty() ? options.images : work.path() / "upright").string();
     const fs::path models = work.path() / "models", dense = work.path() / "dense";
     try {
         fs::create_directories(models);
+        if (!photographs.turned.empty()) {
+            log_info("{} of {} photographs have an EXIF orientation, which colmap ignores: it gets upright copies",
+                     photographs.turned.size(), photographs.count);
+            write_upright(options.images, photographs, images);
+        }
         run_stage(
             1, "features",
             {"feature_extractor", "--database_path", database, "--image_path", images, "--ImageReader.camera_model",

@@ -17,8 +17,9 @@ namespace gs {
 
 struct SourceView {
     std::string name;
-    std::filesystem::path image_path;  ///< exists and has a readable header
-    ImageInfo info;
+    std::filesystem::path image_path;                        ///< exists and has a readable header
+    ImageInfo info;                                          ///< size once turned by `turn`
+    int turn = 1;                                            ///< EXIF orientation by which pixels are turned on reading
     LensCamera lens;                                         ///< for the image's actual size
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< rotation of cam_from_world
     Eigen::Vector3d translation = Eigen::Vector3d::Zero();
@@ -56,6 +57,10 @@ class Preflight {
     /// also gets view.unreadable.
     bool accept_file(SourceView& view, const std::optional<std::filesystem::path>& file);
 
+    /// Decides whether the image is turned by its EXIF orientation: where view.lens is upright and the stored pixels
+    /// lie on their side, or the other way round. Otherwise cameras belong to the pixels as stored.
+    void choose_turn(SourceView& view);
+
     /// Scales view.lens from its nominal size to that of view.info, and records a difference.
     void fit_lens(SourceView& view);
 
@@ -63,7 +68,7 @@ class Preflight {
     std::vector<std::string> report(const std::string& where) const;
 
   private:
-    std::vector<std::string> missing_, unreadable_, duplicate_, rescaled_;
+    std::vector<std::string> missing_, unreadable_, duplicate_, rescaled_, turned_, kept_;
     std::set<std::string> names_, unreadable_names_;
 };
 

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "kernels/core/error.h"
+#include "lib/io/orientation.h"
 #include "lib/scene/resized.h"
 #include "lib/scene/undistort.h"
 
@@ -28,13 +29,13 @@ struct LoadJob {
     bool invert_masks;
 
     ViewImage operator()() const {
-        Image color = read_image(source.image_path);
+        Image color = upright(read_image(source.image_path), source.turn);
         if (color.width != source.info.width || color.height != source.info.height)
             throw DataError(fmt::format("image {}: is {}x{} now but was {}x{} when the scene was loaded",
                                         source.image_path.string(), color.width, color.height, source.info.width,
                                         source.info.height));
         std::optional<Image> mask;
-        if (source.mask) mask = load_mask(*source.mask, invert_masks, color.width, color.height);
+        if (source.mask) mask = load_mask(*source.mask, invert_masks, color.width, color.height, source.turn);
         ViewImage view = combine(std::move(color), std::move(mask), alpha_mode, mask_mode);
         if (!is_pinhole(source.lens)) view = undistort(view, source.lens, pinhole);
         return resized(std::move(view), width, height);

@@ -82,13 +82,5 @@ TEST(Export, WhatCannotBeExportedLeavesNothing) {
     refused("view out", 2, "out");
 }
 
-TEST(View, PrintsItsAddress) {
-    const Program program;
-    program.folder().write("index.html", "page");
-    const Outcome outcome = program.run("view . --port 0", "timeout 1");
-    EXPECT_EQ(outcome.exit_code, 124);  // it serves until it is stopped
-    EXPECT_EQ(outcome.out.rfind("http://127.0.0.1:", 0), 0u) << outcome.out;
-}
-
 }  // namespace
 }  // namespace gs

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <csignal>
 #include <list>
 
 #include "tests/apps/program.h"
@@ -13,6 +14,7 @@ namespace {
 
 TEST(View, AFolderWithoutAnExportIsNamed) {
     const Program program;
+    std::filesystem::create_directory(program.path("run"));
     program.folder().write("run/results.json", "{}");
     const Outcome empty = program.run("view run --port 0", "timeout 5");
     EXPECT_EQ(empty.exit_code, 3) << empty.err;
@@ -25,14 +27,16 @@ TEST(View, AFolderWithoutAnExportIsNamed) {
 TEST(View, ThePrintedAddressAnswersAndCtrlCEndsItWhileClientsHang) {
     for (const std::string page : {"", "scene.ngsplat"}) {
         const Program program;
+        std::filesystem::create_directory(program.path("site"));
         program.folder().write("site/scene.ngsplat", "the scene");
         if (page.empty()) program.folder().write("site/index.html", "the page");
-        const std::string command = "timeout --preserve-status -s INT 1 '" GSAPP_PROGRAM "' view '" +
-                                    program.path("site").string() + "' --port 0 2>/dev/null";
+        const std::string command =
+            "echo $$; exec '" GSAPP_PROGRAM "' view '" + program.path("site").string() + "' --port 0 2>/dev/null";
         FILE* const out = ::popen(command.c_str(), "r");
         ASSERT_NE(out, nullptr);
-        int port = 0;
+        int process = 0, port = 0;
         char path[100] = "";
+        ASSERT_EQ(std::fscanf(out, "%d ", &process), 1);
         EXPECT_EQ(std::fscanf(out, "http://127.0.0.1:%d/%99[^\n]", &port, path), page.empty() ? 1 : 2);
         EXPECT_EQ(path, page);
         std::list<HttpClient> clients;
@@ -41,6 +45,7 @@ TEST(View, ThePrintedAddressAnswersAndCtrlCEndsItWhileClientsHang) {
         EXPECT_EQ(result.status, 200);
         EXPECT_EQ(result.body, page.empty() ? "the page" : "the scene");
         const auto start = std::chrono::steady_clock::now();
+        ::kill(process, SIGINT);
         const int status = ::pclose(out);
         EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
         EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;

@@ -11,6 +11,7 @@
 #include "lib/core/process.h"
 #include "lib/io/image.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/io/tagged_image.h"
 
 namespace gs {
 namespace {
@@ -22,7 +23,7 @@ constexpr const char* kFakeColmap = R"(#!/bin/sh
 echo "$QT_QPA_PLATFORM $*" >> "$COLMAP_CALLS"
 command=$1
 while [ $# -gt 0 ]; do
-  case $1 in --output_path) output=$2;; --input_path) input=$2;; esac
+  case $1 in --output_path) output=$2;; --input_path) input=$2;; --image_path) images=$2;; esac
   shift
 done
 if [ "$command" = "$COLMAP_FAILS_AT" ]; then
@@ -31,7 +32,9 @@ if [ "$command" = "$COLMAP_FAILS_AT" ]; then
   exit 3
 fi
 case $command in
-  feature_extractor) echo "Processed file [1/2]"; echo "Processed file [2/2]";;
+  feature_extractor)
+    cp -rL "$images" "$COLMAP_CALLS.seen"
+    echo "Processed file [1/2]"; echo "Processed file [2/2]";;
   mapper)
     [ -n "$COLMAP_FINDS_NOTHING" ] && exit 0
     mkdir -p "$output/0" "$output/1"
@@ -194,6 +197,23 @@ TEST(Process, TellsExitCodesSignalsAndLastLines) {
     EXPECT_THROW(run_process({"gsapp-no-such-program"}, {}, [](const std::string&) {}), UsageError);
     EXPECT_THROW(run_process({"sh", "-c", "yes"}, {}, [](const std::string&) { throw DataError("stop"); }), DataError)
         << "must not wait for ever";
+}
+
+TEST_F(Prepare, PhotographsThatLieOnTheirSideAreTurnedBeforeColmapSeesThem) {
+    test::write_tagged(photographs() / "sub" / "turned.jpg", 6, 8, 6);
+    prepare();
+    const fs::path seen = folder_.path() / "calls.seen";
+    const ImageInfo turned = read_image_info(seen / "sub" / "turned.jpg");
+    EXPECT_EQ(turned.width, 8);
+    EXPECT_EQ(turned.height, 6);
+    EXPECT_EQ(turned.orientation, 1);
+    EXPECT_EQ(text_of(seen / "a.png"), text_of(photographs() / "a.png"));
+    EXPECT_EQ(text_of(seen / "sub" / "b.png"), text_of(photographs() / "sub" / "b.png"));
+    EXPECT_EQ(read_image_info(photographs() / "sub" / "turned.jpg").orientation, 6) << "the original stays";
+    const std::string said = calls();
+    EXPECT_NE(said.find("--ImageReader.single_camera 1"), std::string::npos) << "all have one size once upright";
+    EXPECT_EQ(said.find("--image_path " + photographs().string()), std::string::npos) << "no stage sees the original";
+    EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1) << "no copies left";
 }
 
 }  // namespace

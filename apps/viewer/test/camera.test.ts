@@ -3,9 +3,9 @@ import { PerspectiveCamera, Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { summarize } from '../src/benchmark';
 import { cameraPose, defaultView } from '../src/camera/navigator';
-import { camFromWorld, cropView, dot, fitView, type View } from '../src/camera/view';
+import { camFromWorld, cropView, fitView, type View } from '../src/camera/view';
 import { parseScene } from '../src/format/ngsplat';
-import type { Vector } from '../src/format/vector';
+import { dot, type Vector } from '../src/format/vector';
 import { colorMix, gain } from '../src/render/photometric';
 import { encode } from './encode';
 

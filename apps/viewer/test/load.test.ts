@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-import { describe, expect, it } from 'vitest';
-import { readAll } from '../src/format/load';
+import { afterEach, describe, expect, it, vi } from 'vitest';
+import { fetchSource, readAll } from '../src/format/load';
 
 const PART = 700_000;
 
@@ -27,5 +27,25 @@ describe('readAll', () => {
     const stream = new ReadableStream<Uint8Array>({ pull: (c) => c.enqueue(new Uint8Array(10)), cancel: () => void (cancelled = true) });
     await expect(readAll({ name: 'f', stream }, () => { throw new Error('enough'); })).rejects.toThrow('enough');
     expect(cancelled).toBe(true);
+  });
+});
+
+describe('fetchSource', () => {
+  afterEach(() => void vi.unstubAllGlobals());
+  const open = (url: string, headers: Record<string, string> = {}) => {
+    vi.stubGlobal('location', { href: 'http://127.0.0.1:8000/?model=x' });
+    vi.stubGlobal('fetch', () => Promise.resolve(new Response('the file', { headers })));
+    return fetchSource(url, new AbortController().signal);
+  };
+
+  it.each([['scene.ngsplat', 'scene.ngsplat'], ['a/b%20c.ngsplat?x', 'b c.ngsplat'], ['http://[::1]:9/d', 'd'], ['%E0%A4%A', '%E0%A4%A'], ['', '']])(
+    'names %s', async (url, name) => expect((await open(url)).name).toBe(name));
+
+  it.each(['http://', 'http://[', 'http://a:b:c/'])('says that %s is no address', async (url) => {
+    await expect(open(url)).rejects.toThrow(`'${url}' is no address of a file`);
+  });
+
+  it.each([['8', 8], ['-1', undefined], ['1e400', undefined], ['many', undefined], ['0.5', undefined]])('takes %s for a length', async (length, size) => {
+    expect((await open('f', { 'content-length': length })).size).toBe(size);
   });
 });

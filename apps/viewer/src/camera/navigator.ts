@@ -3,9 +3,9 @@
 
 import { PerspectiveCamera, Vector3 } from 'three';
 import type { Scene } from '../format/ngsplat';
-import type { Vector } from '../format/vector';
+import { dot, type Vector } from '../format/vector';
 import { Fly, Orbit, type Movement } from './movement';
-import { dot, fitView, type View } from './view';
+import { fitView, type View } from './view';
 
 /** Vertical field of view of a scene without test views. */
 const DEFAULT_FOV = 60;

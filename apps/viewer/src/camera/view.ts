@@ -2,11 +2,9 @@
 // What a picture is taken with: a pose and pinhole intrinsics. OpenCV axes as in gsapp: x right, y down, z forward; pixel centres at .5.
 
 import type { TestCamera } from '../format/ngsplat';
-import type { Vector } from '../format/vector';
+import { dot, type Vector } from '../format/vector';
 
 export type View = TestCamera;
-
-export const dot = (a: Vector, b: Vector): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 /** cam_from_world: the rotation column by column, as GLSL takes it, and the translation. */
 export function camFromWorld(view: View): { rotation: number[]; translation: Vector } {

@@ -4,6 +4,9 @@
 /** The file is not what it should be; the message is for the user. */
 export class FormatError extends Error {}
 
+/** Far beyond all that means something; single precision ends at 3e38. */
+export const LARGEST_NUMBER = 1e15;
+
 export class Cursor {
   offset = 0;
 
@@ -41,10 +44,11 @@ export class Cursor {
   halves(count: number, what: string): Uint16Array {
     return new Uint16Array(this.buffer, this.take(2 * count, what), count);
   }
-  /** Throws where one is not finite: nothing in a header may be. */
+  /** Throws where one is not finite, or so large that arithmetic on the GPU would lose it: nothing in a header may be. */
   floats(count: number, what: string): Float32Array {
     const values = new Float32Array(this.buffer, this.take(4 * count, what), count);
-    if (!values.every(Number.isFinite)) throw new FormatError(`${what}: a value is not a finite number`);
+    const bad = values.find((value) => !(Math.abs(value) <= LARGEST_NUMBER));
+    if (bad !== undefined) throw new FormatError(`${what}: a value is ${bad}, not a finite number up to ${LARGEST_NUMBER}`);
     return values;
   }
 }

@@ -10,3 +10,14 @@ export function halfToFloat(bits: number): number {
   if (exponent === 0x1f) return mantissa ? NaN : sign * Infinity;
   return sign * (1 + mantissa / 1024) * 2 ** (exponent - 15);
 }
+
+const EXPONENT = 0x7c00;
+
+/** Whether the lower half of a word is a number. */
+export const isFiniteHalf = (word: number): boolean => (word & EXPONENT) !== EXPONENT;
+
+/** Whether both halves of all words are numbers. */
+export function areFiniteHalves(words: Uint32Array): boolean {
+  for (let i = 0; i < words.length; ++i) if (!isFiniteHalf(words[i]) || !isFiniteHalf(words[i] >>> 16)) return false;
+  return true;
+}

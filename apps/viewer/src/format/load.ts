@@ -10,9 +10,24 @@ export interface Source {
   stream: ReadableStream<Uint8Array>;
 }
 
+/** The last part of an address, to show. Throws Error where it is none. */
+function nameOf(url: string): string {
+  let name: string;
+  try {
+    name = new URL(url, location.href).pathname.split('/').pop() || url;
+  } catch {
+    throw new Error(`'${url}' is no address of a file`);
+  }
+  try {
+    return decodeURIComponent(name);
+  } catch {
+    return name; // a '%' that begins no byte of UTF-8
+  }
+}
+
 /** `signal` aborts the transfer. Throws Error with a message for the user. */
 export async function fetchSource(url: string, signal: AbortSignal): Promise<Source> {
-  const name = decodeURIComponent(new URL(url, location.href).pathname.split('/').pop() || url);
+  const name = nameOf(url);
   let response: Response;
   try {
     response = await fetch(url, { signal });
@@ -23,7 +38,7 @@ export async function fetchSource(url: string, signal: AbortSignal): Promise<Sou
   if (!response.ok || !response.body) throw new Error(`${name} cannot be fetched: the server answers ${response.status} ${response.statusText}`);
   // Compressed on the way, the length is another one.
   const length = response.headers.has('content-encoding') ? NaN : Number(response.headers.get('content-length') ?? NaN);
-  return { name, size: Number.isFinite(length) ? length : undefined, stream: response.body };
+  return { name, size: Number.isSafeInteger(length) && length >= 0 ? length : undefined, stream: response.body };
 }
 
 /** The whole file. `progress` gets the bytes so far. Throws FormatError where memory does not suffice. */

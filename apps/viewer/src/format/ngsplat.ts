@@ -3,10 +3,16 @@
 // stay views of the file's bytes. What differs between models their packing.json says.
 
 import { Cursor, FormatError } from './cursor';
+import { areFiniteHalves, isFiniteHalf } from './half';
 import { packedLayout, type TextureShape } from './packing';
 import { readTrailer, type Trailer } from './trailer';
-import type { Vector } from './vector';
+import { dot, type Vector } from './vector';
 import { models, type ModelCode } from '../models';
+
+/** Most pixels of a test camera in each direction. */
+const MOST_PIXELS = 65535;
+/** What rounding may leave of the lengths of a camera's axes, and of the angles between them. */
+const AXES_TOLERANCE = 1e-2;
 
 /** Texels in a row. */
 export const TEXTURE_WIDTH = 2048;
@@ -72,8 +78,28 @@ function readTestCamera(c: Cursor): TestCamera {
   const m = c.floats(12, 'test camera');
   const column = (k: number): Vector => [m[k], m[4 + k], m[8 + k]];
   const [fx, fy, cx, cy, width, height] = c.floats(6, 'intrinsics of a test camera');
-  if (!(width >= 1 && height >= 1 && fx > 0 && fy > 0)) throw new FormatError(`a test camera has ${width} x ${height} pixels and focal lengths ${fx}, ${fy}`);
-  return { right: column(0), down: column(1), forward: column(2), position: column(3), fx, fy, cx, cy, width, height };
+  const isSize = (n: number) => Number.isInteger(n) && n >= 1 && n <= MOST_PIXELS;
+  if (!(isSize(width) && isSize(height) && fx > 0 && fy > 0)) throw new FormatError(`a test camera has ${width} x ${height} pixels and focal lengths ${fx}, ${fy}`);
+  const axes = [column(0), column(1), column(2)];
+  for (let i = 0; i < 3; ++i)
+    for (let j = 0; j <= i; ++j)
+      if (Math.abs(dot(axes[i], axes[j]) - Number(i === j)) > AXES_TOLERANCE) throw new FormatError('the axes of a test camera are not unit and perpendicular');
+  return { right: axes[0], down: axes[1], forward: axes[2], position: column(3), fx, fy, cx, cy, width, height };
+}
+
+/** Throws FormatError naming the first Gaussian whose mean is no point. What is not finite would spread over the picture. */
+function checkMeans(geometry: Uint32Array, count: number): void {
+  for (let i = 0; i < count; ++i) {
+    const xy = geometry[4 * i + 1], z = geometry[4 * i + 2];
+    if (!(isFiniteHalf(xy) && isFiniteHalf(xy >>> 16) && isFiniteHalf(z))) throw new FormatError(`the mean of Gaussian ${i} is not finite`);
+  }
+}
+
+/** The same for the halves of the payload, which are the last layers of its last block. */
+function checkHalves(block: TexelBlock, halfLayers: number, count: number): void {
+  const size = block.data.length / block.layers;
+  for (let layer = block.layers - halfLayers; layer < block.layers; ++layer)
+    if (!areFiniteHalves(block.data.subarray(layer * size, layer * size + block.words * count))) throw new FormatError('the appearance of a Gaussian is not finite');
 }
 
 /** Throws FormatError, which says what is wrong, for anything but a complete file. */
@@ -111,9 +137,12 @@ export function parseScene(buffer: ArrayBuffer): Scene {
   const weightTexels = c.word('number of weight texels');
   if (4 * weightTexels !== layout.weightHalves) throw new FormatError(`the file has ${weightTexels} texels of weights, its model ${layout.weightHalves / 4}`);
   const weights = c.halves(layout.weightHalves, 'weights');
+  if (!weights.every(isFiniteHalf)) throw new FormatError('a weight of the model is not finite');
   const texels = TEXTURE_WIDTH * textureHeight;
   const geometry = c.words(4 * texels, `geometry of ${count} Gaussians`);
   const payload = layout.textures.map((shape) => ({ ...shape, data: c.words(shape.words * shape.layers * texels, `appearance of ${count} Gaussians`) }));
+  checkMeans(geometry, count);
+  if (layout.halfLayers > 0) checkHalves(payload.at(-1)!, layout.halfLayers, count);
   return {
     count, textureHeight, model, constants: layout.constants, floats, colorActivation, residualActivation, antialiased: flag(0), exponentialBase: flag(5),
     baseScale, baseOffset, center, up, distance, testCameras, photometric, weights, geometry, payload, appearance: packing.name, background: [0, 0, 0],

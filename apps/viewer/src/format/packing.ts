@@ -33,6 +33,8 @@ export interface TextureShape {
 
 export interface PackedLayout {
   textures: TextureShape[];
+  /** The last layers of the last texture, which hold halves. */
+  halfLayers: number;
   weightHalves: number;
   constants: Record<string, number>;
 }
@@ -60,7 +62,8 @@ export function packedLayout(packing: PackingDescription, fields: Values): Packe
     else if (layers > 0) textures.push({ words, layers });
   };
   for (const { words, count } of packing.textures ?? []) add(words, size(count, MOST_TEXTURES));
-  add(4, Math.ceil(size(packing.halves ?? '0', MOST_HALVES) / HALVES_PER_TEXEL));
+  const halfLayers = Math.ceil(size(packing.halves ?? '0', MOST_HALVES) / HALVES_PER_TEXEL);
+  add(4, halfLayers);
   const constants = Object.entries(packing.constants ?? {}).map(([name, expression]) => [name, evaluate(expression, values)] as const);
-  return { textures, weightHalves: size(packing.weightHalves ?? '0', MOST_WEIGHTS), constants: Object.fromEntries(constants) };
+  return { textures, halfLayers, weightHalves: size(packing.weightHalves ?? '0', MOST_WEIGHTS), constants: Object.fromEntries(constants) };
 }

@@ -2,7 +2,7 @@
 // What gsapp adds behind the last texture: JSON, and a checksum of all that comes before it. Files of others end there.
 
 import { crc32 } from './crc32';
-import { FormatError, type Cursor } from './cursor';
+import { FormatError, LARGEST_NUMBER, type Cursor } from './cursor';
 import type { Vector } from './vector';
 
 const MAGIC = 'GSAPPEXT', VERSION = 1;
@@ -34,14 +34,20 @@ export function readTrailer(c: Cursor): Trailer | undefined {
   const computed = crc32(new Uint8Array(c.buffer, 0, c.offset)), stored = c.word('checksum');
   if (computed !== stored) throw new FormatError(`its checksum is ${hex(computed)}, not ${hex(stored)}: the file is damaged`);
   if (c.rest > 0) throw new FormatError(`${c.rest} bytes follow the checksum`);
-  return fromJson(JSON.parse(new TextDecoder().decode(json)) as Partial<Json>);
+  let content: Partial<Json> | null;
+  try {
+    content = JSON.parse(new TextDecoder().decode(json)) as Partial<Json> | null;
+  } catch (error) {
+    throw new FormatError(`its trailer is not JSON: ${(error as Error).message}`);
+  }
+  return fromJson(content ?? {});
 }
 
 const hex = (n: number): string => n.toString(16).padStart(8, '0');
 
 function fromJson({ appearance, background, scene, test_views: views }: Partial<Json>): Trailer {
-  if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every(Number.isFinite))
-    throw new FormatError('its trailer lacks appearance or background');
+  if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every((value) => Math.abs(value) <= LARGEST_NUMBER))
+    throw new FormatError('its trailer lacks appearance or background, or a colour of the background is no number');
   return {
     appearance, background, name: typeof scene === 'string' ? scene : undefined,
     psnr: views && Number.isFinite(views.psnr) && Number.isFinite(views.packed_psnr) ? { model: views.psnr, packed: views.packed_psnr } : undefined,

@@ -3,7 +3,8 @@
 
 import type { WebGLRenderer, WebGLRenderTarget } from 'three';
 import { ColorActivation, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
-import { dot, type View } from '../camera/view';
+import type { View } from '../camera/view';
+import { dot } from '../format/vector';
 import type { GpuScene } from './gpu_scene';
 import { fullscreenPass, uniforms, type Defines, type Pass } from './pass';
 import { renderTarget, type Precision } from './target';
