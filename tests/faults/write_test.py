@@ -23,6 +23,7 @@ TRAIN = ["-s", "builtin:diffuse", "--device", "cpu", "-r", "48", "--iterations",
 SAVE = ["--eval", "--preview-every", "2", "--checkpoint-iterations", "2", "--save-iterations", "2", "4", "--quiet"]
 # Messages and the owner of a lock are no results: a write to these may fail without ending the program.
 NO_RESULTS = {"gsapp.log", ".gsapp.lock"}
+BINARY = {".png", ".ply", ".ngsplat", ".splat"}
 COLMAP = """#!/bin/sh
 command=$1
 while [ $# -gt 0 ]; do
@@ -71,12 +72,13 @@ def contents(folder):
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not path.is_file() or path.name in NO_RESULTS:
             continue
-        data = path.read_bytes()
+        data, tail = path.read_bytes(), b""
         if path.suffix == ".safetensors":  # length of the header, header with blanks at its end, tensors
             end = 8 + int.from_bytes(data[:8], "little")
-            data = data[8:end].rstrip() + data[end:]
-        data = data.replace(str(folder).encode(), b"FOLDER")
-        found[path.relative_to(folder).as_posix()] = re.sub(rb"[0-9.]+(e[-+]?[0-9]+)?", b"#", data)
+            data, tail = data[8:end].rstrip(), data[end:]
+        if path.suffix not in BINARY:
+            data = re.sub(rb"[0-9.]+(e[-+]?[0-9]+)?", b"#", data.replace(str(folder).encode(), b"FOLDER"))
+        found[path.relative_to(folder).as_posix()] = data + tail
     return found
 
 
