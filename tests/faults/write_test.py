@@ -9,6 +9,7 @@ Usage: write_test.py GSAPP LIBRARY [--all] [--only CASE]. A spread of the calls 
 import argparse
 import concurrent.futures
 import errno
+import json
 import os
 import pathlib
 import re
@@ -22,6 +23,7 @@ TRAIN = ["-s", "builtin:diffuse", "--device", "cpu", "-r", "48", "--iterations",
 SAVE = ["--eval", "--preview-every", "2", "--checkpoint-iterations", "2", "--save-iterations", "2", "4", "--quiet"]
 # Messages and the owner of a lock are no results: a write to these may fail without ending the program.
 NO_RESULTS = {"gsapp.log", ".gsapp.lock"}
+BINARY = {".png", ".ply", ".ngsplat", ".splat"}
 COLMAP = """#!/bin/sh
 command=$1
 while [ $# -gt 0 ]; do
@@ -65,20 +67,25 @@ def check(condition, message):
 
 
 def contents(folder):
-    """Every file by its path. Numbers in them are blurred: some are times."""
+    """Every file by its path. Numbers in them are blurred, since some are times, and so is the folder."""
     found = {}
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not path.is_file() or path.name in NO_RESULTS:
             continue
-        data = path.read_bytes()
-        # The first bytes of a checkpoint are the length of its header, which has times.
-        found[path.relative_to(folder).as_posix()] = re.sub(rb"[0-9.]+(e[-+]?[0-9]+)?", b"#", data[8 * (path.suffix == ".safetensors"):])
+        data, tail = path.read_bytes(), b""
+        if path.suffix == ".safetensors":  # length of the header, header with blanks at its end, tensors
+            end = 8 + int.from_bytes(data[:8], "little")
+            data, tail = data[8:end].rstrip(), data[end:]
+        if path.suffix not in BINARY:
+            data = re.sub(rb"[0-9.]+(e[-+]?[0-9]+)?", b"#", data.replace(str(folder).encode(), b"FOLDER"))
+        found[path.relative_to(folder).as_posix()] = data + tail
     return found
 
 
 class Suite:
     def __init__(self, arguments, folder):
-        self.gsapp, self.library, self.all, self.folder = arguments.gsapp, arguments.library, arguments.all, folder
+        self.gsapp, self.library = (str(pathlib.Path(file).resolve()) for file in (arguments.gsapp, arguments.library))
+        self.all, self.folder = arguments.all, folder
         self.template = folder / "template"
         colmap = folder / "bin" / "colmap"
         colmap.parent.mkdir()
@@ -150,6 +157,8 @@ class Suite:
                 check(case.replaces, f"{what}: {file} is gone")
             elif file.endswith(".html"):  # holds times in units that depend on them
                 check(found[file] == before.get(file) or found[file].endswith(b"</html>\n"), f"{what}: {file} is damaged")
+            elif file.endswith("results.json"):  # written several times
+                check(found[file].endswith(b"}\n") and json.loads((folder / file).read_text()), f"{what}: {file} is damaged")
             elif file.endswith("train.jsonl"):  # grows line by line
                 kept = max(found[file].rfind(b"\n") + 1, 0)
                 check(any(other.get(file, b"").startswith(found[file][:kept]) for other in (before, after)), f"{what}: {file} is damaged")
