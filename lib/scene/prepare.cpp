@@ -52,9 +52,13 @@ void check_target(const PrepareOptions& options) {
 
 /// What lies in a folder of photographs, by path relative to it.
 struct Photographs {
-    std::set<std::pair<int, int>> sizes;  ///< width and height once upright, pixels
+    std::set<std::pair<int, int>> stored_sizes, upright_sizes;  ///< width and height, pixels
     std::size_t count = 0;
     std::vector<fs::path> turned, others;  ///< photographs whose EXIF orientation is not 1; all other files
+
+    /// Upright and level photographs of one device have two sizes once turned, and would no longer share one camera for
+    /// colmap. A camera for each photograph is worse than pictures that lie on their side.
+    bool should_turn() const { return !turned.empty() && upright_sizes.size() <= stored_sizes.size(); }
 };
 
 /// Throws DataError when there are no photographs.
@@ -68,10 +72,9 @@ Photographs find_photographs(const fs::path& images) {
         try {
             const ImageInfo info = read_image_info(it->path());
             turned = info.orientation != 1;
-            if (is_quarter_turn(info.orientation))
-                found.sizes.insert({info.height, info.width});
-            else
-                found.sizes.insert({info.width, info.height});
+            found.stored_sizes.insert({info.width, info.height});
+            const bool quarter = is_quarter_turn(info.orientation);
+            found.upright_sizes.insert({quarter ? info.height : info.width, quarter ? info.width : info.height});
             ++found.count;
         } catch (const DataError&) {
             // Folders of photographs also hold other files; colmap skips them, too.
@@ -199,19 +202,25 @@ void prepare_scene(const PrepareOptions& options, const PrepareProgress& progres
         throw UsageError(fmt::format("--matcher: '{}' is not one of exhaustive, sequential", options.matcher));
     check_target(options);
     const Photographs photographs = find_photographs(options.images);
-    const char* single_camera = photographs.sizes.size() == 1 ? "1" : "0";
+    const bool turn = photographs.should_turn();
+    const char* single_camera = (turn ? photographs.upright_sizes : photographs.stored_sizes).size() == 1 ? "1" : "0";
     const char* gpu = options.gpu ? "1" : "0";
     const fs::path target = options.scene.has_filename() ? options.scene : options.scene.parent_path();
     const WorkFolder work(target);
     const std::string database = (work.path() / "database.db").string();
-    const std::string images = (photographs.turned.empty() ? options.images : work.path() / "upright").string();
+    const std::string images = (turn ? work.path() / "upright" : options.images).string();
     const fs::path models = work.path() / "models", dense = work.path() / "dense";
     try {
         fs::create_directories(models);
-        if (!photographs.turned.empty()) {
+        if (turn) {
             log_info("{} of {} photographs have an EXIF orientation, which colmap ignores: it gets upright copies",
                      photographs.turned.size(), photographs.count);
             write_upright(options.images, photographs, images);
+        } else if (!photographs.turned.empty()) {
+            log_warning(
+                "{} of {} photographs have an EXIF orientation, which colmap ignores: they stay on their side, so "
+                "that all share one camera; only the pictures of the run look turned",
+                photographs.turned.size(), photographs.count);
         }
         run_stage(
             1, "features",

@@ -21,7 +21,8 @@ struct PrepareOptions {
 using PrepareProgress = std::function<void(int stage, int stages, const std::string& name, const std::string& count)>;
 
 /// Runs colmap's feature extraction, matching, mapper and undistortion, with options that colmap 3.8 and others have.
-/// Photographs with an EXIF orientation are turned upright first, in copies, because colmap ignores the tag.
+/// Photographs with an EXIF orientation are turned upright first, in copies, because colmap ignores the tag; unless
+/// upright and level ones would then no longer have one size and share one camera.
 /// Works in a temporary folder beside the target, which gets its name only when it is complete. Uses the reconstruction
 /// with most images.
 /// Throws UsageError when colmap is not installed and for a target that exists (without `overwrite`, or that is no

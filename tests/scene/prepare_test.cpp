@@ -216,5 +216,12 @@ TEST_F(Prepare, PhotographsThatLieOnTheirSideAreTurnedBeforeColmapSeesThem) {
     EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1) << "no copies left";
 }
 
+TEST_F(Prepare, UprightAndLevelPhotographsOfOneDeviceStillShareOneCamera) {
+    test::write_tagged(photographs() / "turned.jpg", 8, 6, 6);
+    prepare();
+    EXPECT_EQ(read_image_info(folder_.path() / "calls.seen" / "turned.jpg").width, 8) << "as stored";
+    EXPECT_NE(calls().find("--ImageReader.single_camera 1"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace gs
