@@ -5,9 +5,9 @@
     cmake --preset fuzz && cmake --build --preset fuzz --target fuzz gsapp_server
     tests/fuzz/mutate.py --count 10000 --seed 1
 
-Each trial takes a small valid dataset or run, damages one of its files (bits, lengths, numbers, sections, images' sizes,
-another file's content, no file at all) and runs a subcommand on it. Trial I of seed S is always the same. A trial is a
-finding when the program
+Each trial takes a small valid dataset or run, damages one of its files (bits, lengths, numbers, sections, images'
+sizes, another file's content, no file at all) and runs a subcommand on it. Trial I of seed S is always the same. A
+trial is a finding when the program
   crashes        ends by a signal, or a sanitizer stops it
   unexpected     ends with exit code 1, or one that docs/formats.md does not know
   slow           takes longer than --seconds
@@ -43,8 +43,8 @@ class Server:
     def __init__(self, program, seconds):
         self.seconds = seconds
         environment = dict(os.environ)
-        options = f"detect_leaks=0:exitcode={SANITIZED}:quarantine_size_mb=16:max_allocation_size_mb=1024:allocator_may_return_null=0"
-        environment["ASAN_OPTIONS"] = options
+        environment["ASAN_OPTIONS"] = (f"detect_leaks=0:exitcode={SANITIZED}:quarantine_size_mb=16:"
+                                       "max_allocation_size_mb=1024:allocator_may_return_null=0")
         environment["UBSAN_OPTIONS"] = f"exitcode={SANITIZED}:print_stacktrace=1"
         symbolizer = shutil.which("llvm-symbolizer-16") or shutil.which("llvm-symbolizer")
         if symbolizer:
@@ -76,14 +76,21 @@ class Kind:
 
 # ---------------------------------------------------------------- damage
 
-NUMBERS = ["0", "-0", "-1", "1", "2147483647", "2147483648", "-2147483649", "4294967296", "9223372036854775807",
-           "9223372036854775808", "-9223372036854775809", "18446744073709551616", "99999999999999999999999", "1e308",
-           "1e309", "-1e309", "1e-320", "1e39", "nan", "inf", "-inf", "NaN", "Infinity", "0x10", "1.5", "1e5", "1000000", "65536", "1_0"]
-WORDS = ["null", "true", "[]", "{}", "\"\"", "''", "~", "[[]]", "{\"a\": 1}", "\"\\u0000\"", "\"\\ud800\"", "&a [*a]", "*a", "!!binary x",
-         "<<", "- ", ": ", "#", "\t", "\0", "\xff", "..", "/", "/dev/null", "a" * 300, "a/" * 3000, "%s%n", "*?[a]", "é"]
-INTEGERS = [0, 1, 2, 0x7f, 0xff, 0x7fff, 0xffff, 0x10000, 0x7fffffff, 0x80000000, 0xffffffff, 1 << 32, 1 << 40, 1 << 60, (1 << 63) - 1,
-            1 << 63, (1 << 64) - 1, 22000, 1000000]
-FLOATS = [float("nan"), float("inf"), float("-inf"), 1e300, -1e300, 3.5e38, 1e38, -1e38, 1e-310, 1e-45, 0.0, -0.0, -1.0, 1e9, 1e19]
+NUMBERS = """0 -0 -1 1 2147483647 2147483648 -2147483649 4294967296 9223372036854775807 9223372036854775808
+-9223372036854775809 18446744073709551616 99999999999999999999999 1e308 1e309 -1e309 1e-320 1e39 nan inf -inf NaN
+Infinity 0x10 1.5 1e5 1000000 65536 1_0""".split()
+WORDS = ["null", "true", "[]", "{}", '""', "''", "~", "[[]]", '{"a": 1}', r'"\u0000"', r'"\ud800"', "&a [*a]", "*a",
+         "!!binary x", "<<", "- ", ": ", "#", "\t", "\0", "\xff", "..", "/", "/dev/null", "a" * 300, "a/" * 3000,
+         "%s%n", "*?[a]", "\xe9"]
+INTEGERS = [0, 1, 2, 0x7f, 0xff, 0x7fff, 0xffff, 0x10000, 0x7fffffff, 0x80000000, 0xffffffff, 1 << 32, 1 << 40, 1 << 60,
+            (1 << 63) - 1, 1 << 63, (1 << 64) - 1, 22000, 1000000]
+FLOATS = [float("nan"), float("inf"), float("-inf"), 1e300, -1e300, 3.5e38, 1e38, -1e38, 1e-310, 1e-45, 0.0, -0.0, -1.0,
+          1e9, 1e19]
+SINGLES = [f for f in FLOATS if not 3.4e38 < abs(f) < float("inf")]
+SIDES = [0, 1, 3, 15, 17, 65535, 65536, 22000, 100000, 0x7fffffff, 0xffffffff, 40, 4000]
+NODES = [None, True, False, "", "x", [], {}, 0, -1, 1.5, 2**31, 2**53, 2**63, 2**64, -2**63, 1e308, 1e-320,
+         float("nan"), float("inf"), "nan", "\0", "\xe9" * 200, [[[]]], {"a": {}}]
+KEYS = ["", "ours_1", "ours_-1", "ours_99999999999999999999", "a" * 300, "\0"]
 
 
 def damage_bits(r, data):
@@ -103,11 +110,12 @@ def damage_header_bytes(r, data):
 
 
 def truncate(r, data):
-    return data[:r.choice([0, 1, 4, r.randrange(len(data) + 1), max(0, len(data) - 1), max(0, len(data) - r.randrange(1, 64))])]
+    size = len(data)
+    return data[:r.choice([0, 1, 4, r.randrange(size + 1), max(0, size - 1), max(0, size - r.randrange(1, 64))])]
 
 
 def extend(r, data):
-    return data + r.choice([b"\0", b"\n", b"x", data, bytes(r.randrange(256) for _ in range(r.choice([3, 100, 5000]))), b"\0" * 70000])
+    return data + r.choice([b"\0", b"\n", b"x", data, b"\0" * 70000, r.randbytes(r.choice([3, 100, 5000]))])
 
 
 def damage_number_bytes(r, data):
@@ -118,9 +126,11 @@ def damage_number_bytes(r, data):
     for _ in range(r.choice([1, 1, 2])):
         order = r.choice("<<<>")
         value = r.choice([
-            lambda: struct.pack(order + "Q", r.choice(INTEGERS)), lambda: struct.pack(order + "I", r.choice(INTEGERS) & 0xffffffff),
-            lambda: struct.pack(order + "H", r.choice(INTEGERS) & 0xffff), lambda: struct.pack(order + "d", r.choice(FLOATS)),
-            lambda: struct.pack(order + "f", r.choice([f for f in FLOATS if not abs(f) > 3.4e38 or abs(f) == float("inf") or f != f]))])()
+            lambda: struct.pack(order + "Q", r.choice(INTEGERS)),
+            lambda: struct.pack(order + "I", r.choice(INTEGERS) & 0xffffffff),
+            lambda: struct.pack(order + "H", r.choice(INTEGERS) & 0xffff),
+            lambda: struct.pack(order + "d", r.choice(FLOATS)),
+            lambda: struct.pack(order + "f", r.choice(SINGLES))])()
         places = range(0, len(out) - len(value) + 1)
         at = r.choice([r.choice(places), min(places[-1], 4 * r.randrange(24)), 0])
         out[at:at + len(value)] = value
@@ -214,10 +224,9 @@ def damage_json(r, data):
             elif what == 3:
                 parent[key] = r.choice(nodes)[0]
             elif what == 4 and isinstance(parent, dict):
-                parent[r.choice(["", "ours_1", "ours_-1", "ours_99999999999999999999", "a" * 300, "\0"])] = parent.pop(key)
+                parent[r.choice(KEYS)] = parent.pop(key)
             else:
-                parent[key] = r.choice([None, True, False, "", "x", [], {}, 0, -1, 1.5, 2**31, 2**53, 2**63, 2**64, -2**63, 1e308, 1e-320,
-                                        float("nan"), float("inf"), "nan", "\0", "é" * 200, [[[]]], {"a": {}}])
+                parent[key] = r.choice(NODES)
         except (KeyError, IndexError):
             pass
     try:
@@ -228,7 +237,7 @@ def damage_json(r, data):
 
 def damage_image_size(r, data):
     """The size that an image's header declares becomes another one, with the header's checksum where it has one."""
-    size = [r.choice([0, 1, 3, 15, 17, 65535, 65536, 22000, 100000, 0x7fffffff, 0xffffffff, 40, 4000]) for _ in range(2)]
+    size = [r.choice(SIDES) for _ in range(2)]
     if r.random() < 0.3:
         size[r.randrange(2)] = r.choice([12, 16])
     out = bytearray(data)
@@ -272,7 +281,8 @@ def damage_image_size(r, data):
 
 IMAGES = (".png", ".jpg", ".tif", ".exr", ".webp", ".bmp")
 ANY = [damage_bits, truncate, extend, damage_number_bytes, cut_piece, repeat_piece]
-TEXT = [damage_text_number, damage_text_number, damage_text_word, damage_lines, insert_text, truncate, cut_piece, repeat_piece, damage_bits]
+TEXT = [damage_text_number, damage_text_number, damage_text_word, damage_lines, insert_text, truncate, cut_piece,
+        repeat_piece, damage_bits]
 
 
 def damage(r, name, data, others):
@@ -322,17 +332,19 @@ def valid_inputs(seeds, make):
     binary = {f"scene/sparse/0/{part}.bin": seed(f"colmap_{part}.bin") for part in ("cameras", "images", "points3D")}
     text = {f"scene/sparse/0/{part}.txt": seed(f"colmap_{part}.txt") for part in ("cameras", "images", "points3D")}
     colmap = {**photos, **binary}
-    frames = [{"file_path": f"images/{name}", "transform_matrix": [[1, 0, 0, 0.1 * k], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]}
-              for k, name in enumerate("abc")]
-    transforms = {"fl_x": 20, "fl_y": 20, "cx": 8, "cy": 6, "w": 16, "h": 12, "k1": -0.1, "k2": 0.01, "camera_model": "OPENCV",
-                  "ply_file_path": "points.ply", "test_filenames": ["images/c"], "frames": frames}
-    blender = {f"scene/transforms_{split}.json": json.dumps({"camera_angle_x": 0.7, "frames": [
-        {"file_path": f"./{split}/r_{k}", "rotation": 0.1, "transform_matrix": frame["transform_matrix"]} for k, frame in enumerate(frames)]}).encode()
-        for split in ("train", "test")}
+    def pose(k):
+        return [[1, 0, 0, 0.1 * k], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]
+
+    transforms = {"fl_x": 20, "fl_y": 20, "cx": 8, "cy": 6, "w": 16, "h": 12, "k1": -0.1, "k2": 0.01,
+                  "camera_model": "OPENCV", "ply_file_path": "points.ply", "test_filenames": ["images/c"],
+                  "frames": [{"file_path": f"images/{n}", "transform_matrix": pose(k)} for k, n in enumerate("abc")]}
+    blender = {}
     for split in ("train", "test"):
+        views = [{"file_path": f"./{split}/r_{k}", "rotation": 0.1, "transform_matrix": pose(k)} for k in range(3)]
+        blender[f"scene/transforms_{split}.json"] = json.dumps({"camera_angle_x": 0.7, "frames": views}).encode()
         blender.update({f"scene/{split}/r_{k}.png": rgba for k in range(3)})
-    builtin = re.sub(rb"cameras: .*", b"cameras: {width: 16, height: 12, fov: 48, radius: 4.4, look_at: [0, 0, 0.2], train: 3, test: 1}",
-                     seed("scene.yaml").replace(b"points: 5000", b"points: 50"))
+    small = b"{width: 16, height: 12, fov: 48, radius: 4.4, look_at: [0, 0, 0.2], train: 3, test: 1}"
+    builtin = re.sub(rb"cameras: .*", b"cameras: " + small, seed("scene.yaml").replace(b"points: 5000", b"points: 50"))
     builtin += b"""pixel_grid: 1
 violations:
   moved: {shape: red ball, offset: [0.35, -0.3, 0], every: 2}
@@ -343,43 +355,62 @@ violations:
     kinds = [
         Kind("colmap", colmap, [(few, binary)]),
         Kind("colmap_text", {**photos, **text}, [(few, text)]),
-        Kind("transforms", {**photos, "scene/transforms.json": json.dumps(transforms).encode(), "scene/points.ply": seed("points.ply")},
+        Kind("transforms",
+             {**photos, "scene/transforms.json": json.dumps(transforms).encode(),
+              "scene/points.ply": seed("points.ply")},
              [(few, ["scene/transforms.json", "scene/transforms.json", "scene/points.ply"])]),
         Kind("blender", blender, [(few + " --init-points 20", [n for n in blender if n.endswith(".json")])]),
     ]
-    pictures = {"scene/images/a.png": png, "scene/images/b.jpg": seed("image.jpg"), "scene/images/c.tif": seed("image.tif")}
-    others = {"scene/images/a.exr": seed("image.exr"), "scene/images/b.webp": seed("image.webp"), "scene/images/c.bmp": seed("image.bmp")}
+    pictures = {"scene/images/a.png": png, "scene/images/b.jpg": seed("image.jpg"),
+                "scene/images/c.tif": seed("image.tif")}
+    others = {"scene/images/a.exr": seed("image.exr"), "scene/images/b.webp": seed("image.webp"),
+              "scene/images/c.bmp": seed("image.bmp")}
+    exif = " --ppisp on --ppisp-exif --controller-iterations 0"
     kinds += [
-        Kind("images", {**binary, **pictures}, [(few + option, pictures) for option in ("", " --ppisp on --ppisp-exif --controller-iterations 0")]),
+        Kind("images", {**binary, **pictures}, [(few, pictures), (few + exif, pictures)]),
         Kind("images_2", {**binary, **others}, [(few, others)]),
         Kind("masks", {**colmap, "scene/masks/a.png": png, "scene/masks/b.png.png": rgba},
-             [(few, ["scene/masks/a.png", "scene/masks/b.png.png"]), (few + " --mask-mode transparent", ["scene/masks/a.png"])]),
-        Kind("two_images", {"a.png": png, "b.png": rgba, "c.jpg": seed("image.jpg"), "d.exr": seed("image.exr"), "e.tif": seed("image.tif")},
-             [(f"metrics {a} b.png", [a]) for a in ("a.png", "c.jpg", "d.exr", "e.tif")]),
-        Kind("test_list", {**colmap, "list.txt": b"# held out\nb.png\n\nc\n"}, [(few + " --test-list list.txt", ["list.txt"])]),
+             [(few, ["scene/masks/a.png", "scene/masks/b.png.png"]),
+              (few + " --mask-mode transparent", ["scene/masks/a.png"])]),
+        Kind("two_images",
+             {"a.png": png, "b.png": rgba, **{f"c.{form}": seed(f"image.{form}") for form in ("jpg", "exr", "tif")}},
+             [(f"metrics {a} b.png", [a]) for a in ("a.png", "c.jpg", "c.exr", "c.tif")]),
+        Kind("test_list", {**colmap, "list.txt": b"# held out\nb.png\n\nc\n"},
+             [(few + " --test-list list.txt", ["list.txt"])]),
         Kind("builtin", {"scene.yaml": builtin}, [(few.replace("-s scene", "-s builtin:scene.yaml"), ["scene.yaml"])]),
     ]
     run = make(colmap, [TRAIN + " --checkpoint-iterations 1 --save-iterations 1 --test-iterations 1"])
     corrected = make(colmap, [TRAIN + " --ppisp on --controller-iterations 0"])
-    config = {"config.yaml": b"parent: parent.yaml\n" + run["out/config.yaml"], "parent.yaml": b"sh-degree: 2\nlambda-dssim: 0.3\n"}
+    config = {"config.yaml": b"parent: parent.yaml\n" + run["out/config.yaml"],
+              "parent.yaml": b"sh-degree: 2\nlambda-dssim: 0.3\n"}
     kinds.append(Kind("config", {**colmap, **config}, [(few + " --config config.yaml", list(config))]))
-    names = {part: [n for n in run if n.startswith("out/") and n.endswith(part)] for part in (".ply", ".safetensors", ".json", ".jsonl", ".png")}
-    run["out/auto.json"] = b'{"model": "sh", "lines": ["because"], "explained": {"direction": 0.5}, "trials": [], "seconds": 1.5}'
+    run["out/auto.json"] = json.dumps({"model": "sh", "lines": ["because"], "explained": {"direction": 0.5},
+                                       "trials": [], "seconds": 1.5}).encode()
+
+    def named(ending):
+        return [n for n in run if n.startswith("out/") and n.endswith(ending)]
+
     pair = {**run, **{n.replace("out/", "two/"): data for n, data in run.items() if n.startswith("out/")}}
-    model = [n for n in names[".ply"] if "iteration_2" in n]
-    checkpoint = [n for n in names[".safetensors"] if "iteration_2" in n]
-    plan, results = ["out/config.yaml"], ["out/results.json", "out/per_view.json"]
+    model, checkpoint = named("iteration_2/point_cloud.ply"), named("iteration_2.safetensors")
+    plan, results, ppisp = ["out/config.yaml"], ["out/results.json", "out/per_view.json"], ["out/ppisp.json"]
     kinds += [
         Kind("run", run, [
-            ("eval out", plan + model * 3 + results + ["out/auto.json"]), ("eval out --skip-render --html page.html", plan + results + names[".png"]),
-            ("render out --views all", plan + model), ("render out --path out/cameras.json", ["out/cameras.json"]),
-            ("export out -o site.ply --format ply", model), ("export out -o site.splat --format splat", model), ("export out -o site", model + plan),
+            ("eval out", plan + model * 3 + results + ["out/auto.json"]),
+            ("eval out --skip-render --html page.html", plan + results + named(".png")),
+            ("render out --views all", plan + model),
+            ("render out --path out/cameras.json", ["out/cameras.json"]),
+            ("export out -o site.ply --format ply", model),
+            ("export out -o site.splat --format splat", model),
+            ("export out -o site", model + plan),
             ("bench frames out --frame-repeat 1", plan + model + results),
             ("prune-appearance out -o pruned", plan + model)]),
-        Kind("two_runs", pair, [(f"eval out two --skip-render --format {form}", plan + results * 2) for form in ("markdown", "csv", "latex", "json")]),
-        Kind("resume", run, [("train -m out --resume latest --iterations 3", plan + checkpoint * 4 + names[".jsonl"] * 2 + results)]),
-        Kind("ppisp", corrected, [("eval out", ["out/ppisp.json"]), ("export out -o site", ["out/ppisp.json"]),
-                                  (few.replace("out", "two") + " --ppisp-from out/ppisp.json --controller-iterations 0", ["out/ppisp.json"])]),
+        Kind("two_runs", pair, [(f"eval out two --skip-render --format {form}", plan + results * 2)
+                                for form in ("markdown", "csv", "latex", "json")]),
+        Kind("resume", run, [("train -m out --resume latest --iterations 3",
+                              plan + checkpoint * 4 + named(".jsonl") * 2 + results)]),
+        Kind("ppisp", corrected, [
+            ("eval out", ppisp), ("export out -o site", ppisp),
+            (few.replace("out", "two") + " --ppisp-from out/ppisp.json --controller-iterations 0", ppisp)]),
     ]
     return kinds
 
@@ -404,7 +435,8 @@ def judge(outcome, folder, damaged):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/fuzz", help="folder with bin/gsapp_server and bin/fuzz")
+    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/fuzz",
+                        help="folder with bin/gsapp_server and bin/fuzz")
     parser.add_argument("--count", type=int, default=10000, help="number of trials")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first trial")
@@ -482,7 +514,8 @@ def run(arguments, keep, top):
             kept_unnamed += not finding
             place = keep / (finding or "unnamed") / name
             place.mkdir(parents=True, exist_ok=True)
-            (place / "command.txt").write_text(f"{command}\ndamaged: {damaged}\n{outcome[:4]}\n{outcome[4]}", errors="replace")
+            record = f"{command}\ndamaged: {damaged}: {content if isinstance(content, str) else len(content)}\n"
+            (place / "command.txt").write_text(f"{record}{outcome[:4]}\n{outcome[4]}", errors="replace")
             if content not in ("missing", "folder", "link to itself"):
                 (place / pathlib.Path(damaged).name).write_bytes(content)
             if finding:
@@ -491,7 +524,8 @@ def run(arguments, keep, top):
     print(f"{'kind':14}" + "".join(f"{ending:>10}" for ending in endings))
     for name, row in table.items():
         print(f"{name:14}" + "".join(f"{row[ending]:10}" for ending in endings))
-    print(f"{arguments.count} inputs; most memory {most_memory[0] / 1024:.0f} MiB ({most_memory[1]}), longest {longest[0] / 1000:.1f} s ({longest[1]})")
+    print(f"{arguments.count} inputs; most memory {most_memory[0] / 1024:.0f} MiB ({most_memory[1]}), "
+          f"longest {longest[0] / 1000:.1f} s ({longest[1]})")
     print("findings: " + (", ".join(f"{name} {n}" for name, n in sorted(totals.items()) if name != "unnamed") or "none")
           + f"; messages that do not name the file: {totals['unnamed']}")
     return 1 if any(n for name, n in totals.items() if name != "unnamed") else 0
