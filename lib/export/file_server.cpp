@@ -1,133 +1,239 @@
 // SPDX-License-Identifier: Apache-2.0
-// Serves all clients from one loop over poll(): what would wait is left until the socket is ready.
+// Serves a folder over HTTP with cpp-httplib.
 #include "lib/export/file_server.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
+#include <httplib.h>
 
 #include <algorithm>
-#include <cerrno>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <future>
 #include <list>
-#include <vector>
+#include <map>
+#include <optional>
+#include <regex>
+#include <system_error>
+#include <thread>
+#include <utility>
 
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
-#include "lib/export/http_connection.h"
 
 namespace gs {
 
 namespace fs = std::filesystem;
 namespace {
 
-using Clock = HttpConnection::Clock;
 using std::chrono::milliseconds;
 
-/// The longest sleep: a signal that arrives just before the sleep does not end it.
-constexpr milliseconds kLongestSleep(500);
-/// The most clients accepted before those that are connected have their turn again.
-constexpr int kAcceptedAtOnce = 64;
+/// The largest piece of a file held in memory, bytes.
+constexpr std::size_t kChunk = 1 << 20;
+/// The most connections served at once; others wait. Fewer than the usual limit of 1024 open files.
+constexpr std::size_t kMaxConnections = 800;
+/// How often what ends the server is looked at.
+constexpr milliseconds kLook(20);
+/// The one other site whose pages may read scenes: the viewer of the paper (docs/formats.md).
+constexpr const char* kPaperViewer = "https://fhahlbohm.github.io";
 
-FileDescriptor listen_on(int port) {
-    FileDescriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    const int yes = 1;
-    ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
-    if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-        ::listen(socket.get(), SOMAXCONN) != 0)
-        throw DataError(
-            fmt::format("port {} cannot be used; another program may have it. Choose another port with --port", port));
-    return socket;
+/// Gives each connection a thread. The library's own pool has a few, which idle clients occupy.
+class ThreadForEach : public httplib::TaskQueue {
+  public:
+    void enqueue(std::function<void()> serve) override {
+        for (;; std::this_thread::sleep_for(milliseconds(5))) {
+            running_.remove_if(
+                [](const auto& one) { return one.wait_for(milliseconds(0)) == std::future_status::ready; });
+            if (running_.size() >= kMaxConnections) continue;
+            try {
+                running_.push_back(std::async(std::launch::async, serve));
+                return;
+            } catch (const std::system_error&) {  // the system has no more threads: one must end first
+            }
+        }
+    }
+    void shutdown() override { running_.clear(); }  // joins the threads
+
+  private:
+    std::list<std::future<void>> running_;
+};
+
+/// Ends all connections of this process that came in at `port`. The library shows its sockets to nobody. When it stops
+/// it waits until each client has ended or timed out, and one that sends a byte now and then never does.
+void end_connections(int port) {
+    std::error_code error;
+    for (fs::directory_iterator it("/proc/self/fd", error), end; !error && it != end; it.increment(error)) {
+        const int socket = std::atoi(it->path().filename().c_str());
+        sockaddr_in address = {};
+        socklen_t size = sizeof address;
+        if (::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0 && address.sin_family == AF_INET &&
+            ntohs(address.sin_port) == port)
+            ::shutdown(socket, SHUT_RDWR);
+    }
 }
 
-int port_of(const FileDescriptor& socket) {
-    sockaddr_in address = {};
-    socklen_t size = sizeof address;
-    ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&address), &size);
-    return ntohs(address.sin_port);
+const char* content_type(const fs::path& file) {
+    static const std::map<std::string, const char*> types = {
+        {".html", "text/html; charset=utf-8"},
+        {".js", "text/javascript"},
+        {".css", "text/css"},
+        {".json", "application/json"},
+        {".txt", "text/plain; charset=utf-8"},
+        {".svg", "image/svg+xml"},
+        {".png", "image/png"},
+    };
+    const auto known = types.find(file.extension().string());
+    return known == types.end() ? "application/octet-stream" : known->second;  // .ngsplat, .ply, .splat
+}
+
+/// Returns the file of a decoded request path, with links resolved; nothing for a path outside of `root`, which must be
+/// canonical.
+std::optional<fs::path> served_file(const fs::path& root, const std::string& request_path) {
+    const fs::path relative = fs::path(request_path).relative_path();
+    if (request_path.find('\0') != std::string::npos) return std::nullopt;
+    std::error_code error;
+    const fs::path file = fs::canonical(root / (relative.empty() ? fs::path("index.html") : relative), error);
+    if (error || !fs::is_regular_file(file, error)) return std::nullopt;
+    const fs::path inside = file.lexically_relative(root);
+    return inside.empty() || *inside.begin() == ".." ? std::nullopt : std::optional(file);
+}
+
+/// Keeps the range that the library is to answer, cut to a file of `size` bytes. Ignores what RFC 9110 lets a server
+/// ignore: several ranges, and If-Range, because no answer carries a validator. Returns false for a range without
+/// bytes.
+bool keep_one_range(httplib::Request& request, ssize_t size) {
+    const httplib::Ranges ranges = std::exchange(request.ranges, {});
+    if (request.method != "GET" || request.has_header("If-Range") || ranges.size() != 1) return true;
+    auto [first, last] = ranges[0];  // -1: not there
+    if (first == -1) {               // the last `last` bytes
+        if (last == -1 || (size == 0 && last > 0)) return true;
+        first = size - std::min(std::exchange(last, -1), size);
+    }
+    if (first >= size) return false;
+    request.ranges = {{first, last == -1 ? size - 1 : std::min(last, size - 1)}};
+    return true;
+}
+
+/// Answers a request for a file in `root`, which must be canonical. Returns the status; an error has no body yet.
+int answer(const fs::path& root, httplib::Request& request, httplib::Response& response) {
+    // Any port, because a tunnel to another machine has its own.
+    static const std::regex local(R"((localhost|127\.0\.0\.1|\[::1\])(:\d{0,5})?)", std::regex::icase);
+    if (request.get_header_value_count("Host") != 1) return 400;
+    if (!std::regex_match(request.get_header_value("Host"), local)) return 421;
+    if (request.method != "GET" && request.method != "HEAD") return 405;
+    const auto file = served_file(root, request.path);
+    std::error_code error;
+    const auto size = file ? fs::file_size(*file, error) : 0;
+    const auto stream = std::make_shared<std::ifstream>();
+    if (file) stream->open(*file, std::ios::binary);
+    if (!file || error || !*stream) return 404;
+    if (!keep_one_range(request, ssize_t(size))) {
+        response.set_header("Content-Range", fmt::format("bytes */{}", size));
+        return 416;
+    }
+    response.set_header("Accept-Ranges", "bytes");
+    response.set_header("Cache-Control", "no-store");  // the next export may put another scene at the same address
+    if (file->extension() == ".ngsplat") response.set_header("Access-Control-Allow-Origin", kPaperViewer);
+    if (size == 0) {
+        response.set_content("", content_type(*file));
+        return 200;
+    }
+    response.set_content_provider(size, content_type(*file),
+                                  [stream](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+                                      std::string bytes(std::min(length, kChunk), '\0');
+                                      stream->seekg(std::streamoff(offset));
+                                      return bool(stream->read(bytes.data(), std::streamsize(bytes.size()))) &&
+                                             sink.write(bytes.data(), bytes.size());
+                                  });
+    return request.ranges.empty() ? 200 : 206;
+}
+
+/// Gives an error its sentence and ends the connection: a body that was not read would be taken for the next request,
+/// by which a page of another site could get round the check of the host.
+void refuse(httplib::Request& request, httplib::Response& response) {
+    static const std::map<int, std::string> sentences = {
+        {400, "this is no request for a file"},
+        {404, "not found"},
+        {405, "files are only read here, by GET and HEAD"},
+        {414, "the address is too long"},
+        {416, "the file has no byte in this range"},
+        {421, "this server answers for localhost, 127.0.0.1 and [::1] alone, not for another host"},
+    };
+    const auto known = sentences.find(response.status);
+    const std::string body = (known == sentences.end() ? "the request failed" : known->second) + "\n";
+    request.ranges.clear();
+    response.set_header("Connection", "close");
+    if (response.status == 405) response.set_header("Allow", "GET, HEAD");
+    response.set_content_provider(body.size(), "text/plain", [body](std::size_t, std::size_t, httplib::DataSink& sink) {
+        sink.write(body.data(), body.size());
+        return false;  // ends the connection
+    });
 }
 
 }  // namespace
 
 struct FileServer::Implementation {
-    fs::path root;
-    ServerLimits limits;
-    FileDescriptor listener;
-    FileDescriptor wake_read, wake_write;  ///< a byte in this pipe ends the loop
-    std::list<HttpConnection> connections;
-
-    /// Drops the connection whose deadline is next among those that wait for a request, or among all if none does.
-    void drop_one() {
-        const auto victim = std::min_element(
-            connections.begin(), connections.end(), [](const HttpConnection& a, const HttpConnection& b) {
-                return std::pair(a.is_sending(), a.deadline()) < std::pair(b.is_sending(), b.deadline());
-            });
-        if (victim != connections.end()) connections.erase(victim);
-    }
-
-    void accept_clients() {
-        for (int i = 0; i < kAcceptedAtOnce; ++i) {
-            FileDescriptor socket(::accept4(listener.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-            if (!socket.is_open()) {
-                if (errno == EMFILE || errno == ENFILE) drop_one();  // so that the next turn has a descriptor
-                return;
-            }
-            if (int(connections.size()) >= limits.connections) drop_one();
-            connections.emplace_back(std::move(socket), root, limits);
-            if (!connections.back().advance()) connections.pop_back();
-        }
-    }
-
-    /// Waits until something is ready and does it. Returns false when the server was stopped.
-    bool turn() {
-        auto next = Clock::now() + kLongestSleep;
-        std::vector<pollfd> ready = {{wake_read.get(), POLLIN, 0}, {listener.get(), POLLIN, 0}};
-        for (const HttpConnection& c : connections) {
-            ready.push_back({c.socket(), c.events(), 0});
-            next = std::min(next, c.deadline());
-        }
-        const auto sleep = std::chrono::ceil<milliseconds>(std::max(next - Clock::now(), Clock::duration(0)));
-        if (::poll(ready.data(), ready.size(), int(sleep.count())) < 0) return true;  // a signal; no field is set
-        if (ready[0].revents) return false;
-        std::size_t i = 2;
-        for (auto it = connections.begin(); it != connections.end(); ++i) {
-            const bool over = (ready[i].revents && !it->advance()) || it->deadline() <= Clock::now();
-            it = over ? connections.erase(it) : std::next(it);
-        }
-        if (ready[1].revents) accept_clients();
-        return true;
-    }
+    httplib::Server server;
+    socket_t listener = INVALID_SOCKET;
+    std::atomic<bool> stopped = false;
 };
 
-FileServer::FileServer(const fs::path& folder, int port, const ServerLimits& limits)
-    : implementation_(std::make_unique<Implementation>()) {
+FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::make_unique<Implementation>()) {
     std::error_code error;
-    Implementation& server = *implementation_;
-    server.root = fs::canonical(folder, error);
-    if (error || !fs::is_directory(server.root, error))
+    const fs::path root = fs::canonical(folder, error);
+    if (error || !fs::is_directory(root, error))
         throw UsageError(fmt::format("'{}' is not a folder; gsapp export RUN -o DIR makes one", folder.string()));
-    server.limits = limits;
-    server.listener = listen_on(port);
-    port_ = port_of(server.listener);
-    int ends[2];
-    if (::pipe2(ends, O_CLOEXEC | O_NONBLOCK) != 0) throw DataError("no pipe can be opened; too many files are open");
-    server.wake_read = FileDescriptor(ends[0]);
-    server.wake_write = FileDescriptor(ends[1]);
+    httplib::Server& server = implementation_->server;
+    // Replaces the library's own option, with which two servers would share a port.
+    server.set_socket_options([this](socket_t socket) {
+        const int yes = 1;
+        ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+        implementation_->listener = socket;
+    });
+    server.new_task_queue = [] { return new ThreadForEach; };
+    server.set_tcp_nodelay(true);
+    server.set_keep_alive_max_count(1000);
+    server.set_keep_alive_timeout(2);  // s; a waiting thread looks at its socket a hundred times a second
+    server.set_write_timeout(30);      // s; a page may be busy with what it has
+    // The library hands its own, changeable request over as const, and answers by the ranges in it.
+    server.set_pre_routing_handler([root](const httplib::Request& request, httplib::Response& response) {
+        response.status = answer(root, const_cast<httplib::Request&>(request), response);
+        return httplib::Server::HandlerResponse::Handled;
+    });
+    server.set_error_handler([root](const httplib::Request& constant, httplib::Response& response) {
+        auto& request = const_cast<httplib::Request&>(constant);
+        // The library refuses ranges that it cannot read. RFC 9110, 14.2 has them ignored.
+        if (response.status == 416 && !response.has_header("Content-Range")) {
+            request.ranges.clear();
+            response.status = answer(root, request, response);
+        }
+        if (response.status >= 400) refuse(request, response);
+    });
+    constexpr const char* kHost = "127.0.0.1";
+    port_ = port == 0 ? server.bind_to_any_port(kHost) : (server.bind_to_port(kHost, port) ? port : -1);
+    if (port_ < 0)
+        throw DataError(
+            fmt::format("port {} cannot be used; another program may have it. Choose another port with --port", port));
+    ::listen(implementation_->listener, SOMAXCONN);  // the library lets five clients wait to be accepted
 }
 
 FileServer::~FileServer() = default;
 
 void FileServer::run() {
-    while (!interrupted() && implementation_->turn()) {
-    }
-    implementation_->connections.clear();
+    httplib::Server& server = implementation_->server;
+    const std::jthread watcher([&](const std::stop_token& done) {
+        for (; !done.stop_requested(); std::this_thread::sleep_for(kLook)) {
+            if (!server.is_running() || !(implementation_->stopped || interrupted())) continue;
+            server.stop();
+            end_connections(port_);
+            return;
+        }
+    });
+    if (!server.listen_after_bind())
+        throw DataError(fmt::format("port {} accepts no more connections; start gsapp view again", port_));
 }
 
-void FileServer::stop() { [[maybe_unused]] const ssize_t written = ::write(implementation_->wake_write.get(), "", 1); }
+void FileServer::stop() { implementation_->stopped = true; }
 
 }  // namespace gs

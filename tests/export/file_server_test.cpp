@@ -2,8 +2,11 @@
 // gsapp view's server: what it serves, that nothing outside of its folder is, and that no client keeps it from others.
 #include "lib/export/file_server.h"
 
+#include <sys/resource.h>
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <list>
 #include <thread>
@@ -19,9 +22,17 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 
+/// Both ends of a connection are in the process of the tests.
+void allow_many_open_files() {
+    rlimit files = {};
+    ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &files), 0);
+    files.rlim_cur = std::min<rlim_t>(files.rlim_max, 4096);
+    ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &files), 0);
+}
+
 class Served : public ::testing::Test {
   protected:
-    explicit Served(const ServerLimits& limits = {}) {
+    Served() {
         spit(folder_ / "secret.txt", "secret");
         spit(folder_ / "site/index.html", "<p>page</p>");
         spit(folder_ / "site/assets/a b.js", "script");
@@ -33,7 +44,7 @@ class Served : public ::testing::Test {
         fs::create_symlink("index.html", folder_ / "site/inside.html");
         fs::create_symlink("loop", folder_ / "site/loop");
         EXPECT_EQ(::mkfifo((folder_ / "site/pipe").c_str(), 0600), 0);
-        server_ = std::make_unique<FileServer>(folder_ / "site", 0, limits);
+        server_ = std::make_unique<FileServer>(folder_ / "site", 0);
         thread_ = std::thread([this] { server_->run(); });
     }
     ~Served() override {
@@ -65,9 +76,7 @@ TEST_F(Served, FilesOfTheFolder) {
     EXPECT_EQ(page.status, 200);
     EXPECT_EQ(page.body, "<p>page</p>");
     EXPECT_EQ(page.fields.at("Content-Type"), "text/html; charset=utf-8");
-    EXPECT_EQ(page.fields.at("Date").size(), std::string("Sun, 06 Nov 1994 08:49:37 GMT").size());
     EXPECT_EQ(get("/index.html?model=x").body, page.body);
-    EXPECT_EQ(get("http://localhost:8000/index.html").body, page.body);
     EXPECT_EQ(get("/inside.html").body, page.body) << "a link that stays inside";
     EXPECT_EQ(get("/assets/a%20b.js").body, "script");
     EXPECT_EQ(get("/empty.txt").status, 200);
@@ -94,6 +103,8 @@ TEST_F(Served, NothingElse) {
                              "/loop/x",
                              "/pipe",
                              "/index.html/",
+                             "/%2",
+                             "/%zz",
                              "/%ff%fe"})
         EXPECT_EQ(status(path), 404) << path;
     const std::string absolute = (folder_ / "secret.txt").string();
@@ -109,23 +120,26 @@ TEST_F(Served, RangesOfAFile) {
          {std::tuple("bytes=2999998-3000001", "bytes 2999998-3000001/3000003", "ssen"),
           std::tuple("bytes=2999999-", "bytes 2999999-3000002/3000003", "send"),
           std::tuple("bytes=-3", "bytes 3000000-3000002/3000003", "end"),
-          std::tuple("Bytes=3000002-99999999999999999999999", "bytes 3000002-3000002/3000003", "d")}) {
+          std::tuple("bytes=3000002-999999999999", "bytes 3000002-3000002/3000003", "d")}) {
         const HttpResult part = range(value);
         EXPECT_EQ(part.status, 206) << value;
         EXPECT_EQ(part.fields.at("Content-Range"), content_range) << value;
         EXPECT_EQ(part.body, body) << value;
     }
-    EXPECT_EQ(range("bytes=-99999999999999999999999").body, scene_);
-    for (const char* beyond : {"bytes=3000003-", "bytes=3000003-3000010", "bytes=99999999999999999999999-", "bytes=-0",
-                               "bytes=18446744073709551615-18446744073709551615"}) {
+    EXPECT_EQ(range("bytes=-999999999999").body, scene_);
+    for (const char* beyond :
+         {"bytes=3000003-", "bytes=3000003-3000010", "bytes=-0", "bytes=9223372036854775807-9223372036854775807"}) {
         const HttpResult refused = range(beyond);
         EXPECT_EQ(refused.status, 416) << beyond;
         EXPECT_EQ(refused.fields.at("Content-Range"), "bytes */3000003") << beyond;
     }
     // RFC 9110, 14.2: what is malformed or of another unit is ignored; sets of several ranges may be.
     for (const char* ignored : {"bytes=5-4", "bytes=-", "bytes=", "bytes", "bytes=x-5", "bytes=1-x", "bytes=--5",
-                                "lines=1-2", "bytes=0-0,5-6", "bytes=+1-2", "bytes=0x1-2"})
+                                "lines=1-2", "bytes=0-0,5-6", "bytes=+1-2", "bytes=0x1-2", "Bytes=1-2",
+                                "bytes=18446744073709551615-", "bytes=0-1,9-18446744073709551615"})
         EXPECT_EQ(range(ignored).status, 200) << ignored;
+    EXPECT_EQ(get("/nothing", "Range: lines=1-2\r\n").status, 404);
+    EXPECT_EQ(get("/nothing", "Range: bytes=0-2\r\n").body, "not found\n") << "no range of the sentence";
     EXPECT_EQ(get("/scene.ngsplat", "Range: bytes=0-1\r\nIf-Range: \"other\"\r\n").status, 200);
     EXPECT_EQ(get("/empty.txt", "Range: bytes=0-\r\n").status, 416);
     EXPECT_EQ(get("/empty.txt", "Range: bytes=-5\r\n").status, 200);
@@ -137,10 +151,9 @@ TEST_F(Served, HeadsWithoutBodies) {
     const HttpResult head = client.receive(false);
     EXPECT_EQ(head.status, 200) << "a range is for GET alone";
     EXPECT_EQ(head.fields.at("Content-Length"), "3000003");
-    client.send(http_request("/nothing", "", "HEAD"));
-    EXPECT_EQ(client.receive(false).status, 404);
     client.send(http_request("/"));
     EXPECT_EQ(client.receive().body, "<p>page</p>") << "nothing lies between";
+    EXPECT_EQ(get("/nothing", "", "HEAD").status, 404);
 }
 
 TEST_F(Served, ScenesToThePapersViewerButNothingToOtherSites) {
@@ -152,7 +165,7 @@ TEST_F(Served, ScenesToThePapersViewerButNothingToOtherSites) {
 }
 
 TEST_F(Served, FilesAreOnlyRead) {
-    for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "get"}) {
+    for (const char* method : {"POST", "PUT", "DELETE", "PATCH", "OPTIONS"}) {
         const HttpResult result = get("/index.html", "Content-Length: 1\r\n", method);
         EXPECT_EQ(result.status, 405) << method;
         EXPECT_EQ(result.fields.at("Allow"), "GET, HEAD");
@@ -168,57 +181,64 @@ TEST_F(Served, OnlyThisMachineAsHost) {
          {"localhost", "localhost:8000", "127.0.0.1:8000", "[::1]:8000", "LocalHost:1", "[::1]", "localhost:"})
         EXPECT_EQ(with_host(host), 200) << host;
     for (const char* host : {"evil.example", "evil.example:8000", "localhost.evil.example", "127.0.0.1.evil.example",
-                             "", "localhost:80x", "127.0.0.2", "0.0.0.0", "[::1", "[::1]x", "[::2]", ":8000",
-                             "localhost@evil.example", "localhost, evil.example"})
+                             "localhost:80x", "127.0.0.2", "0.0.0.0", "[::1", "[::1]x", "[::2]", ":8000",
+                             "localhost@evil.example", "localhost, evil.example", "localhost:123456"})
         EXPECT_EQ(with_host(host), 421) << host;
-    EXPECT_EQ(with_host("localhost", "http://evil.example/"), 421);
     EXPECT_EQ(with_host("evil.example", "http://localhost/"), 421);
-    EXPECT_CONTAINS(get("http://evil.example/").body, "localhost, 127.0.0.1 and [::1]");
+    EXPECT_EQ(with_host("localhost", "http://evil.example/"), 404);
+    HttpClient client(port());
+    client.send("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n");
+    EXPECT_EQ(client.receive().body,
+              "this server answers for localhost, 127.0.0.1 and [::1] alone, not for another host\n");
+}
+
+TEST_F(Served, ABodyIsNoRequest) {
+    const std::string filler(10000, 'x');  // more than the server reads ahead
+    for (const char* fields : {"", "Range: lines=1-2\r\n"}) {
+        HttpClient client(port());
+        client.send("POST / HTTP/1.1\r\nHost: evil.example\r\n" + std::string(fields) +
+                    "Content-Length: 10100\r\n\r\n" + filler);
+        EXPECT_EQ(client.receive().status, 421);
+        client.send("\r\n" + http_request("/"));
+        EXPECT_TRUE(client.is_ended());
+    }
 }
 
 TEST_F(Served, WhatIsNoRequestIsRefused) {
     const std::string host = "Host: localhost\r\n";
-    const std::string get_page = "GET / HTTP/1.1\r\n" + host;
     for (const std::string& bytes : std::vector<std::string>{
              "nonsense\r\n\r\n", "\x16\x03\x01\x02\r\n\r\n", "GET /\r\n" + host + "\r\n",
-             "GET index.html HTTP/1.1\r\n" + host + "\r\n", "GET http:///x HTTP/1.1\r\n" + host + "\r\n",
-             "GET /%2 HTTP/1.1\r\n" + host + "\r\n", "GET /%zz HTTP/1.1\r\n" + host + "\r\n",
              "GET /a b HTTP/1.1\r\n" + host + "\r\n", "G(T / HTTP/1.1\r\n" + host + "\r\n", "GET / HTTP/1.1\r\n\r\n",
-             "GET / HTTP/1.1\r\nHost : localhost\r\n\r\n", get_page + host + "\r\n", get_page + "no colon\r\n\r\n",
-             get_page + " folded: x\r\n\r\n", get_page + "X: \x01\r\n\r\n"})
-        EXPECT_EQ(status_of(bytes), 400) << bytes;
-    EXPECT_EQ(status_of("GET / HTTP/2.0\r\n" + host + "\r\n"), 505);
-    EXPECT_EQ(status_of("GET /" + std::string(8192, 'x')), 414) << "before the line is complete";
-    EXPECT_EQ(status_of("GET /" + std::string(8192, 'x') + " HTTP/1.1\r\n" + host + "\r\n"), 414);
-    EXPECT_EQ(status_of("GET / HTTP/1.1\r\n" + host + "X: " + std::string(17000, 'x')), 431);
-    std::string fields;
-    for (int i = 0; i < 2000; ++i) fields += "X" + std::to_string(i) + ": y\r\n";
-    EXPECT_EQ(status_of("GET / HTTP/1.1\r\n" + host + fields + "\r\n"), 431);
-    EXPECT_EQ(status("/"), 200);
+             "GET / HTTP/2.0\r\n" + host + "\r\n", "GET / HTTP/1.1\r\nHost : localhost\r\n\r\n",
+             "GET / HTTP/1.1\r\nHost: \r\n\r\n", "GET / HTTP/1.1\r\n" + host + host + "\r\n",
+             "GET / HTTP/1.1\r\n" + host + "X: " + std::string(17000, 'x') + "\r\n\r\n"})
+        EXPECT_EQ(status_of(bytes), 400) << bytes.substr(0, 100);
+    EXPECT_EQ(status("/" + std::string(8192, 'x')), 414);
+    // The library matches by regular expressions, which recurse.
+    EXPECT_EQ(get("/", "Range: bytes=" + std::string(8100, '1') + "-\r\n").status, 200);
+    std::string ranges = "bytes=0-0";
+    while (ranges.size() < 8100) ranges += ",0-0";
+    EXPECT_EQ(get("/", "Range: " + ranges + "\r\n").status, 200);
+    EXPECT_EQ(status_of("GET / HTTP/1.1\r\nHost: localhost:" + std::string(8100, '1') + "\r\n\r\n"), 421);
 }
 
 TEST_F(Served, ManyRequestsOverOneConnection) {
     HttpClient client(port());
-    std::string requests;
-    for (int i = 0; i < 100; ++i) requests += "\r\n" + http_request("/assets/a%20b.js");
-    EXPECT_TRUE(client.send(requests + http_request("/", "Connection: Close\r\n")));
-    for (int i = 0; i < 100; ++i) ASSERT_EQ(client.receive().body, "script") << i;
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < 100; ++i) {
+        ASSERT_TRUE(client.send(http_request("/assets/a%20b.js")));
+        ASSERT_EQ(client.receive().body, "script") << i;
+    }
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3)) << "40 ms each: acknowledged too late";
+    client.send(http_request("/", "Connection: close\r\n"));
     EXPECT_EQ(client.receive().body, "<p>page</p>");
     EXPECT_TRUE(client.is_ended());
-    HttpClient with_body(port());
-    with_body.send(http_request("/", "Content-Length: 60\r\n") + http_request("/assets/a%20b.js"));
-    EXPECT_EQ(with_body.receive().body, "<p>page</p>");
-    EXPECT_TRUE(with_body.is_ended()) << "a body is no request";
-    HttpClient half_closed(port());
-    half_closed.send("GET / HTTP/1.0\r\nHost: localhost\r\n\r\n");
-    half_closed.send_no_more();
-    EXPECT_EQ(half_closed.receive().body, "<p>page</p>");
-    EXPECT_TRUE(half_closed.is_ended());
 }
 
-TEST_F(Served, IdleAndTricklingClientsDelayNobody) {
+TEST_F(Served, IdleAndTricklingClientsDelayNobodyAndDoNotKeepTheServerFromStopping) {
+    allow_many_open_files();
     std::list<HttpClient> idle, trickling, deaf;
-    for (int i = 0; i < 100; ++i) {
+    for (int i = 0; i < 300; ++i) {
         idle.emplace_back(port());
         trickling.emplace_back(port()).send("GET / HTTP/1.1\r\nX");
         if (i < 50) deaf.emplace_back(port()).send(http_request("/scene.ngsplat"));  // 3 MB that nobody takes
@@ -226,68 +246,42 @@ TEST_F(Served, IdleAndTricklingClientsDelayNobody) {
     const auto start = std::chrono::steady_clock::now();
     EXPECT_EQ(get("/").status, 200);
     EXPECT_EQ(get("/scene.ngsplat").body, scene_);
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
+    std::atomic<bool> goes_on = true;
+    std::thread trickle([&] {
+        for (; goes_on; std::this_thread::sleep_for(milliseconds(100)))
+            for (const HttpClient& client : trickling) client.send("x");
+    });
+    EXPECT_TRUE(idle.back().is_ended(5)) << "idle clients give their place back";
+    const auto stop = std::chrono::steady_clock::now();
+    server_->stop();
+    thread_.join();
+    EXPECT_LT(std::chrono::steady_clock::now() - stop, std::chrono::seconds(3));
+    thread_ = std::thread([] {});
+    goes_on = false;
+    trickle.join();
 }
 
-TEST_F(Served, MoreClientsThanItHasRoomForCostTheOldestIdleOne) {
-    HttpClient oldest(port());
-    std::list<HttpClient> others;
-    for (int i = 0; i < ServerLimits().connections; ++i) others.emplace_back(port());
+TEST_F(Served, MoreClientsThanItHasRoomForWaitForIdleOnesToEnd) {
+    allow_many_open_files();
+    std::list<HttpClient> idle;
+    for (int i = 0; i < 1000; ++i) idle.emplace_back(port());
     EXPECT_EQ(status("/"), 200);
-    EXPECT_TRUE(oldest.is_ended());
-    others.back().send(http_request("/"));
-    EXPECT_EQ(others.back().receive().status, 200) << "the youngest is still there";
     for (int i = 0; i < 2000; ++i) HttpClient(port()).send("GET");
     EXPECT_EQ(status("/"), 200);
 }
 
-TEST_F(Served, StopsWhileClientsHang) {
-    std::list<HttpClient> clients;
-    for (int i = 0; i < 20; ++i) clients.emplace_back(port()).send(i % 2 ? "GET /" : http_request("/scene.ngsplat"));
-    const auto start = std::chrono::steady_clock::now();
-    server_->stop();
-    thread_.join();
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
-    thread_ = std::thread([] {});
+TEST(FileServer, StopsThoughItWasStoppedBeforeItRan) {
+    const TempFolder folder;
+    FileServer server(folder.path(), 0);
+    server.stop();
+    server.run();
 }
 
 TEST_F(Served, APortOrFolderThatCannotBeUsedIsNamed) {
     EXPECT_CONTAINS(message_of<DataError>([&] { FileServer(folder_ / "site", port()); }), std::to_string(port()));
     EXPECT_CONTAINS(message_of<UsageError>([&] { FileServer(folder_ / "nowhere", 0); }), "nowhere");
     EXPECT_CONTAINS(message_of<UsageError>([&] { FileServer(folder_ / "secret.txt", 0); }), "secret.txt");
-}
-
-struct ServedInAHurry : Served {
-    ServedInAHurry() : Served({.head = milliseconds(300), .send = milliseconds(300), .rate = 1 << 30}) {}
-};
-
-TEST_F(ServedInAHurry, ARequestHasOneDeadlineThatNoTrickleExtends) {
-    HttpClient client(port());
-    const auto start = std::chrono::steady_clock::now();
-    while (client.send("G") && std::chrono::steady_clock::now() - start < std::chrono::seconds(5))
-        std::this_thread::sleep_for(milliseconds(20));
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
-}
-
-TEST_F(ServedInAHurry, AClientThatTakesNoAnswerIsDropped) {
-    spit(folder_ / "site/large.bin", std::string(32 << 20, 'x'));  // more than the system takes in
-    HttpClient client(port());
-    client.send(http_request("/large.bin"));
-    std::this_thread::sleep_for(milliseconds(800));
-    EXPECT_EQ(client.receive().status, -1) << "the whole file came";
-}
-
-struct ServedToEight : Served {
-    ServedToEight() : Served({.connections = 8}) {}
-};
-
-TEST_F(ServedToEight, IdleClientsAreDroppedBeforeThoseThatAreServed) {
-    spit(folder_ / "site/large.bin", std::string(32 << 20, 'x'));
-    HttpClient served(port());
-    served.send(http_request("/large.bin"));
-    std::list<HttpClient> others;
-    for (int i = 0; i < 30; ++i) others.emplace_back(port());
-    EXPECT_EQ(served.receive().body.size(), 32u << 20);
 }
 
 }  // namespace

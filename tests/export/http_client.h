@@ -7,13 +7,11 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <map>
 #include <string>
-#include <utility>
-
-#include "lib/export/file_descriptor.h"
 
 namespace gs::test {
 
@@ -28,19 +26,21 @@ class HttpClient {
   public:
     explicit HttpClient(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
         const timeval patience = {10, 0};
-        ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+        ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
         sockaddr_in address = {};
         address.sin_family = AF_INET;
         address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
         address.sin_port = htons(static_cast<std::uint16_t>(port));
-        EXPECT_EQ(::connect(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+        EXPECT_EQ(::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     }
+    HttpClient(const HttpClient&) = delete;
+    HttpClient& operator=(const HttpClient&) = delete;
+    ~HttpClient() { ::close(socket_); }
 
     /// Returns false when the server has closed the connection.
     bool send(const std::string& bytes) const {
-        return ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL) == ssize_t(bytes.size());
+        return ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == ssize_t(bytes.size());
     }
-    void send_no_more() const { ::shutdown(socket_.get(), SHUT_WR); }
 
     /// Reads one answer; `with_body` is false for that to HEAD.
     HttpResult receive(bool with_body = true) {
@@ -64,19 +64,19 @@ class HttpClient {
     }
     /// Waits for the end of the connection; false when something else comes, or nothing for `seconds`.
     bool is_ended(int seconds = 10) {
-        pollfd ready = {socket_.get(), POLLIN, 0};
+        pollfd ready = {socket_, POLLIN, 0};
         return input_.empty() && ::poll(&ready, 1, 1000 * seconds) == 1 && !more();
     }
 
   private:
     bool more() {
         char bytes[65536];
-        const ssize_t n = ::recv(socket_.get(), bytes, sizeof bytes, 0);
+        const ssize_t n = ::recv(socket_, bytes, sizeof bytes, 0);
         if (n > 0) input_.append(bytes, std::size_t(n));
         return n > 0;
     }
 
-    FileDescriptor socket_;
+    int socket_;
     std::string input_;
 };
 
