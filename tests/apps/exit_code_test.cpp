@@ -135,11 +135,10 @@ TEST(ExitCode, PipesAndDevicesAreRefusedWithoutWaiting) {
     program.folder().write("parent.yaml", "parent: pipe\n");
     ASSERT_EQ(::mkfifo(program.path("pipe").c_str(), 0666), 0);
     ASSERT_EQ(::mkfifo(program.path("pipe.yaml").c_str(), 0666), 0);
-    std::filesystem::create_directories(program.path("scene"));
-    for (const char* name : {"pipe", "/dev/zero"})
-        for (const std::string arguments : {"train -s @ -m run", "train -s builtin:diffuse --config @",
-                                            "train -s builtin:diffuse -m run --resume @", "metrics @ a.png"})
-            expect_named(program, with_name(arguments, name), name);
+    for (const char* arguments : {"train -s @ -m run", "train -s builtin:diffuse --config @",
+                                  "train -s builtin:diffuse -m run --resume @", "metrics @ a.png"})
+        expect_named(program, with_name(arguments, "pipe"), "pipe");
+    expect_named(program, "train -s builtin:diffuse --config /dev/zero", "/dev/zero");
     expect_named(program, "train -s builtin:diffuse --config parent.yaml", "pipe");
     expect_named(program, "train -s builtin:pipe.yaml -m run", "pipe.yaml");
 }
