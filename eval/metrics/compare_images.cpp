@@ -18,8 +18,8 @@ std::vector<ImageScore> compare_images(const std::filesystem::path& render, cons
                                        const std::vector<std::string>& metrics, const MetricOptions& options) {
     const Image a = quantized_target(read_image(render), {0, 0, 0}), b = quantized_target(read_image(truth), {0, 0, 0});
     if (a.width != b.width || a.height != b.height)
-        throw DataError(fmt::format("images to compare must be of one size: {} is {}x{}, {} is {}x{}", render.string(),
-                                    a.width, a.height, truth.string(), b.width, b.height));
+        throw UsageError(fmt::format("images to compare must be of one size: {} is {}x{}, {} is {}x{}", render.string(),
+                                     a.width, a.height, truth.string(), b.width, b.height));
     std::vector<ImageScore> scores;
     for (const Metric& metric : make_metrics(metrics, options))
         scores.push_back({metric.info, metric.protocol, metric.compute(a, b)});

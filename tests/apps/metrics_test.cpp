@@ -26,7 +26,9 @@ TEST(MetricsCommand, ComparesTwoImages) {
     const auto json = parse_json(numbers.out);
     EXPECT_EQ(json["scores"], (nlohmann::json{{"PSNR", nullptr}, {"FLIP", 0.0}}));
     EXPECT_TRUE(json["not_measured"].contains("DISTS"));
-    EXPECT_EQ(program.run("metrics a.png small.png").exit_code, 2);
+    const test::Outcome sizes = program.run("metrics a.png small.png");
+    EXPECT_EQ(sizes.exit_code, 2);
+    EXPECT_NE(sizes.err.find("small.png is 4x4"), std::string::npos) << sizes.err;
     EXPECT_EQ(program.run("metrics a.png b.png --metrics lpips").exit_code, 2);
     EXPECT_EQ(program.run("metrics a.png nowhere.png").exit_code, 3);
     program.folder().write("lpips_vgg.safetensors", "x");
