@@ -139,7 +139,7 @@ class Suite:
         kind, path = call
         name = pathlib.Path(path).name
         leftover = re.fullmatch(r"\.(.+)\.\d+-\d+\.tmp", name)
-        target = leftover.group(1) if leftover else name
+        target = leftover.group(1) if leftover else re.sub(r"\.replaced-\d+$", "", name)
         what = f"{case.name}, call {number} ({kind} {path}{', as on a full disk' if full else ''})"
         folder = self.copy(f"fail-{case.name.replace(' ', '-')}-{number}-{int(full)}")
         before = contents(folder)
