@@ -176,9 +176,8 @@ class Suite:
 
     def chosen(self, calls):
         """The faults to try: (number, as on a full disk). Without --all about four, of different kinds where there are."""
-        # That a file which is thrown away cannot be closed is no loss.
-        synced = {path for kind, path in calls if kind == "fsync"}
-        numbers = [number for number, (kind, path) in enumerate(calls, 1) if kind != "close" or path in synced]
+        # That a file which is thrown away, or is already in its place, cannot be closed is no loss.
+        numbers = [number for number, (kind, path) in enumerate(calls, 1) if kind != "close" or ("fsync", path) in calls[:number - 1]]
         if self.all:
             return [(number, full) for number in numbers for full in (False, True)]
         picked = {(1, True), (numbers[len(numbers) // 2], True)}
