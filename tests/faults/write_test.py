@@ -195,7 +195,13 @@ class Suite:
     def check_case(self, case, pool):
         calls, after = self.calls(case)
         faults = self.chosen(calls)
-        list(pool.map(lambda fault: self.fail(case, *fault, calls[fault[0] - 1], after), faults))
+        tries = [pool.submit(self.fail, case, *fault, calls[fault[0] - 1], after) for fault in faults]
+        try:
+            for one in concurrent.futures.as_completed(tries):
+                one.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # the first failure is enough
+            raise
         print(f"{case.name}: {len(calls)} calls, {len(faults)} failures: as they should be", flush=True)
 
     def check_stdout(self):
