@@ -5,7 +5,7 @@
 //   GSAPP_FAULT_AT      number of the call that fails, from 1; 0 = none
 //   GSAPP_FAULT_KEEP    1 = the calls after it fail as well, but for renames, which need no space
 //   GSAPP_FAULT_ERROR   errno of the failure
-//   GSAPP_FAULT_REPORT  file that gets one line a call: "KIND PATH"
+//   GSAPP_FAULT_REPORT  file that gets one line a call: "PROCESS KIND PATH"
 // Only the program gsapp is affected; the programs that it starts inherit the variables, but not the failures.
 #include <dlfcn.h>
 #include <errno.h>
@@ -51,7 +51,7 @@ bool fails(const char* kind, const std::string& path) {
     if (*report) {
         // Directly, past the functions below.
         const long fd = syscall(SYS_openat, AT_FDCWD, report, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-        const std::string line = std::string(kind) + " " + path + "\n";
+        const std::string line = std::to_string(getpid()) + " " + kind + " " + path + "\n";
         if (fd >= 0) syscall(SYS_write, fd, line.data(), line.size()), syscall(SYS_close, fd);
     }
     const bool also = keep && number > at && strcmp(kind, "rename") != 0;
