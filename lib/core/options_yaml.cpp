@@ -13,6 +13,7 @@
 #include "lib/core/options.h"
 #include "lib/core/utf8.h"
 #include "lib/core/version.h"
+#include "lib/core/yaml_text.h"
 
 namespace gs {
 namespace {
@@ -27,7 +28,7 @@ std::string place(const fs::path& file, const YAML::Node& node) {
 
 YAML::Node parse_file(const fs::path& file) {
     try {
-        return YAML::Load(read_input(file));
+        return parse_yaml(read_input(file));
     } catch (const YAML::Exception& e) {
         throw UsageError(fmt::format("{}:{}: not valid YAML: {}", file.string(), e.mark.line + 1, e.msg));
     }

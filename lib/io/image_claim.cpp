@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <map>
+#include <optional>
 #include <string_view>
 
 #include "kernels/core/error.h"
@@ -184,7 +186,55 @@ ImageClaim bmp_claim(Head& head) {
     return claim;
 }
 
-/// Checks the sizes of the attributes, for which OpenEXR makes room before it reads them: each is a name, a type, a
+/// Returns the length of an EXR attribute of a type with a fixed one. OpenEXR reads as much, whatever the file states.
+std::optional<std::uint64_t> fixed_length(const std::string& type) {
+    static const std::map<std::string, std::uint64_t> lengths = {{"box2f", 16},
+                                                                 {"box2i", 16},
+                                                                 {"chromaticities", 32},
+                                                                 {"compression", 1},
+                                                                 {"deepImageState", 1},
+                                                                 {"double", 8},
+                                                                 {"envmap", 1},
+                                                                 {"float", 4},
+                                                                 {"int", 4},
+                                                                 {"keycode", 28},
+                                                                 {"lineOrder", 1},
+                                                                 {"m33d", 72},
+                                                                 {"m33f", 36},
+                                                                 {"m44d", 128},
+                                                                 {"m44f", 64},
+                                                                 {"rational", 8},
+                                                                 {"tiledesc", 9},
+                                                                 {"timecode", 8},
+                                                                 {"v2d", 16},
+                                                                 {"v2f", 8},
+                                                                 {"v2i", 8},
+                                                                 {"v3d", 24},
+                                                                 {"v3f", 12},
+                                                                 {"v3i", 12}};
+    const auto found = lengths.find(type);
+    return found == lengths.end() ? std::nullopt : std::optional(found->second);
+}
+
+/// Returns where an EXR attribute that lies in [begin, end) ends by its own content: `end`, unless it is damaged.
+std::uint64_t content_end(Head& head, const std::string& type, std::uint64_t begin, std::uint64_t end) {
+    std::uint64_t at = begin;
+    if (type == "chlist") {  // names with 16 bytes each, and an empty name
+        for (std::string name; at < end && !(name = head.text(at)).empty();) at += name.size() + 1 + 16;
+        return at + 1;
+    }
+    if (type == "stringvector") {  // texts after their lengths
+        while (at < end) at += 4 + little_endian(head.bytes(at, 4).data(), 4);
+        return at;
+    }
+    if (type == "preview") {
+        const std::string sides = head.bytes(at, 8);
+        return at + 8 + 4 * little_endian(&sides[0], 4) * little_endian(&sides[4], 4);
+    }
+    return begin + fixed_length(type).value_or(end - begin);
+}
+
+/// Checks the lengths of the attributes, for which OpenEXR makes room before it reads them: each is a name, a type, a
 /// length of four bytes and that many bytes. The pixels' size is left to the decoder.
 ImageClaim exr_claim(Head& head) {
     constexpr int kMaxAttributes = 4096;
@@ -203,12 +253,9 @@ ImageClaim exr_claim(Head& head) {
         at += 4;
         if (size > head.length() || at > head.length() - size)
             head.damaged(fmt::format("its attribute '{}' claims {} bytes, of which the file lacks some", name, size));
-        if (type == "preview") {
-            const std::string sides = head.bytes(at, 8);
-            const double pixels = double(little_endian(&sides[0], 4)) * double(little_endian(&sides[4], 4));
-            if (8 + 4 * pixels != double(size))
-                head.damaged(fmt::format("its preview of {} pixels does not fit into {} bytes", pixels, size));
-        }
+        if (content_end(head, type, at, at + size) != at + size)
+            head.damaged(fmt::format("its attribute '{}' of type {} does not have the {} bytes that it claims", name,
+                                     type, size));
         at += size;
     }
     head.damaged(fmt::format("its header has more than {} attributes", kMaxAttributes));

@@ -13,6 +13,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/rng.h"
 #include "lib/core/input_file.h"
+#include "lib/core/yaml_text.h"
 #include "lib/scene/procedural_yaml.h"
 
 namespace gs::procedural {
@@ -170,9 +171,9 @@ void read_violations(const YAML::Node& node, const std::string& where, Descripti
     }
 }
 
-YAML::Node parse_yaml(const std::string& text, const std::string& origin) {
+YAML::Node description_yaml(const std::string& text, const std::string& origin) {
     try {
-        return YAML::Load(text);
+        return parse_yaml(text);
     } catch (const YAML::Exception& e) {
         throw UsageError(fmt::format("{}: not valid YAML, line {}: {}", origin, e.mark.line + 1, e.msg));
     }
@@ -187,7 +188,7 @@ const char* known_scene(const std::string& name, const std::string& where) {
 /// Merges `base: NAME`: keys of the file replace the same keys of the base scene.
 YAML::Node with_base(const YAML::Node& node, const std::string& where) {
     if (!node.IsMap() || !node["base"]) return node;
-    YAML::Node merged = with_base(YAML::Load(known_scene(node["base"].as<std::string>(), where)), where);
+    YAML::Node merged = with_base(parse_yaml(known_scene(node["base"].as<std::string>(), where)), where);
     for (const auto& entry : node) merged[entry.first.Scalar()] = entry.second;
     return merged;
 }
@@ -195,7 +196,7 @@ YAML::Node with_base(const YAML::Node& node, const std::string& where) {
 }  // namespace
 
 Description parse_description(const std::string& text, const std::string& origin) {
-    const YAML::Node own = parse_yaml(text, origin);
+    const YAML::Node own = description_yaml(text, origin);
     const YamlSection checked(own, origin, kTopKeys);  // before merging, so that messages refer to this file
     std::string base;
     checked.read("base", base);

@@ -144,6 +144,14 @@ TEST(OptionsYaml, FilesThatAreNoOptionFilesAreErrors) {
     EXPECT_NO_THROW(load_options_yaml(folder.write("empty.yaml", "")));
 }
 
+// yaml-cpp takes the first line alone and leaves the others unread.
+TEST(OptionsYaml, LinesBehindTheEndOfTheDocumentAreAnError) {
+    EXPECT_EQ(complaint("  seed: 1\ncap-max: 5\n").rfind("run.yaml:2: not valid YAML: the document ends", 0), 0u);
+    EXPECT_EQ(complaint("{seed: 1}\ncap-max: 5\n").rfind("run.yaml:2: not valid YAML: the document ends", 0), 0u);
+    TemporaryFolder folder;
+    EXPECT_EQ(load_options_yaml(folder.write("run.yaml", "---\nseed: 7\n---\n# end\n")).seed, 7u);
+}
+
 TEST(OptionsYaml, RunFolderIsReadThroughItsConfig) {
     TemporaryFolder folder;
     EXPECT_THROW(load_run_options(folder.path()), DataError);

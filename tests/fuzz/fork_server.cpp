@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp_server: gsapp, started once and forked for every command, which saves the loading of libraries. tests/fuzz/
 // mutate.py sends a line per command, its fields separated by 0x1F: folder to work in, files for stdout and stderr,
-// seconds it may take, arguments. A line comes back: "exit CODE" or "signal NUMBER", peak memory in KiB, milliseconds.
+// seconds it may compute, arguments. A line comes back: "exit CODE" or "signal NUMBER", peak memory in KiB,
+// milliseconds.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -42,7 +43,10 @@ void redirect(const std::string& file, int descriptor) {
     if (::open("/dev/null", O_RDONLY) != STDIN_FILENO || ::chdir(fields[0].c_str()) != 0) std::_Exit(98);
     redirect(fields[1], STDOUT_FILENO);
     redirect(fields[2], STDERR_FILENO);
-    ::alarm(unsigned(std::atoi(fields[3].c_str())));
+    const unsigned seconds = unsigned(std::atoi(fields[3].c_str()));
+    const rlimit computing{seconds, seconds};  // processor time, for the machine may be busy with other work
+    ::setrlimit(RLIMIT_CPU, &computing);
+    ::alarm(10 * seconds);  // for a program that waits
     std::vector<char*> arguments = {fields[0].data()};
     for (std::size_t i = 4; i < fields.size(); ++i) arguments.push_back(fields[i].data());
     const int count = int(arguments.size());

@@ -10,7 +10,7 @@ sizes, another file's content, no file at all) and runs a subcommand on it. Tria
 trial is a finding when the program
   crashes        ends by a signal, or a sanitizer stops it
   unexpected     ends with exit code 1, or one that docs/formats.md does not know
-  slow           takes longer than --seconds
+  slow           computes for longer than --seconds, or waits for ten times as long
   memory         needs more than 1 GiB (its inputs are far below 1 MiB), or more than there is (exit code 4)
   leaves         leaves a temporary file behind
 Messages of exit codes 2 and 3 that do not name the damaged file are counted as "unnamed"; they are no findings.
@@ -25,6 +25,7 @@ import pathlib
 import random
 import re
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -422,7 +423,7 @@ def judge(outcome, folder, damaged):
     how, number, kilobytes, _, text = outcome
     leftovers = [p for p in (folder / "work").rglob("*") if re.search(r"\.tmp$", p.name)]
     named = number not in (2, 3) or how != "exit" or any(part in text for part in (damaged, pathlib.Path(damaged).name))
-    if how == "signal" and number == 14:
+    if how == "signal" and number in (signal.SIGALRM, signal.SIGXCPU, signal.SIGKILL):
         return "slow", named
     if how == "signal" or number == SANITIZED or "AddressSanitizer" in text or "runtime error:" in text:
         return "crashes", named
@@ -441,12 +442,13 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first trial")
     parser.add_argument("--kinds", help="these kinds alone, separated by commas")
-    parser.add_argument("--seconds", type=int, default=20, help="longest time of one trial")
+    parser.add_argument("--seconds", type=int, default=20, help="longest processor time of one trial")
     parser.add_argument("--keep", type=pathlib.Path, help="folder for findings (default: BUILD/hostile)")
     arguments = parser.parse_args()
     keep = arguments.keep or arguments.build / "hostile"
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     top = pathlib.Path(tempfile.mkdtemp(prefix="gsapp-hostile-", dir=memory))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the table of what was done is printed, then
     try:
         return run(arguments, keep, top)
     finally:
@@ -486,45 +488,50 @@ def run(arguments, keep, top):
     totals, kept_unnamed = collections.Counter(), 0
     most_memory, longest = (0, ""), (0, "")
     shutil.rmtree(keep, ignore_errors=True)
-    for number in range(arguments.first, arguments.first + arguments.count):
-        r = random.Random(f"{arguments.seed}:{number}")
-        kind = kinds[number % len(kinds)]
-        command, candidates = r.choice(kind.commands)
-        damaged = r.choice(candidates)
-        content = damage(r, damaged, kind.files[damaged], list(kind.files.values()))
-        fresh({name: data for name, data in kind.files.items() if name != damaged})
-        place = work / damaged
-        place.parent.mkdir(parents=True, exist_ok=True)
-        if content == "folder":
-            place.mkdir()
-        elif content == "link to itself":
-            place.symlink_to(place.name)
-        elif content != "missing":
-            place.write_bytes(content)
-        outcome = server.run(top, command)
-        finding, named = judge(outcome, top, damaged)
-        name = f"{kind.name}-{arguments.seed}-{number}"
-        table[kind.name][f"exit {outcome[1]}" if outcome[0] == "exit" else f"signal {outcome[1]}"] += 1
-        most_memory, longest = max(most_memory, (outcome[2], name)), max(longest, (outcome[3], name))
-        if finding:
-            totals[finding] += 1
-        if not named:
-            totals["unnamed"] += 1
-        if finding or (not named and kept_unnamed < 200):
-            kept_unnamed += not finding
-            place = keep / (finding or "unnamed") / name
-            place.mkdir(parents=True, exist_ok=True)
-            record = f"{command}\ndamaged: {damaged}: {content if isinstance(content, str) else len(content)}\n"
-            (place / "command.txt").write_text(f"{record}{outcome[:4]}\n{outcome[4]}", errors="replace")
-            if content not in ("missing", "folder", "link to itself"):
-                (place / pathlib.Path(damaged).name).write_bytes(content)
+    done = 0
+    try:
+        for number in range(arguments.first, arguments.first + arguments.count):
+            r = random.Random(f"{arguments.seed}:{number}")
+            kind = kinds[number % len(kinds)]
+            command, candidates = r.choice(kind.commands)
+            damaged = r.choice(candidates)
+            content = damage(r, damaged, kind.files[damaged], list(kind.files.values()))
+            fresh({name: data for name, data in kind.files.items() if name != damaged})
+            place = work / damaged
+            place.parent.mkdir(parents=True, exist_ok=True)
+            if content == "folder":
+                place.mkdir()
+            elif content == "link to itself":
+                place.symlink_to(place.name)
+            elif content != "missing":
+                place.write_bytes(content)
+            outcome = server.run(top, command)
+            finding, named = judge(outcome, top, damaged)
+            name = f"{kind.name}-{arguments.seed}-{number}"
+            table[kind.name][f"exit {outcome[1]}" if outcome[0] == "exit" else f"signal {outcome[1]}"] += 1
+            most_memory, longest = max(most_memory, (outcome[2], name)), max(longest, (outcome[3], name))
             if finding:
-                print(f"{finding}: {name}: {command}: {damaged}: {outcome[:4]}", flush=True)
+                totals[finding] += 1
+            if not named:
+                totals["unnamed"] += 1
+            if finding or (not named and kept_unnamed < 200):
+                kept_unnamed += not finding
+                place = keep / (finding or "unnamed") / name
+                place.mkdir(parents=True, exist_ok=True)
+                record = f"{command}\ndamaged: {damaged}: {content if isinstance(content, str) else len(content)}\n"
+                (place / "command.txt").write_text(f"{record}{outcome[:4]}\n{outcome[4]}", errors="replace")
+                if content not in ("missing", "folder", "link to itself"):
+                    (place / pathlib.Path(damaged).name).write_bytes(content)
+                if finding:
+                    print(f"{finding}: {name}: {command}: {damaged}: {outcome[:4]}", flush=True)
+            done += 1
+    except KeyboardInterrupt:
+        print("stopped")
     endings = sorted({ending for row in table.values() for ending in row})
     print(f"{'kind':14}" + "".join(f"{ending:>10}" for ending in endings))
     for name, row in table.items():
         print(f"{name:14}" + "".join(f"{row[ending]:10}" for ending in endings))
-    print(f"{arguments.count} inputs; most memory {most_memory[0] / 1024:.0f} MiB ({most_memory[1]}), "
+    print(f"{done} inputs; most memory {most_memory[0] / 1024:.0f} MiB ({most_memory[1]}), "
           f"longest {longest[0] / 1000:.1f} s ({longest[1]})")
     print("findings: " + (", ".join(f"{name} {n}" for name, n in sorted(totals.items()) if name != "unnamed") or "none")
           + f"; messages that do not name the file: {totals['unnamed']}")

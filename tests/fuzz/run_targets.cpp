@@ -56,6 +56,7 @@ void read_view_scores(const std::string& bytes) {
 }
 
 void read_options(const std::string& bytes) {
+    put("configured/parent.yaml", "iterations: 7\n");
     put("configured/config.yaml", bytes);
     TrainOptions options = load_run_options(folder() / "configured");
     validate(options);
@@ -74,7 +75,9 @@ std::vector<Target> run_targets() {
     return {
         {"config.yaml",
          [] {
-             return std::vector<std::string>{options_to_yaml(TrainOptions{}), "parent: none.yaml\nsource: x\n"};
+             TrainOptions options;
+             options.source = "builtin:diffuse";
+             return std::vector<std::string>{options_to_yaml(options), "parent: parent.yaml\nsource: x\n"};
          },
          read_options},
         {"cameras.json", [] { return std::vector{cameras()}; },

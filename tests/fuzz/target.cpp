@@ -20,12 +20,13 @@ std::vector<Target> targets() {
     return all;
 }
 
-Ending read(const Target& target, const std::string& bytes) {
+Ending read(const Target& target, const std::string& bytes, std::string* reason) {
     try {
         target.read(bytes);
         return Ending::kAccepted;
     } catch (const Error& error) {
         if (std::string(error.what()).empty()) throw std::logic_error("an error without a message");
+        if (reason) *reason = error.what();
         return Ending::kRefused;
     }
 }

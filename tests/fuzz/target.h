@@ -34,8 +34,9 @@ enum class Ending {
     kRefused    ///< with an error of the project that has a message
 };
 
-/// Reads `bytes`. Throws what is neither: other exceptions, and std::logic_error for an error without a message.
-Ending read(const Target& target, const std::string& bytes);
+/// Reads `bytes` and, where `reason` is given, writes why they were refused to it. Throws what is neither: other
+/// exceptions, and std::logic_error for an error without a message.
+Ending read(const Target& target, const std::string& bytes, std::string* reason = nullptr);
 
 /// Returns the folder in which inputs become files; it is removed when the process ends.
 const std::filesystem::path& folder();

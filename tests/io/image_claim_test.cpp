@@ -179,7 +179,11 @@ TEST(ImageClaim, ExrAttributesThatTheFileCannotHoldAreRefused) {
     const std::string start("\x76\x2f\x31\x01\x02\0\0\0", 8), size_and_data("\x08\0\0\0\xff\xff\0\0\xff\xff\0\0", 12);
     const std::pair<std::string, const char*> cases[] = {
         {start + std::string("a\0odd\0rtsi", 10), "attribute 'a' claims 1769174130 bytes"},
-        {start + std::string("p\0preview\0", 10) + size_and_data, "preview of 4294836225 pixels"},
+        {start + std::string("p\0preview\0", 10) + size_and_data, "attribute 'p' of type preview does not have"},
+        {start + std::string("f\0float\0", 8) + size_and_data, "attribute 'f' of type float does not have"},
+        {start + std::string("s\0stringvector\0", 15) + size_and_data,
+         "attribute 's' of type stringvector does not have"},
+        {start + std::string("c\0chlist\0", 9) + size_and_data, "attribute 'c' of type chlist does not have"},
         {start + std::string(400, 'n'), "a name in its header does not end"},
         {start + std::string("a\0odd", 5), "a name in its header does not end"},
     };

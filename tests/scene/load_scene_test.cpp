@@ -397,6 +397,13 @@ TEST(LoadScene, UnknownSourcesAreErrorsWithAHint) {
     EXPECT_CONTAINS(error_of(at(folder.path())), "not a scene");
 }
 
+TEST(LoadScene, AListWithoutImagesIsNamed) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png"});
+    spit(folder / "sparse/0/images.bin", images_bin({}));
+    EXPECT_CONTAINS(error_of(at(folder.path())), "sparse/0/images.bin with images of");
+}
+
 TEST(LoadScene, TheMissingHalfOfAColmapModelIsNamed) {
     for (const char* missing : {"cameras.bin", "images.bin"}) {
         TempFolder folder;
