@@ -246,7 +246,7 @@ TEST_F(Served, IdleAndTricklingClientsDelayNobodyAndDoNotKeepTheServerFromStoppi
     const auto start = std::chrono::steady_clock::now();
     EXPECT_EQ(get("/").status, 200);
     EXPECT_EQ(get("/scene.ngsplat").body, scene_);
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
     std::atomic<bool> goes_on = true;
     std::thread trickle([&] {
         for (; goes_on; std::this_thread::sleep_for(milliseconds(100)))
