@@ -5,15 +5,15 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cctype>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <exception>
-#include <iostream>
 #include <filesystem>
+#include <iostream>
 #include <new>
 #include <string>
 #include <system_error>

@@ -41,9 +41,9 @@ struct RunFolder {
 /// results. `resume_iteration` is the iteration from which a resumed run continues; empty for a new run. A folder that
 /// holds a run (config.yaml, a point cloud or a checkpoint) is refused for a new run, and for a resumed run when it
 /// holds checkpoints of a later iteration, or later point clouds without the resumed checkpoint. (Beside it they are of
-/// the same run, killed before its next checkpoint: the resumed run replaces them.) With `overwrite` nothing is refused.
-/// Temporary files of killed runs are removed. Throws UsageError for the refusal, DataError when the folder cannot be
-/// created or written.
+/// the same run, killed before its next checkpoint: the resumed run replaces them.) With `overwrite` nothing is
+/// refused. Temporary files of killed runs are removed. Throws UsageError for the refusal, DataError when the folder
+/// cannot be created or written.
 void prepare_run_folder(const RunFolder& folder, bool overwrite,
                         std::optional<std::int64_t> resume_iteration = std::nullopt);
 

@@ -14,14 +14,14 @@
 #include <vector>
 
 #include "kernels/core/error.h"
-#include "lib/core/input_file.h"
 #include "kernels/core/parallel.h"
+#include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/process.h"
 #include "lib/io/image.h"
-#include "lib/io/temporary.h"
 #include "lib/io/orientation.h"
+#include "lib/io/temporary.h"
 
 namespace gs {
 namespace {
