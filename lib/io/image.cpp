@@ -119,7 +119,7 @@ std::vector<float> float_samples(const Image& image, bool premultiply) {
 /// Whether OpenImageIO encodes the format into memory, faithfully. It says so of JPEG 2000, too, which then cannot be
 /// read.
 bool is_encoded_in_memory(const std::string& format) {
-    for (const char* name : {"png", "jpeg", "tiff", "openexr", "webp", "bmp", "targa", "pnm"})
+    for (const char* name : {"png", "jpeg", "tiff", "openexr", "webp", "bmp"})
         if (format == name) return true;
     return false;
 }

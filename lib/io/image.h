@@ -46,8 +46,7 @@ Image resize_image(const Image& in, int width, int height);
 
 /// Encodes in the format of the extension (png, jpg, exr, ...) and writes through an AtomicFile. For 8-bit formats
 /// float data is quantised by clamp to [0,1], *255, +0.5, truncate (evaluation protocol). Throws DataError, also for
-/// WebP with alpha and for formats other than PNG, JPEG, TIFF, EXR, WebP, BMP, TGA and
-/// PNM.
+/// WebP with alpha and for formats other than PNG, JPEG, TIFF, EXR, WebP and BMP, which are those that are read.
 void write_image(const std::filesystem::path& path, const Image& image);
 
 /// Encodes an 8-bit rgb image as a JPEG file in memory, quality 1..100. Throws UsageError for other images, DataError

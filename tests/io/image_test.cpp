@@ -98,7 +98,7 @@ TEST(Image, JpegIsCloseAndHasNoAlpha) {
 TEST(Image, FormatsThatAreEncodedInMemoryComeBack) {
     TempFolder folder;
     const Image image = make_image(7, 5, 3);
-    for (const char* name : {"a.bmp", "a.tga", "a.ppm", "a.tiff", "a.PNG"}) {
+    for (const char* name : {"a.bmp", "a.webp", "a.tiff", "a.PNG"}) {
         write_image(folder / name, image);
         EXPECT_EQ(read_image(folder / name).u8.size(), image.u8.size()) << name;
     }
@@ -106,7 +106,7 @@ TEST(Image, FormatsThatAreEncodedInMemoryComeBack) {
     EXPECT_EQ(test::slurp(folder / "what?.png"), test::slurp(folder / "a.PNG"));
     EXPECT_CONTAINS(message_of<DataError>([&] { write_image(folder / "a.jp2", image); }), "use PNG");
     EXPECT_CONTAINS(message_of<DataError>([&] { write_image(folder / "a.xyz", image); }), "a.xyz");
-    EXPECT_EQ(folder.num_entries(), 6u);
+    EXPECT_EQ(folder.num_entries(), 5u);
 }
 
 TEST(Image, FullDiskIsADataErrorAndKeepsTheOldPicture) {
