@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <map>
 
@@ -206,7 +207,7 @@ void place_cube(Scene& scene) {
     double distance = 0;
     for (const View& view : scene.train)
         distance += (view.camera.center() - target).norm() / double(scene.train.size());
-    if (distance > 0.5 * kDistance && distance < 2 * kDistance && target.norm() < 0.5 * kHalfSide) return;
+    if (std::abs(distance / kDistance - 1) < 0.05 && target.norm() < 0.1 * kHalfSide) return;
     if (!(distance > 0) || !target.allFinite()) return;
     scene.random_init_center = target;
     scene.random_init_half_extent = kHalfSide / kDistance * distance;

@@ -52,9 +52,8 @@ def configuration(text):
 
 
 def results(text):
-    values = json.loads(text)
-    values.pop("timing")
-    return values
+    """Scores and facts without times, and without the memory of a GPU, of which a resumed part may need less."""
+    return without(json.loads(text), ("timing", "memory"))
 
 
 READERS = {"config.yaml": configuration, "cfg_args": lambda text: text.split("model_path=")[0] + text.split("', resolution=")[1],

@@ -152,7 +152,7 @@ TEST(Frame, TheCallersFrameIsUsed) {
 TEST(Frame, PointsBeforeTheNearPlaneAndBlindCamerasAreReported) {
     TempFolder folder;
     auto images = row_of_images({"a.png", "b.png", "c.png"});
-    for (std::size_t i = 0; i < 3; ++i) images[i].pose = {1, 0, 0, 0, 4.0 * double(i), 0, 4};
+    for (std::size_t i = 0; i < 3; ++i) images[i].pose = {1, 0, 0, 0, 0.4 * double(i), 0, 4};
     images[2].pose[6] = -100;  // all points are behind this camera
     write_model(folder / "sparse/0", {TestCamera{}}, images,
                 {{1, 0, 0, 0, 1, 2, 3, 0}, {2, 0, 0, -3.999, 1, 2, 3, 0}, {3, 0.01, 0, 0, 1, 2, 3, 0}});
@@ -193,6 +193,9 @@ TEST(Frame, TheCubeOfSyntheticScenesFollowsThem) {
     const Scene usual = load(folder / "usual");
     EXPECT_EQ(usual.random_init_half_extent, 1.5);
     EXPECT_TRUE(usual.random_init_center.isZero(0));
+    write_cube_scene(folder / "small", 0.7, Vector3d::Zero());
+    const Scene small = load(folder / "small");
+    EXPECT_NEAR(small.random_init_half_extent / small.frame.scale, 0.7 * 1.5, 1e-3);
     write_cube_scene(folder / "far", 1e3, {5e5, 4e6, 100});
     const Scene far = load(folder / "far");
     EXPECT_NEAR(far.random_init_half_extent / far.extent, usual.random_init_half_extent / usual.extent, 1e-3);
