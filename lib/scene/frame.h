@@ -13,7 +13,7 @@ namespace gs {
 
 /// Chooses the frame of a scene from its camera centres and points, both in scene units; either may be empty. The size
 /// of a scene is 1.1 times the largest distance of a camera from their mean, but at least a fiftieth of the median
-/// distance of the points from it. Scenes within a factor of sqrt(2) of size 5, which is what COLMAP and
+/// distance of the points from it. Scenes within a factor of 1.25 of size 5, which is what COLMAP and
 /// NeRF-synthetic give, keep their scale; others are scaled to 5. The centre stays the origin unless the cameras are
 /// more than 16 sizes away from it. Cameras in one place without points have no size and keep their scale.
 Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std::vector<Eigen::Vector3d>& points);

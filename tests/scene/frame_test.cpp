@@ -27,8 +27,8 @@ std::vector<Vector3d> ring(double radius, const Vector3d& center = Vector3d::Zer
 TEST(Frame, UsualScenesKeepTheirCoordinates) {
     EXPECT_TRUE(choose_frame({}, {}).is_identity());
     EXPECT_TRUE(choose_frame(ring(5 / 1.1), {}).is_identity());
-    EXPECT_TRUE(choose_frame(ring(3.6 / 1.1, {10, 20, 30}), {{0, 0, 0}}).is_identity());
-    EXPECT_TRUE(choose_frame(ring(7 / 1.1), {}).is_identity());
+    EXPECT_TRUE(choose_frame(ring(4.1 / 1.1, {10, 20, 30}), {{0, 0, 0}}).is_identity());
+    EXPECT_TRUE(choose_frame(ring(6.2 / 1.1), {}).is_identity());
 }
 
 TEST(Frame, OthersGetTheUsualSize) {
