@@ -22,7 +22,7 @@ constexpr double kPointDistancePerSize = 50;
 constexpr double kFarFromOrigin = 16;
 /// Scales of scenes of any unit lie between this and its inverse.
 constexpr double kSmallestScale = 1e-30;
-/// Beyond this distance, in units of the frame, files keep an offset: their floats would be off by 6e-5 units.
+/// Beyond this distance, in units of the frame, files keep an offset: a float's steps are 2.4e-4 units there.
 constexpr double kFileRange = 2048;
 
 bool is_finite(const Eigen::Vector3d& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < 1e150; }

@@ -23,8 +23,7 @@ Camera into_frame(Camera camera, const Frame& frame);
 Camera out_of_frame(Camera camera, const Frame& frame);
 
 /// Returns what files with 32-bit coordinates leave out: they hold scene coordinates minus this offset. It is the
-/// frame's centre where floats would lose more than a two-thousandth of the scene's usual distances, and otherwise
-/// zero.
+/// frame's centre where a float's steps would be more than 2.4e-4 frame units, and otherwise zero.
 Eigen::Vector3d file_offset(const Frame& frame);
 
 /// Returns the comment by which a PLY states such an offset: kOffsetComment, the numbers, and what to do with them.
