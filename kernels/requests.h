@@ -125,7 +125,7 @@ struct McmcParams {
 /// The rule of the ADC strategy.
 struct AdcParams {
     float grad_threshold = 0.0002f;
-    float extent = 1;              ///< scene extent E, world units
+    float extent = 1;              ///< scene extent E, frame units
     float dense_fraction = 0.01f;  ///< clone below, split above dense_fraction*E
     float min_opacity = 0.005f;
     bool prune_large = false;  ///< remove Gaussians larger than 0.1*E

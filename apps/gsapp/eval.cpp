@@ -29,7 +29,8 @@ struct EvalArguments {
 
 void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol,
               const std::vector<Metric>& metrics, const EvalArguments& arguments) {
-    SavedRun run = open_saved_run(folder, iteration, {.source = arguments.source, .device = arguments.metrics.device});
+    SavedRun run = open_saved_run(folder, iteration,
+                                  {.source = arguments.source, .device = arguments.metrics.device, .scores = true});
     EvalOptions options;
     options.protocol = protocol;
     options.metrics = metrics;

@@ -118,7 +118,7 @@ class CellRunner {
             program.string(), "train",         "--config",
             config,           "--time-frames", std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
         if (holds_same_run(options))
-            command.push_back("--overwrite");  // from the start: a resumed run would not tell the time of the training
+            command.push_back("--overwrite");  // from the start: the plan counts the time of this call
         std::vector<std::pair<std::string, std::string>> environment;
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const auto begin = Clock::now();

@@ -2,6 +2,8 @@
 // Loads the scene, chooses an appearance if asked, trains, scores.
 #include "eval/experiments/train_run.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -100,6 +102,17 @@ nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSu
     return event;
 }
 
+/// Throws DataError if the resumed run would score other views than the run held out: an image that is missing since
+/// then moves every later one of "every 8th", so that views would be scored on which the run was trained.
+void require_same_test_views(const Checkpoint& checkpoint, const Scene& scene, const TrainOptions& options) {
+    const std::string digest = view_digest(scene.test);
+    if (!options.eval || checkpoint.test_views.empty() || checkpoint.test_views == digest) return;
+    throw DataError(fmt::format(
+        "{}: its {} test views are not the {} that the run to resume held out; are images missing that were there "
+        "before, or is --test-every another? Restore them, or start anew",
+        scene.source, scene.test.size(), checkpoint.test_views.substr(0, checkpoint.test_views.find(' '))));
+}
+
 }  // namespace
 
 std::string free_run_folder(const fs::path& parent, const TrainOptions& options, const std::string& suffix) {
@@ -116,6 +129,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
         throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
     // The scene comes first: with a mistake in it, an earlier run that --overwrite would remove stays as it is.
     SceneOptions scene_choices = scene_options(options);
+    scene_choices.scores = options.eval;
     if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);
     Scene scene = load_scene(scene_choices);
     Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
@@ -124,6 +138,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
     RunStart start = open_run(options);
+    if (start.checkpoint) require_same_test_views(*start.checkpoint, scene, options);
     add_log_file(fs::path(options.model) / "gsapp.log");
     log_info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);

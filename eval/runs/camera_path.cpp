@@ -30,8 +30,8 @@ Camera camera_from_json(const nlohmann::json& json, const std::string& where, co
         Camera camera;
         camera.width = int(positive("width"));
         camera.height = int(positive("height"));
-        // A few bytes must not ask for the whole memory; 8K pictures have 33.2 million pixels.
-        constexpr std::int64_t kMaxPixels = 1 << 25;
+        // A few bytes must not ask for the whole memory; the largest photographs have some 100 million pixels.
+        constexpr std::int64_t kMaxPixels = 1 << 27;
         if (camera.width < 1 || camera.height < 1 || std::int64_t(camera.width) * camera.height > kMaxPixels)
             throw DataError(fmt::format("{}: {}x{} is no size for a picture; it may have 1 to {} pixels", where,
                                         camera.width, camera.height, kMaxPixels));

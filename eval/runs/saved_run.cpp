@@ -93,7 +93,9 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
         throw DataError(fmt::format("{}: no 'source', so the scene of the run is not known",
                                     RunFolder{run_folder}.config().string()));
     SavedModel model = read_saved_model(run_folder, iteration);
-    run.scene = load_scene_of(model, scene_options(run.options));
+    SceneOptions scene = scene_options(run.options);
+    scene.scores = instead.scores;
+    run.scene = load_scene_of(model, scene);
     run.iteration = model.iteration;
     run.correction = model.correction;
     run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));

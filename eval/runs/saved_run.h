@@ -49,6 +49,7 @@ Scene load_scene_of(SavedModel& model, SceneOptions options);
 struct RunChanges {
     std::string source = {};
     std::optional<Device> device = {};
+    bool scores = false;  ///< SceneOptions::scores
 };
 
 /// Opens a model as read_saved_model does, and the scene that the run was trained on, or the one that `instead` names.

@@ -52,7 +52,7 @@ void Staging::publish() {
     on_disk([&] {
         std::vector<fs::path> files = files_of(path());
         // The page comes last: until then the earlier one still has what it refers to.
-        std::stable_partition(files.begin(), files.end(), [](const fs::path& file) { return file.has_parent_path(); });
+        std::stable_partition(files.begin(), files.end(), [](const fs::path& file) { return file != "index.html"; });
         std::set<fs::path> folders;
         for (const fs::path& file : files) {
             const fs::path to = target_ / file;

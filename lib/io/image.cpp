@@ -46,11 +46,6 @@ int stored_orientation(const OIIO::ImageSpec& spec) {
     return orientation >= 1 && orientation <= 8 ? orientation : 1;
 }
 
-std::string trimmed(std::string text) {
-    while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
-    return text.empty() ? "unknown reason" : text;
-}
-
 [[noreturn]] void fail(const fs::path& path, const std::string& reason) {
     throw DataError(fmt::format("image {}: {}", path.string(), reason));
 }
@@ -130,7 +125,7 @@ std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
     // Of the name only the extension is passed on: OpenImageIO reads arguments out of names with a question mark.
     const std::string name = "image" + path.extension().string();
     const auto output = OIIO::ImageOutput::create(name);
-    if (!output) fail(path, fmt::format("cannot be written: {}", trimmed(OIIO::geterror())));
+    if (!output) fail(path, fmt::format("cannot be written: {}", reason_from(OIIO::geterror())));
     const std::string format = output->format_name();
     if (!is_encoded_in_memory(format)) fail(path, fmt::format("the format '{}' cannot be written; use PNG", format));
     // OpenImageIO's WebP writer always un-premultiplies in linear light, which changes straight colours.
@@ -157,7 +152,7 @@ std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
         }
         ok = output->close() && ok;
     }
-    if (!ok) fail(path, fmt::format("cannot be written: {}", trimmed(output->geterror())));
+    if (!ok) fail(path, fmt::format("cannot be written: {}", reason_from(output->geterror())));
     return bytes;
 }
 

@@ -26,8 +26,9 @@ constexpr std::int64_t kMaxSide = 65535, kMaxPixels = std::int64_t(1) << 29;
 
 // Some formats (WebP, TIFF with CCITT or Zstandard, JPEG with arithmetic coding) have no useful bound: a few bytes may
 // legally stand for any number of equal pixels. A small file therefore gets this much memory for its decoded image and
-// the decoder's work. 512 MiB hold 178 million pixels with three channels of 8 bits, more than any camera has; the
-// program as a whole then stays below 1 GiB.
+// the decoder's work. 512 MiB hold 178 million pixels with three channels of 8 bits, and 76 million of a WebP, whose
+// decoder needs four bytes more for each. Photographs of that size are larger files. The program as a whole then stays
+// below 1 GiB.
 constexpr double kSmallFile = 1 << 20, kSmallFileMemory = 512.0 * (1 << 20);
 
 /// The greatest ratio of deflate: a match of 258 bytes in two bits.
@@ -143,7 +144,10 @@ ImageClaim webp_claim(Head& head) {
     ImageClaim claim{"webp"};
     constexpr std::uint64_t kData = 20;  // where the first chunk's data begins
     const std::string name = head.bytes(12, 4);
+    bool animated = false;
     if (name == "VP8X") {
+        constexpr char kAnimation = 0x02;  // a flag
+        animated = (head.bytes(kData, 1)[0] & kAnimation) != 0;
         const std::string canvas = head.bytes(kData + 4, 6);
         claim.width = 1 + std::int64_t(little_endian(&canvas[0], 3));
         claim.height = 1 + std::int64_t(little_endian(&canvas[3], 3));
@@ -158,8 +162,8 @@ ImageClaim webp_claim(Head& head) {
     } else {
         head.damaged("the WebP begins with no image");
     }
-    // Two canvases of the animation decoder and the frame itself, four bytes a pixel each.
-    claim.work_bytes = 12.0 * double(claim.width) * double(claim.height);
+    // The frame itself, and two canvases of an animation, four bytes a pixel each.
+    claim.work_bytes = (animated ? 12.0 : 4.0) * double(claim.width) * double(claim.height);
     return claim;
 }
 

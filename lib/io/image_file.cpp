@@ -14,15 +14,18 @@
 #include "lib/io/image_claim.h"
 
 namespace gs {
-namespace {
 
 std::string reason_from(std::string text) {
     while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
     return text.empty() ? "unknown reason" : text;
 }
 
-/// Returns the fewest bytes that a TIFF or EXR file of this header can have, 0 where its compression sets no bound.
+namespace {
+
+/// Returns the fewest bytes that a TIFF or EXR file of this header can have, 0 where its compression sets no bound and
+/// for the other formats.
 double least_bytes(const OIIO::ImageSpec& spec, const std::string& format) {
+    if (format != "tiff" && format != "openexr") return 0;
     const std::string compression = spec.get_string_attribute("compression", "none");
     const auto ratio = [&]() -> double {
         if (compression == "none") return 1;

@@ -14,6 +14,9 @@
 
 namespace gs {
 
+/// Returns a message of OpenImageIO without the line break at its end, "unknown reason" for an empty one.
+std::string reason_from(std::string text);
+
 class ImageFile {
   public:
     /// Reads the header. Throws DataError naming the file and the reason.

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <cstring>
+#include <exception>
 #include <utility>
 
 #include "kernels/core/error.h"
@@ -47,10 +48,11 @@ Image upright(Image image, int orientation) {
     return image;
 }
 
-void write_upright_copy(const std::filesystem::path& from, const std::filesystem::path& to) {
+void write_upright_copy(const std::filesystem::path& from, const std::filesystem::path& to) try {
     const auto fail = [&](const std::string& reason) {
         throw DataError(fmt::format("image {}: cannot be turned upright: {}", from.string(), reason));
     };
+    read_image(from);  // throws where pixels are missing, which OpenImageIO hands out as grey rows
     OIIO::ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);  // else alpha would go through a multiplication and a division
     const auto input = OIIO::ImageInput::open(from.string(), &config);
@@ -83,6 +85,10 @@ void write_upright_copy(const std::filesystem::path& from, const std::filesystem
         write_text_atomic(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
     else
         read_image(to);  // throws where it was cut off
+} catch (const Error&) {
+    throw;
+} catch (const std::exception& e) {
+    throw DataError(fmt::format("image {}: cannot be turned upright: {}", from.string(), e.what()));
 }
 
 }  // namespace gs

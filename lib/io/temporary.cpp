@@ -131,8 +131,9 @@ void sync_folder(const fs::path& folder, const fs::path& target) {
     }
     const int error = ::fsync(fd) == 0 ? 0 : errno;
     ::close(fd);
-    // Some network file systems cannot sync a folder.
-    if (error != 0 && error != EINVAL && error != ENOTSUP) fail_to_write("write the folder of", target, error);
+    // Other errors (EINVAL, ENOSYS, EBADF, EPERM, ...) come from network and FUSE file systems that cannot sync a
+    // folder.
+    if (error == EIO || error == ENOSPC || error == EDQUOT) fail_to_write("write the folder of", target, error);
 }
 
 void create_folders(const fs::path& folder, const fs::path& target) {

@@ -8,7 +8,7 @@
 
 namespace gs {
 
-/// Returns the median of the Gaussians' positions for each axis, world units; a few distant ones do not move it. Zero
+/// Returns the median of the Gaussians' positions for each axis, frame units; a few distant ones do not move it. Zero
 /// without Gaussians.
 Eigen::Vector3d median_center(const Gaussians& gaussians);
 

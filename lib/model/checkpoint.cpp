@@ -162,6 +162,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
         metadata["train_seconds"] = fmt::format("{}", checkpoint.time->train_seconds);
         metadata["data_wait_seconds"] = fmt::format("{}", checkpoint.time->data_wait_seconds);
     }
+    if (!checkpoint.test_views.empty()) metadata["test_views"] = checkpoint.test_views;
     if (checkpoint.automatic) metadata["automatic"] = "true";
     add_ppisp(g.ppisp, tensors, metadata);
     write_safetensors(path, tensors, metadata);
@@ -179,6 +180,7 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     c.seed = metadata_number<std::uint64_t>(file, name, "seed");
     c.options_yaml = file.metadata("options");
     c.frame = frame_of(file, name);
+    if (file.metadata().contains("test_views")) c.test_views = file.metadata("test_views");
     if (file.metadata().contains("train_seconds"))
         c.time = {metadata_seconds(file, name, "train_seconds"), metadata_seconds(file, name, "data_wait_seconds")};
     c.automatic = file.metadata().contains("automatic");

@@ -24,7 +24,10 @@ struct Checkpoint {
     /// The seed is the whole state of the random generator, because random numbers are functions of (seed, iteration).
     std::uint64_t seed = 0;
     std::string options_yaml;  ///< resolved options of the run
-    Frame frame = {};          ///< frame that the Gaussians are in; identity in files of earlier versions
+    /// view_digest of the test views, so that a resumed run does not score what an earlier part trained on; empty in
+    /// files of versions that did not store it
+    std::string test_views = {};
+    Frame frame = {};  ///< frame that the Gaussians are in; identity in files of earlier versions
     /// The time that the iterations took; empty in files of versions that did not store it
     std::optional<TrainingTime> time = {};
     bool automatic = false;  ///< written for the time that had passed, and removed once there is a newer one

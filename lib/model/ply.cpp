@@ -241,13 +241,14 @@ Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* fram
     const FileCoordinates coordinates = coordinate_comments(file);
     int degree = 0;
     const int num_f_rest = count_f_rest(file, degree);
+    bool made_here = false;
     if (!appearance_comment(file, path.string(), g.appearance, g.active_degree)) {
         g.appearance = plain_sh_appearance(degree);
         g.active_degree = degree;
-        if (frame) frame->reset();
-    } else if (frame) {
-        *frame = coordinates.frame;
+    } else {
+        made_here = true;
     }
+    if (frame) *frame = made_here || !coordinates.frame.is_identity() ? std::optional(coordinates.frame) : std::nullopt;
     const Columns columns = find_columns(file, g.appearance, num_f_rest);
     g.shared.width = appearance_model(g.appearance.model).num_shared;
     if (file.header().num_shared != g.shared.width)

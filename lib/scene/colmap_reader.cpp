@@ -114,11 +114,23 @@ std::uint64_t count_images(const fs::path& folder) {
 
 fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& notes) {
     std::vector<std::pair<std::uint64_t, fs::path>> candidates;
+    std::vector<std::string> faults;  // of entries that cannot be searched
+    const auto holds_model = [&](const fs::path& folder) {
+        try {
+            return folder_exists(folder) && (has_binary(folder) || has_text(folder));
+        } catch (const DataError& e) {
+            faults.push_back(e.what());
+            return false;
+        }
+    };
+    const auto note_faults = [&] {
+        for (const std::string& fault : faults) notes.push_back(fault + ": passed over");
+    };
     const bool has_models = folder_exists(scene / "sparse");
     for (const fs::path& folder : has_models ? list_folder(scene / "sparse") : std::vector<fs::path>())
-        if (folder_exists(folder) && (has_binary(folder) || has_text(folder)))
-            candidates.emplace_back(count_images(folder), folder);
+        if (holds_model(folder)) candidates.emplace_back(count_images(folder), folder);
     if (!candidates.empty()) {
+        note_faults();
         const auto best = *std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
             return a.first != b.first ? a.first > b.first : a.second < b.second;
         });
@@ -128,8 +140,12 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
                                         best.first));
         return best.second;
     }
-    for (const fs::path& folder : {scene / "sparse", scene})
-        if (has_binary(folder) || has_text(folder)) return folder;
+    for (const fs::path& folder : {scene / "sparse", scene}) {
+        if (!has_binary(folder) && !has_text(folder)) continue;
+        note_faults();
+        return folder;
+    }
+    if (!faults.empty()) throw DataError(faults.front());
     return {};
 }
 

@@ -6,13 +6,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 namespace gs {
 namespace {
 
-/// The size of scenes of COLMAP (4.9 to 5.7) and NeRF-synthetic (5.2), for which the defaults were found.
-constexpr double kUsualSize = 5;
+/// The size of scenes of COLMAP (4.2 to 5.6) and NeRF-synthetic (4.6 to 4.8), for which the defaults were found.
+constexpr double kUsualSize = 4.75;
+/// The share of the cameras that give the size: one wrong pose must not shrink the others' scene below the near plane.
+constexpr double kShare = 0.9;
 /// Sizes that differ from the usual one by at most this factor keep their scale: there it changes PSNR by about 0.1 dB
 /// (docs/stability.md).
 constexpr double kUsualRange = 1.25;
@@ -27,30 +30,43 @@ constexpr double kFileRange = 2048;
 
 bool is_finite(const Eigen::Vector3d& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < 1e150; }
 
-double median_distance(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& from) {
+std::vector<Eigen::Vector3d> finite_only(std::vector<Eigen::Vector3d> points) {
+    std::erase_if(points, [](const Eigen::Vector3d& p) { return !is_finite(p); });
+    return points;
+}
+
+/// Returns the distance from `from` that a share of the points does not exceed, 0 without points.
+double distance_quantile(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& from, double share) {
+    if (points.empty()) return 0;
     std::vector<double> distances;
+    for (const Eigen::Vector3d& p : points) distances.push_back((p - from).norm());
+    const auto at = distances.begin() + std::ptrdiff_t(std::ceil(share * double(distances.size()))) - 1;
+    std::nth_element(distances.begin(), at, distances.end());
+    return *at;
+}
+
+/// Returns the mean of the points that are not farther from `from` than `distance`.
+Eigen::Vector3d mean_within(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& from, double distance) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    double count = 0;
     for (const Eigen::Vector3d& p : points)
-        if (is_finite(p)) distances.push_back((p - from).norm());
-    if (distances.empty()) return 0;
-    const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
-    std::nth_element(distances.begin(), middle, distances.end());
-    return *middle;
+        if ((p - from).norm() <= distance) mean += (p - mean) / ++count;
+    return mean;
 }
 
 }  // namespace
 
 Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std::vector<Eigen::Vector3d>& points) {
     Frame frame;
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    double count = 0, radius = 0;
-    for (const Eigen::Vector3d& c : camera_centers)
-        if (is_finite(c)) mean += (c - mean) / ++count;
-    if (count == 0) return frame;
-    for (const Eigen::Vector3d& c : camera_centers)
-        if (is_finite(c)) radius = std::max(radius, (c - mean).norm());
-    const double size = std::max(1.1 * radius, median_distance(points, mean) / kPointDistancePerSize);
+    const std::vector<Eigen::Vector3d> cameras = finite_only(camera_centers);
+    if (cameras.empty()) return frame;
+    const Eigen::Vector3d all = mean_within(cameras, cameras[0], std::numeric_limits<double>::infinity()),
+                          mean = mean_within(cameras, all, distance_quantile(cameras, all, kShare));
+    const double size = std::max(1.1 * distance_quantile(cameras, mean, kShare),
+                                 distance_quantile(finite_only(points), mean, 0.5) / kPointDistancePerSize);
     // Cameras in one place differ by the rounding of their coordinates, which is no size.
-    if (!(size > 1e-13 * mean.norm()) || !(size > kSmallestScale && size < 1 / kSmallestScale)) return frame;
+    if (!(size > 1e-13 * mean.norm())) return frame;
+    if (const double scale = kUsualSize / size; !(scale >= kSmallestScale && scale <= 1 / kSmallestScale)) return frame;
     if (!(size <= kUsualSize * kUsualRange && size >= kUsualSize / kUsualRange)) frame.scale = kUsualSize / size;
     if (mean.norm() > kFarFromOrigin * size) {
         // A multiple of a power of two near the size is short in files, and adding a scene's coordinates to it rounds

@@ -12,10 +12,10 @@
 namespace gs {
 
 /// Chooses the frame of a scene from its camera centres and points, both in scene units; either may be empty. The size
-/// of a scene is 1.1 times the largest distance of a camera from their mean, but at least a fiftieth of the median
-/// distance of the points from it. Scenes within a factor of 1.25 of size 5, which is what COLMAP and
-/// NeRF-synthetic give, keep their scale; others are scaled to 5. The centre stays the origin unless the cameras are
-/// more than 16 sizes away from it. Cameras in one place without points have no size and keep their scale.
+/// of a scene is 1.1 times the distance from the cameras' middle that nine tenths of them do not exceed, but at least a
+/// fiftieth of the median distance of the points from it. Scenes within a factor of 1.25 of size 4.75, which is what
+/// COLMAP and NeRF-synthetic give, keep their scale; others are scaled to 4.75. The centre stays the origin unless the
+/// cameras are more than 16 sizes away from it. Cameras in one place without points have no size and keep their scale.
 Frame choose_frame(const std::vector<Eigen::Vector3d>& camera_centers, const std::vector<Eigen::Vector3d>& points);
 
 /// Returns the camera of scene coordinates in those of the frame, and the other way round.

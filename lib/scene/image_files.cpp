@@ -2,9 +2,13 @@
 // Finds the image files that datasets name, in folders where names and extensions may differ a little.
 #include "lib/scene/image_files.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
+#include <system_error>
 
+#include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 
 namespace gs {
@@ -18,6 +22,13 @@ bool has_image_extension(const fs::path& path) {
     return std::find(std::begin(kImageExtensions), std::end(kImageExtensions), extension) != std::end(kImageExtensions);
 }
 
+bool names_file(const fs::path& path) {
+    std::error_code error;
+    const fs::file_type type = fs::status(path, error).type();
+    return error != std::errc::filename_too_long && type != fs::file_type::not_found &&
+           type != fs::file_type::directory;
+}
+
 std::string without_extension(const std::string& name) {
     const std::string extension = fs::path(name).extension().string();
     return name.substr(0, name.size() - extension.size());
@@ -25,7 +36,7 @@ std::string without_extension(const std::string& name) {
 
 ImageFolder::ImageFolder(const fs::path& folder) : folder_(folder) {
     if (!folder_exists(folder)) return;
-    list_folder(folder);  // says why a folder cannot be listed; folders in it that cannot be are passed over
+    list_folder(folder);  // throws for a folder that may not be opened, which the iterator passes over
     std::error_code error;
     for (fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error), end;
          !error && it != end; it.increment(error)) {
@@ -33,6 +44,7 @@ ImageFolder::ImageFolder(const fs::path& folder) : folder_(folder) {
         if (!it->is_directory(ignored) && has_image_extension(it->path()))
             names_.push_back(it->path().lexically_relative(folder).generic_string());
     }
+    if (error) throw DataError(fmt::format("{}: cannot be listed: {}", folder.string(), error.message()));
     std::sort(names_.begin(), names_.end());
     for (const std::string& name : names_) by_stem_.emplace(without_extension(name), name);
 }

@@ -114,13 +114,13 @@ std::vector<bool> choose_test_views(const SourceScene& scene, const SceneOptions
     return test;
 }
 
-/// Leaves out the views that cannot be read. Throws DataError if a test view is among them: scores of the others would
-/// not compare with those of the whole set.
-void remove_unreadable(SourceScene& scene, std::vector<bool>& test) {
+/// Leaves out the views that cannot be read. With `scores` throws DataError if a test view is among them: scores of the
+/// others would not compare with those of the whole set.
+void remove_unreadable(SourceScene& scene, std::vector<bool>& test, bool scores) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < scene.views.size(); ++i) {
         if (!scene.views[i].unreadable.empty()) {
-            if (test[i])
+            if (test[i] && scores)
                 throw DataError(
                     fmt::format("test view {}: {}; scores without it would not be comparable: repair the "
                                 "file, or take the view out of the scene",
@@ -204,9 +204,13 @@ void place_cube(Scene& scene) {
     for (const View& view : scene.train) axes += view.camera.rotation.row(2).transpose() / double(scene.train.size());
     if (!(axes.norm() < 0.99)) return;
     const Eigen::Vector3d target = common_target(scene.train);
-    double distance = 0;
-    for (const View& view : scene.train)
-        distance += (view.camera.center() - target).norm() / double(scene.train.size());
+    double distance = 0, ahead = 0;
+    for (const View& view : scene.train) {
+        const Eigen::Vector3d to_target = target - view.camera.center();
+        distance += to_target.norm() / double(scene.train.size());
+        ahead += view.camera.rotation.row(2).dot(to_target) / double(scene.train.size());
+    }
+    if (!(ahead > 0.5 * distance)) return;  // cameras that look away from each other meet behind themselves
     if (std::abs(distance / kDistance - 1) < 0.05 && target.norm() < 0.1 * kHalfSide) return;
     if (!(distance > 0) || !target.allFinite()) return;
     scene.random_init_center = target;
@@ -228,6 +232,16 @@ void bring_into_frame(Scene& scene, const SourcePoints& points) {
 
 std::shared_ptr<const ViewImage> view_image(const View& view) {
     return view.decoded ? view.decoded : std::make_shared<const ViewImage>(view.load());
+}
+
+std::string view_digest(const std::vector<View>& views) {
+    std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
+    const auto add = [&](unsigned char byte) { hash = (hash ^ byte) * 0x100000001b3u; };
+    for (const View& view : views) {
+        for (const char c : view.name) add(static_cast<unsigned char>(c));
+        add(0);
+    }
+    return fmt::format("{} {:016x}", views.size(), hash);
 }
 
 void remove_training_views(Scene& scene, const std::vector<bool>& unusable) {
@@ -270,7 +284,7 @@ Scene load_scene(const SceneOptions& options) {
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
     std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
-    remove_unreadable(source, test);
+    remove_unreadable(source, test, options.scores);
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i)
         (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));

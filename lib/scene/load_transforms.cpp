@@ -18,16 +18,10 @@ namespace fs = std::filesystem;
 
 /// Finds the image of a frame, whose file_path may lack the extension.
 std::optional<fs::path> find_image(const fs::path& folder, const std::string& file_path) {
-    const auto is_there = [](const fs::path& path) {
-        std::error_code error;
-        const fs::file_type type = fs::status(path, error).type();
-        // A file that cannot be looked at is there: reading it says why it is of no use.
-        return type != fs::file_type::not_found && type != fs::file_type::directory;
-    };
     const fs::path exact = folder / file_path;
-    if (is_there(exact)) return exact;
+    if (names_file(exact)) return exact;
     for (const std::string_view extension : kImageExtensions)
-        if (fs::path candidate = exact.string() + std::string(extension); is_there(candidate)) return candidate;
+        if (fs::path candidate = exact.string() + std::string(extension); names_file(candidate)) return candidate;
     return {};
 }
 

@@ -16,15 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether there is such a mask, be it readable or not: reading it says why it is not. A name that is too long, as one
-/// with a second extension may be, is no mask's.
-bool names_file(const fs::path& path) {
-    std::error_code error;
-    const fs::file_type type = fs::status(path, error).type();
-    return error != std::errc::filename_too_long && type != fs::file_type::not_found &&
-           type != fs::file_type::directory;
-}
-
 /// Returns `image` with `channels` channels: surplus ones are cut, missing ones are filled with full alpha.
 Image with_channels(const Image& image, int channels) {
     Image out = image;

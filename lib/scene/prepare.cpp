@@ -19,9 +19,11 @@
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/core/process.h"
+#include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
 #include "lib/io/orientation.h"
 #include "lib/io/temporary.h"
+#include "lib/scene/image_files.h"
 
 namespace gs {
 namespace {
@@ -68,6 +70,11 @@ Photographs find_photographs(const fs::path& images) {
     for (fs::recursive_directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
         if (std::error_code ignored; !it->is_regular_file(ignored)) continue;
         const fs::path name = it->path().lexically_relative(images);
+        // Side files, as "1.jpg_original" of exiftool and raw photographs, may have an orientation, too.
+        if (!has_image_extension(name)) {
+            found.others.push_back(name);
+            continue;
+        }
         bool turned = false;
         try {
             const ImageInfo info = read_image_info(it->path());
@@ -77,7 +84,7 @@ Photographs find_photographs(const fs::path& images) {
             found.upright_sizes.insert({quarter ? info.height : info.width, quarter ? info.width : info.height});
             ++found.count;
         } catch (const DataError&) {
-            // Folders of photographs also hold other files; colmap skips them, too.
+            // colmap skips what it cannot read, too.
         }
         (turned ? found.turned : found.others).push_back(name);
     }
@@ -86,12 +93,20 @@ Photographs find_photographs(const fs::path& images) {
     return found;
 }
 
+/// Makes a link, or a copy on file systems without links (exFAT, network folders). Throws DataError.
+void link_or_copy(const fs::path& from, const fs::path& to) {
+    std::error_code error;
+    fs::create_symlink(fs::canonical(from), to, error);
+    if (error) copy_file_atomic(from, to);
+}
+
 /// Writes the photographs into `folder` as they are to be looked at, because colmap ignores their EXIF orientation:
 /// those that have one turned, the other files as links. Throws DataError, and Interrupted when the user stopped it.
 void write_upright(const fs::path& images, const Photographs& photographs, const fs::path& folder) {
     for (const auto* names : {&photographs.turned, &photographs.others})
         for (const fs::path& name : *names) fs::create_directories((folder / name).parent_path());
-    for (const fs::path& name : photographs.others) fs::create_symlink(fs::canonical(images / name), folder / name);
+    for (const fs::path& name : photographs.others)
+        if (!interrupted()) link_or_copy(images / name, folder / name);
     parallel_for(std::int64_t(photographs.turned.size()), [&](std::int64_t i) {
         if (!interrupted()) write_upright_copy(images / photographs.turned[i], folder / photographs.turned[i]);
     });

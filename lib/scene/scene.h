@@ -101,11 +101,15 @@ struct SceneOptions {
     bool exif = false;  ///< read View::exif_exposure, which opens every image file once more
     std::uint64_t seed = 0;
     std::optional<Frame> frame = {};  ///< frame of a model made before; empty = the scene's own
+    bool scores = false;  ///< test views are to be scored: one that cannot be read is an error instead of left out
 };
 
 /// Loads a COLMAP folder, NeRF-synthetic folder, transforms.json folder/file, or "builtin:NAME". Throws DataError
 /// naming file, field and value, and UsageError for invalid options.
 Scene load_scene(const SceneOptions& options);
+
+/// Returns the number of views and a hash of their names ("12 9c0f..."): equal for the same views in the same order.
+std::string view_digest(const std::vector<View>& views);
 
 /// Removes the training views for which `unusable` is true, and derives again what follows from the others: cameras and
 /// extent. The other arrays of the scene stay.

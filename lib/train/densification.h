@@ -22,7 +22,7 @@ struct ScheduledChange : DensifyStats {
 class DensificationSchedule {
   public:
     /// `options` must be validated and outlive the object. `black_background` spares ADC its early extra reset. `views`
-    /// are all training views, for the scores of Speedy-Splat's pruning. `extent` is in world units.
+    /// are all training views, for the scores of Speedy-Splat's pruning. `extent` is in frame units.
     DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance, double extent,
                           bool black_background, std::vector<RenderRequest> views);
 

@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-/// The camera spacing, in world units, at which rates that depend on it have their plain values.
+/// The camera spacing, in frame units, at which rates that depend on it have their plain values.
 constexpr double kNeutral = 0.3536;
 
 }  // namespace

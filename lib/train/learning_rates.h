@@ -32,7 +32,7 @@ class LearningRates {
 /// of MCMC in sparse ones.
 double opacity_rate(double opacity_lr, double camera_spacing);
 
-/// Returns the mean distance of a training camera to its 3 nearest neighbours, world units, at least 1e-6. For a single
+/// Returns the mean distance of a training camera to its 3 nearest neighbours, frame units, at least 1e-6. For a single
 /// camera it is 0.3536, the distance that leaves rates as they are.
 double camera_spacing(const std::vector<View>& views);
 

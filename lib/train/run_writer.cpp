@@ -59,6 +59,7 @@ void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration, const
                                                          .iteration = iteration,
                                                          .seed = options_.seed,
                                                          .options_yaml = options_to_yaml(options_),
+                                                         .test_views = view_digest(scene_.test),
                                                          .frame = scene_.frame,
                                                          .time = time,
                                                          .automatic = automatic});

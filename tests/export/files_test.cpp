@@ -94,6 +94,18 @@ TEST(Staging, AppearsAtOnceOrNotAtAll) {
     EXPECT_EQ(slurp(folder / "site/kept"), "old");
 }
 
+TEST(Staging, ThePageComesAfterAllItRefersTo) {
+    const TempFolder folder;
+    spit(folder / "site/index.html", "old");
+    const std::vector<std::string> names = {"a.json", "m.ngsplat", "z.js"};
+    for (const std::string& name : names) spit(folder / "site" / name / "blocks", "a folder where a file is to be");
+    Staging staging(folder / "site");
+    for (const std::string& name : names) spit(staging.path() / name, "new");
+    spit(staging.path() / "index.html", "new");
+    EXPECT_CONTAINS(message_of<DataError>([&] { staging.publish(); }), "cannot write");
+    EXPECT_EQ(slurp(folder / "site/index.html"), "old");
+}
+
 TEST(Staging, EarlierFilesAreProtected) {
     const TempFolder folder;
     spit(folder / "site/a", "old");

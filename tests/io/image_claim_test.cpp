@@ -139,6 +139,29 @@ TEST(ImageClaim, LargeImagesOfOneColourAreRead) {
     }
 }
 
+TEST(ImageClaim, JpegWithBytesBetweenItsSegmentsIsRead) {
+    const TempFolder folder;
+    const Image grey{640, 480, 3, std::vector<std::uint8_t>(640 * 480 * 3, 100), {}};
+    write_image(folder / "a.jpg", grey);
+    std::string jpeg = test::slurp(folder / "a.jpg");
+    const std::size_t app0 = jpeg.find("\xff\xe0");
+    ASSERT_NE(app0, std::string::npos);
+    const auto high = static_cast<unsigned char>(jpeg[app0 + 2]), low = static_cast<unsigned char>(jpeg[app0 + 3]);
+    jpeg.insert(app0 + 2 + high * 256u + low, 2, '\0');
+    test::spit(folder / "b.jpg", jpeg);
+    EXPECT_EQ(read_image(folder / "b.jpg").u8, read_image(folder / "a.jpg").u8);
+}
+
+TEST(ImageClaim, OnlyAnimatedWebpNeedsCanvases) {
+    const TempFolder folder;
+    std::string webp = claiming_webp(7000, 7000, "VP8X");
+    test::spit(folder / "a.webp", webp);
+    EXPECT_EQ(read_image_claim(folder / "a.webp").work_bytes, 4.0 * 7000 * 7000);
+    webp[20] = 0x02;
+    test::spit(folder / "a.webp", webp);
+    EXPECT_EQ(read_image_claim(folder / "a.webp").work_bytes, 12.0 * 7000 * 7000);
+}
+
 TEST(ImageClaim, NamesThatOpenImageIoWouldInterpretAreNames) {
     const TempFolder folder;
     const Image image{4, 4, 3, std::vector<std::uint8_t>(48, 7), {}};

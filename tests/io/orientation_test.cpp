@@ -60,5 +60,15 @@ TEST(Orientation, AnUprightCopyKeepsTheRest) {
         "damaged.jpg");
 }
 
+TEST(Orientation, NoUprightCopyIsMadeOfATruncatedPhotograph) {
+    const TempFolder folder;
+    write_tagged(folder / "a.jpg", 320, 160, 6);
+    const std::string whole = slurp(folder / "a.jpg");
+    spit(folder / "cut.jpg", whole.substr(0, whole.size() - 200));
+    EXPECT_CONTAINS(message_of<DataError>([&] { write_upright_copy(folder / "cut.jpg", folder / "upright/cut.jpg"); }),
+                    "cut.jpg");
+    EXPECT_FALSE(std::filesystem::exists(folder / "upright/cut.jpg"));
+}
+
 }  // namespace
 }  // namespace gs::test

@@ -20,6 +20,7 @@ Checkpoint sample(bool with_moments) {
     c.iteration = 1300;
     c.seed = 0xfedcba9876543210u;
     c.options_yaml = "source: \"a b\"\niterations: 30000\n";
+    c.test_views = "8 0123456789abcdef";
     c.frame = {{5e5, 4e6, 0.1}, 1 / 3.0};
     return c;
 }
@@ -33,6 +34,7 @@ TEST(Checkpoint, RoundTripsBitForBit) {
         EXPECT_EQ(back.iteration, c.iteration);
         EXPECT_EQ(back.seed, c.seed);
         EXPECT_EQ(back.options_yaml, c.options_yaml);
+        EXPECT_EQ(back.test_views, c.test_views);
         EXPECT_EQ(back.frame.center, c.frame.center);
         EXPECT_EQ(back.frame.scale, c.frame.scale);
         EXPECT_EQ(read_checkpoint_frame(folder / "c.safetensors").scale, c.frame.scale);

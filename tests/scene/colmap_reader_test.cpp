@@ -219,6 +219,17 @@ TEST(FindColmapModel, PrefersTheModelWithMostImagesAndSaysSo) {
     EXPECT_TRUE(mentions(notes, "using 1, which has the most images (3)"));
 }
 
+TEST(FindColmapModel, EntriesThatCannotBeSearchedArePassedOverBesideAModel) {
+    TempFolder folder;
+    std::vector<std::string> notes;
+    std::filesystem::create_directories(folder / "sparse");
+    std::filesystem::create_symlink("loop", folder / "sparse/loop");
+    EXPECT_CONTAINS(message_of<DataError>([&] { find_colmap_model(folder.path(), notes); }), "sparse/loop: ");
+    write_model(folder / "sparse/0", {TestCamera{}}, {TestImage{}}, {});
+    EXPECT_EQ(find_colmap_model(folder.path(), notes), folder / "sparse/0");
+    EXPECT_TRUE(mentions(notes, "passed over"));
+}
+
 TEST(FindColmapModel, BinaryIsPreferredToText) {
     TempFolder folder;
     write_model(folder.path(), {TestCamera{}}, {TestImage{}}, {});

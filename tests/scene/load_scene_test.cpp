@@ -381,6 +381,15 @@ TEST(LoadScene, TransformsFileIsSortedSplitAndScaled) {
     EXPECT_EQ(names_of(by_file.train), names_of(scene.train));
 }
 
+TEST(LoadScene, TransformsFindAnImageWhoseNameIsTooLongWithAnotherExtension) {
+    TempFolder folder;
+    const std::string stem(251, 'a');  // with ".jpeg" 256 bytes, one more than file systems take
+    spit(folder / "transforms.json", "{\"fl_x\": 20, \"frames\": [" + frame("images/" + stem) + "]}");
+    write_png(folder / "images" / (stem + ".tif"));
+    EXPECT_EQ(names_of(load_scene(at(folder.path(), false)).train),
+              (std::vector<std::string>{"images/" + stem + ".tif"}));
+}
+
 TEST(LoadScene, TransformsWithExplicitSplit) {
     TempFolder folder;
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"test_filenames\": [\"images/b.png\"], \"frames\": [" +

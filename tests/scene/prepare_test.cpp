@@ -216,6 +216,19 @@ TEST_F(Prepare, PhotographsThatLieOnTheirSideAreTurnedBeforeColmapSeesThem) {
     EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1) << "no copies left";
 }
 
+TEST_F(Prepare, SideFilesWithAnOrientationAreNoPhotographs) {
+    test::write_tagged(photographs() / "turned.jpg", 6, 8, 6);
+    fs::copy_file(photographs() / "turned.jpg", photographs() / "turned.jpg_original");
+    test::write_tagged(photographs() / "raw.tif", 6, 4, 6);
+    fs::rename(photographs() / "raw.tif", photographs() / "raw.NEF");
+    EXPECT_EQ(failure(), "");
+    const fs::path seen = folder_.path() / "calls.seen";
+    EXPECT_EQ(read_image_info(seen / "turned.jpg").orientation, 1);
+    for (const char* name : {"turned.jpg_original", "raw.NEF"})
+        EXPECT_EQ(text_of(seen / name), text_of(photographs() / name)) << name;
+    EXPECT_NE(calls().find("--ImageReader.single_camera 1"), std::string::npos) << "their sizes do not count";
+}
+
 TEST_F(Prepare, UprightAndLevelPhotographsOfOneDeviceStillShareOneCamera) {
     test::write_tagged(photographs() / "turned.jpg", 8, 6, 6);
     prepare();

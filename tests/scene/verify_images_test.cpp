@@ -35,6 +35,7 @@ class VerifyImages : public ::testing::Test {
         SceneOptions options;
         options.source = folder_.path().string();
         options.eval = eval;
+        options.scores = eval;
         return load_scene(options);
     }
     static constexpr std::size_t kImageBytes = 64 * 48 * 3;

@@ -125,4 +125,8 @@ describe('parseScene', () => {
   ])('refuses %s', (_, bytes, message) => {
     expect(() => parseScene(bytes)).toThrow(message);
   });
+
+  it.each([null, '1', true, 1e300])('refuses %j as a colour of the background', (value) => {
+    expect(() => parseScene(encode({ trailer: { appearance: 'sh', background: [0, value, 0] } }))).toThrow(/is no number/);
+  });
 });

@@ -46,7 +46,7 @@ export function readTrailer(c: Cursor): Trailer | undefined {
 const hex = (n: number): string => n.toString(16).padStart(8, '0');
 
 function fromJson({ appearance, background, scene, test_views: views }: Partial<Json>): Trailer {
-  if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every((value) => Math.abs(value) <= LARGEST_NUMBER))
+  if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every((value) => Number.isFinite(value) && Math.abs(value) <= LARGEST_NUMBER))
     throw new FormatError('its trailer lacks appearance or background, or a colour of the background is no number');
   return {
     appearance, background, name: typeof scene === 'string' ? scene : undefined,
