@@ -385,7 +385,8 @@ TEST(LoadScene, TransformsFindAnImageWhoseNameIsTooLongWithAnotherExtension) {
     TempFolder folder;
     const std::string stem(251, 'a');  // with ".jpeg" 256 bytes, one more than file systems take
     spit(folder / "transforms.json", "{\"fl_x\": 20, \"frames\": [" + frame("images/" + stem) + "]}");
-    write_png(folder / "images" / (stem + ".tif"));
+    write_png(folder / "images/short.tif");  // its temporary file has a longer name
+    std::filesystem::rename(folder / "images/short.tif", folder / "images" / (stem + ".tif"));
     EXPECT_EQ(names_of(load_scene(at(folder.path(), false)).train),
               (std::vector<std::string>{"images/" + stem + ".tif"}));
 }
