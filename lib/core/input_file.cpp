@@ -79,11 +79,8 @@ bool path_exists(const fs::path& path) {
 }
 
 bool folder_exists(const fs::path& path) {
-    std::error_code error;
-    const fs::file_status status = fs::status(path, error);
-    if (status.type() == fs::file_type::not_found) return false;
-    if (error) fail(path, error.message());
-    return fs::is_directory(status);
+    std::error_code ignored;
+    return path_exists(path) && fs::is_directory(path, ignored);
 }
 
 std::vector<fs::path> list_folder(const fs::path& folder) {

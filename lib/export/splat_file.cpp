@@ -23,14 +23,14 @@ static_assert(sizeof(Record) == 32);
 
 std::uint8_t byte(double x) { return std::uint8_t(std::clamp(std::nearbyint(x), 0.0, 255.0)); }
 
-Record record(const Gaussians& g, std::int64_t i, const Frame& frame, const Eigen::Vector3d& offset) {
+Record record(const Gaussians& g, std::int64_t i, const FileCoordinates& coordinates) {
     const auto row = [&](Group group) { return g[group].param.data() + i * g[group].width; };
     const float* q = row(Group::kRotation);
     const double norm = std::hypot(std::hypot(q[0], q[1]), std::hypot(q[2], q[3]));
     Record r;
     for (int k = 0; k < 3; ++k) {
-        r.position[k] = float(row(Group::kMean)[k] / frame.scale - (offset[k] - frame.center[k]));
-        r.scale[k] = float(std::exp(std::min(double(row(Group::kScale)[k]), kMaxLogScale)) / frame.scale);
+        r.position[k] = float(coordinates.to_file(row(Group::kMean)[k], k));
+        r.scale[k] = float(std::exp(std::min(double(row(Group::kScale)[k]), kMaxLogScale)) / coordinates.frame.scale);
         r.color[k] = byte(255 * (row(Group::kBase)[k] + 0.5));
     }
     r.color[3] = byte(255 * sigmoid(double(*row(Group::kOpacity))));
@@ -51,10 +51,10 @@ void write_splat(const std::filesystem::path& path, const Gaussians& g, const Fr
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
                      [&](std::int64_t a, std::int64_t b) { return sizes[std::size_t(a)] > sizes[std::size_t(b)]; });
-    const Eigen::Vector3d offset = file_offset(frame);
+    const FileCoordinates coordinates{frame, file_offset(frame)};
     AtomicFile file(path);
     for (const std::int64_t i : order) {
-        const Record r = record(g, i, frame, offset);
+        const Record r = record(g, i, coordinates);
         file.stream().write(reinterpret_cast<const char*>(&r), sizeof r);
     }
     file.commit();

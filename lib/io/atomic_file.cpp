@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "kernels/core/error.h"
+#include "lib/core/input_file.h"
 #include "lib/io/temporary.h"
 
 namespace gs {
@@ -109,8 +110,7 @@ std::ostream& AtomicFile::stream() { return stream_; }
 void AtomicFile::commit() { buffer_->commit(); }
 
 void copy_file_atomic(const std::filesystem::path& from, const std::filesystem::path& to) {
-    std::ifstream in(from, std::ios::binary);
-    if (!in) throw DataError(fmt::format("cannot read '{}': {}", from.string(), std::strerror(errno)));
+    std::ifstream in = open_input(from);
     AtomicFile out(to);
     for (std::vector<char> part(1 << 18); in.read(part.data(), std::streamsize(part.size())), in.gcount() > 0;)
         out.stream().write(part.data(), in.gcount());

@@ -122,7 +122,7 @@ bool is_encoded_in_memory(const std::string& format) {
 /// Encodes in the format of the path's extension. In memory, because OpenImageIO does not report that closing a file
 /// failed, and a full disk shows only then.
 std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
-    // Of the name only the extension is passed on: OpenImageIO reads arguments out of names with a question mark.
+    // Only the extension of the name is passed on: OpenImageIO reads arguments out of names with a question mark.
     const std::string name = "image" + path.extension().string();
     const auto output = OIIO::ImageOutput::create(name);
     if (!output) fail(path, fmt::format("cannot be written: {}", reason_from(OIIO::geterror())));

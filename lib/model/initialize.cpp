@@ -14,8 +14,8 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/core/rng.h"
-#include "kernels/splat/camera.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/scene/seen.h"
 
 namespace gs {
 namespace {
@@ -32,15 +32,6 @@ struct PointAdaptor {
 };
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAdaptor>, PointAdaptor, 3>;
 
-/// Whether the rasterizer would draw a Gaussian here: in the image and between its near and far planes.
-bool in_frustum(const Camera& camera, const Eigen::Vector3d& point) {
-    const Eigen::Vector3d p = camera.rotation * point + camera.translation;
-    const CameraParams<double> planes{};
-    if (!(p.z() > planes.near_plane && p.z() < planes.far_plane)) return false;
-    const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
-    return x >= 0 && x < camera.width && y >= 0 && y < camera.height;
-}
-
 PointCloud random_points(const Scene& scene, const InitOptions& options) {
     Eigen::Vector3d center = scene.random_init_center;
     double half = scene.random_init_half_extent;
@@ -51,18 +42,18 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
         half = 3 * scene.extent;
     }
     std::vector<Eigen::Vector3f> drawn(std::size_t(options.random_points));
-    std::vector<char> seen(drawn.size());
+    std::vector<char> kept(drawn.size());
     parallel_for_rows(options.random_points, [&](std::int64_t i) {
         const Philox4 r = philox(options.seed, RngStream::kInitPoints, std::uint64_t(i), 0);
         Eigen::Vector3d p;
         for (int k = 0; k < 3; ++k) p[k] = center[k] + half * (2 * uniform_from_bits<double>(r.v[k]) - 1);
         drawn[std::size_t(i)] = p.cast<float>();
-        seen[std::size_t(i)] =
-            std::any_of(scene.train.begin(), scene.train.end(), [&](const View& v) { return in_frustum(v.camera, p); });
+        kept[std::size_t(i)] = std::any_of(scene.train.begin(), scene.train.end(),
+                                           [&](const View& v) { return seen(v.camera, p) == Seen::kDrawn; });
     });
     PointCloud cloud;
     for (std::size_t i = 0; i < drawn.size(); ++i) {
-        if (seen[i]) cloud.positions.push_back(drawn[i]);
+        if (kept[i]) cloud.positions.push_back(drawn[i]);
     }
     cloud.colors.assign(cloud.positions.size(), Eigen::Vector3f::Constant(0.5f));
     if (cloud.positions.empty()) {

@@ -73,18 +73,6 @@ PlyHeader make_header(const Gaussians& g, const PlyOptions& options) {
     return h;
 }
 
-/// Between the coordinates of a frame and those of a file, which are the scene's minus an offset.
-struct FileCoordinates {
-    Frame frame;
-    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-
-    // Differences, because a sum would turn -0 into 0 where nothing is to change.
-    double to_file(double x, int axis) const { return x / frame.scale - (offset[axis] - frame.center[axis]); }
-    double from_file(double x, int axis) const { return frame.scale * (x - (frame.center[axis] - offset[axis])); }
-    double size_to_file(double log_size) const { return log_size - std::log(frame.scale); }
-    double size_from_file(double log_size) const { return log_size - std::log(1 / frame.scale); }
-};
-
 /// Packs Gaussian `i` in the order of make_header.
 void pack_row(const Gaussians& g, std::int64_t i, const FileCoordinates& coordinates, float* out) {
     const AppearanceSpec& a = g.appearance;

@@ -262,15 +262,16 @@ void write_input_points(const RunFolder& folder, const PointCloud& points, const
     header.count = std::int64_t(points.positions.size());
     for (const char* name : {"x", "y", "z", "nx", "ny", "nz"}) header.properties.push_back({name, PlyType::kFloat});
     for (const char* name : {"red", "green", "blue"}) header.properties.push_back({name, PlyType::kUint8});
-    const Eigen::Vector3d offset = file_offset(frame);
-    if (!offset.isZero(0)) header.comments.push_back(offset_comment(offset));
+    const FileCoordinates coordinates{frame, file_offset(frame)};
+    if (!coordinates.offset.isZero(0)) header.comments.push_back(offset_comment(coordinates.offset));
     AtomicFile file(folder.input_points());
     write_ply_header(file.stream(), header);
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
         char row[27] = {};
-        const Eigen::Vector3d position = points.positions[i].cast<double>();
-        const Eigen::Vector3f in_file = (position / frame.scale - (offset - frame.center)).cast<float>();
-        std::memcpy(row, in_file.data(), 12);
+        for (int axis = 0; axis < 3; ++axis) {
+            const float x = float(coordinates.to_file(points.positions[i][axis], axis));
+            std::memcpy(row + 4 * axis, &x, 4);
+        }
         for (int c = 0; c < 3; ++c) {
             const float color = std::clamp(points.colors[i][c], 0.0f, 1.0f);
             row[24 + c] = char(static_cast<unsigned char>(color * 255.0f + 0.5f));

@@ -86,18 +86,19 @@ void ModelBuilder::finish() {
 
 }  // namespace colmap
 
-namespace {
-
-bool has_binary(const fs::path& folder) {
+bool is_binary_colmap_model(const fs::path& folder) {
     return path_exists(folder / "cameras.bin") && path_exists(folder / "images.bin");
 }
+
+namespace {
+
 bool has_text(const fs::path& folder) {
     return path_exists(folder / "cameras.txt") && path_exists(folder / "images.txt");
 }
 
 /// Returns the number of images that a model claims; only used to choose between models.
 std::uint64_t count_images(const fs::path& folder) {
-    if (has_binary(folder)) {
+    if (is_binary_colmap_model(folder)) {
         std::uint64_t count = 0;
         std::ifstream in = open_input(folder / "images.bin");
         in.read(reinterpret_cast<char*>(&count), sizeof(count));
@@ -117,7 +118,7 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
     std::vector<std::string> faults;  // of entries that cannot be searched
     const auto holds_model = [&](const fs::path& folder) {
         try {
-            return folder_exists(folder) && (has_binary(folder) || has_text(folder));
+            return folder_exists(folder) && (is_binary_colmap_model(folder) || has_text(folder));
         } catch (const DataError& e) {
             faults.push_back(e.what());
             return false;
@@ -141,7 +142,7 @@ fs::path find_colmap_model(const fs::path& scene, std::vector<std::string>& note
         return best.second;
     }
     for (const fs::path& folder : {scene / "sparse", scene}) {
-        if (!has_binary(folder) && !has_text(folder)) continue;
+        if (!is_binary_colmap_model(folder) && !has_text(folder)) continue;
         note_faults();
         return folder;
     }
@@ -153,7 +154,7 @@ ColmapModel read_colmap_model(const fs::path& folder) {
     ColmapModel model;
     model.folder = folder;
     colmap::ModelBuilder builder(model);
-    if (has_binary(folder))
+    if (is_binary_colmap_model(folder))
         colmap::read_binary(folder, builder);
     else if (has_text(folder))
         colmap::read_text(folder, builder);

@@ -34,6 +34,10 @@ struct ColmapModel {
 /// images. Throws nothing.
 std::filesystem::path find_colmap_model(const std::filesystem::path& scene, std::vector<std::string>& notes);
 
+/// Returns whether the folder holds cameras.bin and images.bin, which are then read instead of text. Throws DataError
+/// where the system cannot tell.
+bool is_binary_colmap_model(const std::filesystem::path& folder);
+
 /// Reads cameras, images and points3D from `folder`: the binary files if both cameras.bin and images.bin exist, else
 /// text. Non-finite poses and points are skipped and noted; so are trailing bytes. A missing points3D file means no
 /// points. Throws DataError naming file, field and value for truncated files, counts that the file size does not allow

@@ -4,7 +4,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <nlohmann/json.hpp>
+#include <cmath>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "lib/scene/scene.h"
@@ -25,6 +28,20 @@ Camera out_of_frame(Camera camera, const Frame& frame);
 /// Returns what files with 32-bit coordinates leave out: they hold scene coordinates minus this offset. It is the
 /// frame's centre where a float's steps would be more than 2.4e-4 frame units, and otherwise zero.
 Eigen::Vector3d file_offset(const Frame& frame);
+
+/// The conversion between the coordinates of a frame and those of a file, which are the scene's minus an offset. A
+/// frame without scale and centre leaves every bit as it is.
+struct FileCoordinates {
+    Frame frame;
+    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+
+    // Differences, because a sum would turn -0 into 0 where nothing is to change.
+    double to_file(double x, int axis) const { return x / frame.scale - (offset[axis] - frame.center[axis]); }
+    double from_file(double x, int axis) const { return frame.scale * (x - (frame.center[axis] - offset[axis])); }
+    /// These take and return logarithms of sizes.
+    double size_to_file(double log_size) const { return log_size - std::log(frame.scale); }
+    double size_from_file(double log_size) const { return log_size - std::log(1 / frame.scale); }
+};
 
 /// Returns the comment by which a PLY states such an offset: kOffsetComment, the numbers, and what to do with them.
 std::string offset_comment(const Eigen::Vector3d& offset);

@@ -127,8 +127,7 @@ SourceScene load_colmap(const fs::path& scene, const fs::path& model_folder, con
         view.mask = find_mask(scene, image.name, view.image_path, out.prescaled);
         out.views.push_back(std::move(view));
     }
-    const bool binary = path_exists(model_folder / "cameras.bin") && path_exists(model_folder / "images.bin");
-    const fs::path list = model_folder / (binary ? "images.bin" : "images.txt");
+    const fs::path list = model_folder / (is_binary_colmap_model(model_folder) ? "images.bin" : "images.txt");
     for (std::string& line :
          preflight.report(fmt::format("{} with images of {}", list.string(), folder.path().string())))
         out.notes.push_back(std::move(line));

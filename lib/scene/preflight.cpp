@@ -10,6 +10,7 @@
 #include "kernels/core/parallel.h"
 #include "kernels/splat/camera.h"
 #include "lib/io/orientation.h"
+#include "lib/scene/seen.h"
 #include "lib/scene/source_scene.h"
 
 namespace gs {
@@ -24,22 +25,6 @@ std::string listed(const std::vector<std::string>& items) {
     return text;
 }
 
-/// What a camera has of a point, from worst to best.
-enum class Seen {
-    kNot,      ///< outside the image or behind the camera
-    kClipped,  ///< in the image, but before the near or behind the far plane
-    kDrawn,
-};
-
-Seen seen(const Camera& camera, const Eigen::Vector3f& point) {
-    const CameraParams<double> planes{};
-    const Eigen::Vector3d p = camera.rotation * point.cast<double>() + camera.translation;
-    if (!(p.z() > 0)) return Seen::kNot;
-    const double x = camera.fx * p.x() / p.z() + camera.cx, y = camera.fy * p.y() / p.z() + camera.cy;
-    if (!(x >= 0 && y >= 0 && x < camera.width && y < camera.height)) return Seen::kNot;
-    return p.z() >= planes.near_plane && p.z() <= planes.far_plane ? Seen::kDrawn : Seen::kClipped;
-}
-
 /// Counts the points that no camera sees or draws.
 struct PointCounts {
     std::atomic<std::int64_t> unseen = 0, clipped = 0;
@@ -52,7 +37,7 @@ void count_points(const std::vector<const View*>& views, const PointCloud& point
         for (std::int64_t i = part * kPartSize; i < std::min(count, (part + 1) * kPartSize); ++i) {
             Seen best = Seen::kNot;
             for (std::size_t tried = 0; tried < views.size(); ++tried) {
-                best = std::max(best, seen(views[last]->camera, points.positions[std::size_t(i)]));
+                best = std::max(best, seen(views[last]->camera, points.positions[std::size_t(i)].cast<double>()));
                 if (best == Seen::kDrawn) break;
                 last = (last + 1) % views.size();
             }
@@ -66,9 +51,10 @@ void count_points(const std::vector<const View*>& views, const PointCloud& point
 std::vector<std::string> blind_views(const std::vector<const View*>& views, const PointCloud& points) {
     std::vector<char> blind(views.size());
     parallel_for_rows(std::int64_t(views.size()), [&](std::int64_t v) {
-        blind[std::size_t(v)] = std::none_of(
-            points.positions.begin(), points.positions.end(),
-            [&](const Eigen::Vector3f& point) { return seen(views[std::size_t(v)]->camera, point) == Seen::kDrawn; });
+        blind[std::size_t(v)] =
+            std::none_of(points.positions.begin(), points.positions.end(), [&](const Eigen::Vector3f& point) {
+                return seen(views[std::size_t(v)]->camera, point.cast<double>()) == Seen::kDrawn;
+            });
     });
     std::vector<std::string> names;
     for (std::size_t v = 0; v < views.size(); ++v)
