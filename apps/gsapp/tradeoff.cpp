@@ -61,7 +61,7 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
                                            "Train configurations of a scene, one at a time or one on each GPU, and "
                                            "show what speed, size and quality each gives; finished "
                                            "ones in -m FOLDER are kept");
-    const auto train = std::make_shared<TrainArguments>(*command);
+    const auto train = std::make_shared<TrainArguments>(*command, "time-limit");
     const auto arguments = std::make_shared<TradeoffArguments>();
     command->add_option("--axes", arguments->axes,
                         "What is varied: NAME=VALUE,VALUE ..., a training option or budget (share of --cap-max); a "

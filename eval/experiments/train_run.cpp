@@ -87,14 +87,17 @@ void describe_training(const TrainOptions& options, const TrainSummary& summary)
     log_info("{} iterations in {:.1f} s{} ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
              summary.train_seconds, summary.whole_time ? "" : " since the checkpoint", summary.data_wait_seconds,
              summary.num_gaussians);
+    if (summary.limited_seconds > 0)
+        log_info("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit,
+                 summary.limited_seconds, summary.saving_seconds);
     if (summary.controller_seconds > 0)
-        log_info("{} iterations of the controllers in {:.1f} s, besides", options.controller_iterations,
+        log_info("{} iterations of the controllers in {:.1f} s, besides", summary.controller_iterations,
                  summary.controller_seconds);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
     nlohmann::ordered_json event = {
-        {"event", "finished"}, {"iteration", options.iterations}, {"num_gaussians", summary.num_gaussians}};
+        {"event", "finished"}, {"iteration", summary.iterations}, {"num_gaussians", summary.num_gaussians}};
     if (summary.whole_time) event["train_seconds"] = summary.train_seconds;
     if (summary.controller_seconds > 0) event["controller_seconds"] = summary.controller_seconds;
     if (summary.memory.peak > 0) event["peak_device_bytes"] = summary.memory.peak;

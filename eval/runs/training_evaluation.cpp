@@ -22,9 +22,8 @@ TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene&
     background_ = options.background.color;  // black where the training draws random ones
 }
 
-void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend) {
+void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bool last) {
     // Pictures of intermediate iterations would fill disks; their scores are kept.
-    const bool last = iteration == options_.iterations;
     eval_ = {.run_folder = last ? std::filesystem::path(options_.model) : std::filesystem::path(),
              .iteration = iteration,
              .correction = saved_correction(options_.model)};

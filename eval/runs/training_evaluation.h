@@ -23,7 +23,7 @@ class TrainingEvaluation {
 
     /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes
     /// the pictures and comparison.png.
-    void operator()(std::int64_t iteration, Backend& backend);
+    void operator()(std::int64_t iteration, Backend& backend, bool last);
 
     /// Adds to results.json what is known only after the training: its time, its memory, and how automatic options were
     /// decided.

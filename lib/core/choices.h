@@ -16,6 +16,13 @@ namespace gs {
 
 /// How the number of Gaussians changes.
 enum class Strategy { kMcmc, kAdc, kNone };
+/// What the schedules of a run follow; kProgress: its length, kFixed: the iterations of a run of 30,000.
+enum class ScheduleKind { kProgress, kFixed };
+/// How a scene is trained; kPaper: by the paper's protocol, kFrontier: for the most quality in little time, kAuto: the
+/// latter where a constraint or a preset asks for it.
+enum class Recipe { kAuto, kPaper, kFrontier };
+/// Documented points between speed and quality.
+enum class Preset { kNone, kFast, kBalanced, kBest };
 /// Where the model is trained; kAuto: on the GPU where there is one.
 enum class Device { kAuto, kCpu, kCuda };
 /// Whether the photometric correction is learned; kAuto: where images turn out to differ.
@@ -36,6 +43,10 @@ enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };
 /// The words of an enum's values, in the order of the values; empty for types that are no choice.
 template <class T> inline constexpr std::array<std::string_view, 0> kWordsOf = {};
 template <> inline constexpr auto kWordsOf<Strategy> = std::to_array<std::string_view>({"mcmc", "adc", "none"});
+template <> inline constexpr auto kWordsOf<ScheduleKind> = std::to_array<std::string_view>({"progress", "fixed"});
+template <> inline constexpr auto kWordsOf<Recipe> = std::to_array<std::string_view>({"auto", "paper", "frontier"});
+template <>
+inline constexpr auto kWordsOf<Preset> = std::to_array<std::string_view>({"none", "fast", "balanced", "best"});
 template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
 template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
 template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::string_view>({"auto", "on", "off"});

@@ -11,6 +11,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/bytes.h"
+#include "lib/core/duration.h"
 
 namespace gs {
 namespace {
@@ -118,6 +119,39 @@ void check_image_cache(const std::string& text) {
     }
 }
 
+/// Sets a value that the user left open.
+template <class T> void suggest(TrainOptions& options, const char* key, T TrainOptions::*field, T value) {
+    if (!options.named.contains(key)) options.*field = value;
+}
+
+/// Puts the iterations of a preset in place.
+void apply_preset(TrainOptions& options) {
+    if (options.preset == Preset::kNone) return;
+    if (!options.time_limit.empty())
+        throw UsageError("option preset: its length is a number of iterations, which time-limit replaces; give one");
+    suggest(options, "iterations", &TrainOptions::iterations,
+            std::int64_t(options.preset == Preset::kFast       ? 5000
+                         : options.preset == Preset::kBalanced ? 15000
+                                                               : 30000));
+}
+
+/// Decides what `auto` stands for, and puts the values of recipe frontier in place of the defaults. docs/results.md has
+/// what each is worth.
+void apply_recipe(TrainOptions& options) {
+    if (options.recipe == Recipe::kAuto)
+        options.recipe =
+            options.preset != Preset::kNone || !options.time_limit.empty() ? Recipe::kFrontier : Recipe::kPaper;
+    if (options.recipe != Recipe::kFrontier) return;
+    suggest(options, "position-lr-init", &TrainOptions::position_lr_init, 3.2e-4);
+    suggest(options, "position-lr-final", &TrainOptions::position_lr_final, 3.2e-6);
+    suggest(options, "noise-lr", &TrainOptions::noise_lr, 2.5e5);  // times the means' rate: the noise stays
+    suggest(options, "residual-rate", &TrainOptions::residual_rate, 3.0);
+    suggest(options, "final-rate", &TrainOptions::final_rate, 0.1);
+    suggest(options, "opacity-reg", &TrainOptions::opacity_reg, 0.003);
+    suggest(options, "scale-reg", &TrainOptions::scale_reg, 0.003);
+    suggest(options, "coarse-until", &TrainOptions::coarse_until, 0.2);
+}
+
 }  // namespace
 
 std::vector<std::string> option_groups() {
@@ -163,6 +197,7 @@ std::string option_text(const Option& option, const TrainOptions& options) {
 
 void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values,
                 const std::string& where) {
+    options.named.insert(option.key);
     std::visit(
         [&](const auto& field) {
             auto& value = option_value(options, field);
@@ -223,9 +258,18 @@ void validate(TrainOptions& options) {
     if (options.speedy_splat && options.strategy != Strategy::kAdc)
         throw UsageError(
             fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
+    if (!options.time_limit.empty()) parse_duration(options.time_limit, "option time-limit");
+    apply_preset(options);
+    apply_recipe(options);
     const bool mcmc = options.strategy == Strategy::kMcmc;
     if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
-    if (options.densify_until_iter < 0) options.densify_until_iter = mcmc ? 24900 : 14900;
+    if (options.controller_iterations < 0 && options.time_limit.empty())
+        options.controller_iterations =
+            options.schedule == ScheduleKind::kFixed ? 5000 : std::max<std::int64_t>(1, options.iterations / 6);
+    for (const auto& [name, value] : {std::pair{"position-lr-max-steps", options.position_lr_max_steps},
+                                      {"densification-interval", options.densification_interval},
+                                      {"opacity-reset-interval", options.opacity_reset_interval}})
+        if (value == 0) throw UsageError(fmt::format("option {}: 0 is neither a number of iterations nor -1", name));
 }
 
 }  // namespace gs

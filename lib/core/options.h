@@ -22,8 +22,8 @@ struct ModelOptionField {
 /// Where an option is stored; the alternative is its type.
 template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
 using OptionField = FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>,
-                            Background, Strategy, Device, PpispMode, VerifyImages, MaskMode, AlphaMode,
-                            AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
+                            Background, ScheduleKind, Recipe, Preset, Strategy, Device, PpispMode, VerifyImages,
+                            MaskMode, AlphaMode, AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
 
 /// Returns the value that `field` names in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }
@@ -64,8 +64,8 @@ std::string option_range(const Option& option);
 std::string option_text(const Option& option, const TrainOptions& options);
 
 /// Parses `values` (one text, or the elements of a list) into the field. `where` names the place in error messages
-/// ("--cap-max", "bonsai.yaml:3: cap-max"). Throws UsageError for a text of the wrong type; ranges are left to
-/// validate.
+/// ("--cap-max", "bonsai.yaml:3: cap-max"), and notes that it was named. Throws UsageError for a text of the wrong
+/// type; ranges are left to validate.
 void set_option(TrainOptions& options, const Option& option, const std::vector<std::string>& values,
                 const std::string& where);
 
@@ -75,8 +75,9 @@ void check_option(const Option& option, const TrainOptions& options);
 /// What quiet, verbose and log-level say together.
 LogLevel shown_messages(const TrainOptions& options);
 
-/// Checks every value against the table and the few rules between options, and replaces the "0 / -1 = by strategy"
-/// values by the numbers they stand for. Throws UsageError naming option, value and range.
+/// Checks every value against the table and the few rules between options, gives options that were not named the values
+/// of preset and recipe, and replaces "0 = by strategy" by the number it stands for. Throws UsageError naming option,
+/// value and range.
 void validate(TrainOptions& options);
 
 /// Returns the defaults overlaid with the file, its `parent:` (relative to the file) first. The rules between options

@@ -82,9 +82,10 @@ void TrainArguments::declare(CLI::App& app, const Option& option) {
     }
 }
 
-TrainArguments::TrainArguments(CLI::App& app) {
+TrainArguments::TrainArguments(CLI::App& app, const std::string& without) {
     app.add_option("-c,--config", config_, "YAML file with options; flags override it")->type_name("FILE");
-    for (const Option& option : train_option_table()) declare(app, option);
+    for (const Option& option : train_option_table())
+        if (option.key != without) declare(app, option);
     const std::string white_help = "short for --background white; overrides --background";
     white_.push_back(app.add_flag("-w,--white-background", white_help)->group("Run"));
     white_.push_back(app.add_flag("--white_background", white_help)->group(""));

@@ -18,10 +18,11 @@ struct ResolveRules {
 };
 
 /// Declares every option of the table on `app`, with its aliases and hidden spellings, plus `--config` and
-/// `--white-background`. The object must live until `resolve` was called.
+/// `--white-background`. Leaves out `without`, the key of an option whose flag means something else in a subcommand.
+/// The object must live until `resolve` was called.
 class TrainArguments {
   public:
-    explicit TrainArguments(CLI::App& app);
+    explicit TrainArguments(CLI::App& app, const std::string& without = "");
     TrainArguments(const TrainArguments&) = delete;
     TrainArguments& operator=(const TrainArguments&) = delete;
 

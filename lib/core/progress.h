@@ -32,6 +32,9 @@ class Progress {
     /// names the count if it is not the training itself; JSON lines then have it as "stage".
     void start(std::int64_t total, std::int64_t done, const std::string& stage = "");
 
+    /// Corrects the total, where it is an estimate.
+    void expect(std::int64_t total) { total_ = total; }
+
     /// Returns true if `update` would show something now. Ask before fetching the loss from the device.
     bool due(std::int64_t iteration) const;
 

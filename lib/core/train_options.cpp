@@ -109,6 +109,18 @@ std::vector<Option> input_options() {
 std::vector<Option> run_options() {
     return {
         number("iterations", &O::iterations, {1, kMaxIterations, "iterations"}, "length of the training"),
+        choice("preset", &O::preset,
+               "a point between speed and quality, trained by recipe frontier: fast, balanced and best are 5000, 15000 "
+               "and 30000 iterations, about a sixth, a half and all of the time"),
+        text("time-limit", &O::time_limit, "a duration, e.g. 20s, 5m",
+             "train for this long instead of for a number of iterations, final pruning and saving included"),
+        choice("recipe", &O::recipe,
+               "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
+               "time (docs/guide.md); auto: frontier with time-limit or preset, else paper"),
+        choice(
+            "schedule", &O::schedule,
+            "progress: rates, degrees and densification follow the share of the run that is done, so that a run of "
+            "any length is complete; fixed: they stay at the iterations of a run of 30000, as other programs have it"),
         number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
         choice("device", &O::device, "where the model is trained; auto: the GPU where there is one"),
         number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it"),
@@ -196,14 +208,15 @@ std::vector<Option> photometric_options() {
         text("ppisp-from", &O::ppisp_from, "file ppisp.json",
              "take the correction, controller included, from another run and keep it as it is; images are matched by "
              "name. Turns ppisp on"),
-        number("controller-iterations", &O::controller_iterations, {0, kMaxIterations, "iterations"},
+        number("controller-iterations", &O::controller_iterations, {-1, kMaxIterations, "iterations"},
                "with ppisp: iterations after the training in which a controller learns to predict exposure and "
-               "colour of new views from their render; 0: none"),
+               "colour of new views from their render; 0: none; -1: a sixth of iterations"),
     };
 }
 
 std::vector<Option> loss_options() {
     return {
+        number("coarse-until", &O::coarse_until, {0, 1}, "share of the training in which images have half their size"),
         number("lambda-dssim", &O::lambda_dssim, {0, 1}, "weight of 1 - SSIM; the L1 difference has one minus it"),
         number("opacity-reg", &O::opacity_reg, {0, 10}, "with mcmc: weight of the mean opacity"),
         number("scale-reg", &O::scale_reg, {0, 10}, "with mcmc: weight of the mean scale"),
@@ -216,14 +229,18 @@ std::vector<Option> rate_options() {
                "rate of the means at the start, times the scene extent"),
         number("position-lr-final", &O::position_lr_final, {0, 10},
                "rate of the means at the end, times the scene extent; log-linear in between"),
-        number("position-lr-max-steps", &O::position_lr_max_steps, {1, kMaxIterations, "iterations"},
-               "iteration at which the final rate of the means is reached"),
+        number("position-lr-max-steps", &O::position_lr_max_steps, {-1, kMaxIterations, "iterations"},
+               "iteration at which the final rate of the means is reached; -1: the last"),
         number("scaling-lr", &O::scaling_lr, {0, 10}, "rate of the log scales"),
         number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations"),
         number("opacity-lr", &O::opacity_lr, {0, 10},
                "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
                "0.05, the higher the farther apart the cameras are")
             .or_word("auto"),
+        number("residual-rate", &O::residual_rate, {0, 1000},
+               "factor on the rates of what makes colours depend on the view"),
+        number("final-rate", &O::final_rate, {0, 1},
+               "share of all rates but those of means that is left at the end; they fall in the last third"),
         number("ppisp-lr", &O::ppisp_lr, {0, 1},
                "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; "
                "images that differ by stops are told apart better with 0.006"),
@@ -236,21 +253,22 @@ std::vector<Option> densification_options() {
                "how the number of Gaussians changes: mcmc = relocate and grow to the cap, adc = the original 3DGS "
                "rule"),
         flag("speedy-splat", &O::speedy_splat,
-             "with adc: every 3000 iterations from 6000 on, remove the Gaussians that the training images depend on "
+             "with adc: every tenth of the training, from a fifth on, remove the Gaussians that the training images "
+             "depend on "
              "least; 80 % of them while densification lasts, then 30 %")
             .also("--speedy"),
         number("cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
                "largest number of Gaussians; growth stops there, an initial model above it is kept"),
-        number("densify-from-iter", &O::densify_from_iter, {0, kMaxIterations, "iterations"},
-               "first iteration that changes the number"),
+        number("densify-from-iter", &O::densify_from_iter, {-1, kMaxIterations, "iterations"},
+               "first iteration that changes the number; -1: 600 of 30000"),
         number("densify-until-iter", &O::densify_until_iter, {-1, kMaxIterations, "iterations"},
-               "last iteration that changes the number; -1: 24900 with mcmc, 14900 otherwise"),
-        number("densification-interval", &O::densification_interval, {1, kMaxIterations, "iterations"},
-               "iterations between two changes"),
+               "last iteration that changes the number; -1: 24900 of 30000 with mcmc, 14900 otherwise"),
+        number("densification-interval", &O::densification_interval, {-1, kMaxIterations, "iterations"},
+               "iterations between two changes; -1: 100 of 30000, at least 10"),
         number("densify-grad-threshold", &O::densify_grad_threshold, {0, 1},
                "with adc: mean image-space gradient above which a Gaussian is cloned or split"),
-        number("opacity-reset-interval", &O::opacity_reset_interval, {1, kMaxIterations, "iterations"},
-               "with adc: iterations between two opacity resets"),
+        number("opacity-reset-interval", &O::opacity_reset_interval, {-1, kMaxIterations, "iterations"},
+               "with adc: iterations between two opacity resets; -1: 3000 of 30000"),
         number("noise-lr", &O::noise_lr, {0, 1e9}, "with mcmc: strength of the noise on the means, times their rate"),
     };
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,10 @@ struct TrainOptions {
     std::string resume;  ///< checkpoint file or "latest"
     // Run
     std::int64_t iterations = 30000;
+    Preset preset = Preset::kNone;
+    std::string time_limit;  ///< duration of the training, saving included; empty = none
+    Recipe recipe = Recipe::kAuto;
+    ScheduleKind schedule = ScheduleKind::kProgress;
     std::uint64_t seed = 0;
     Device device = Device::kAuto;
     int threads = 0;                   ///< 0 = all cores
@@ -56,33 +61,39 @@ struct TrainOptions {
     // Photometric correction (PPISP)
     PpispMode ppisp = PpispMode::kOff;
     bool ppisp_exif = false;
-    std::string ppisp_from;                     ///< ppisp.json of another run; implies on
-    std::int64_t controller_iterations = 5000;  ///< 0 = no controller
+    std::string ppisp_from;                   ///< ppisp.json of another run; implies on
+    std::int64_t controller_iterations = -1;  ///< 0 = no controller; -1 = by schedule
     // Initialisation
     std::int64_t init_points = 100000;  ///< random initialisation only
     double hostile_start = 0;           ///< share of the first Gaussians that are made extreme; a stress test
     // Loss
+    double coarse_until = 0;  ///< share of the training with images of half size
     double lambda_dssim = 0.2;
     double opacity_reg = 0.01;  ///< MCMC only
     double scale_reg = 0.01;    ///< MCMC only
     // Learning rates (docs/math/optimization.md#learning-rates)
     double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
-    std::int64_t position_lr_max_steps = 30000;
+    std::int64_t position_lr_max_steps = -1;  ///< -1 = by schedule
     double scaling_lr = 0.005, rotation_lr = 0.001;
-    double opacity_lr = 0;    ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
-    double ppisp_lr = 0.002;  ///< learning rate of PPISP's parameters, after their warm-up
+    double opacity_lr = 0;     ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
+    double residual_rate = 1;  ///< factor on the rates of the residual
+    double final_rate = 1;     ///< share of the rates that is left at the end, means excepted
+    double ppisp_lr = 0.002;   ///< learning rate of PPISP's parameters, after their warm-up
     // Densification
     Strategy strategy = Strategy::kMcmc;
     bool speedy_splat = false;  ///< with adc: Speedy-Splat's pruning by score
     std::int64_t cap_max = 1000000;
-    std::int64_t densify_from_iter = 600, densify_until_iter = -1;  ///< -1 = 24900 with mcmc, 14900 with adc
-    std::int64_t densification_interval = 100;
+    std::int64_t densify_from_iter = -1, densify_until_iter = -1;  ///< -1 = by schedule
+    std::int64_t densification_interval = -1;                      ///< -1 = by schedule
     double densify_grad_threshold = 0.0002;
-    std::int64_t opacity_reset_interval = 3000;
+    std::int64_t opacity_reset_interval = -1;  ///< -1 = by schedule
     double noise_lr = 5e5;
     // Logging
     bool quiet = false, verbose = false;
     LogLevel log_level = LogLevel::kInfo;
+
+    /// The keys of the options that a file or a flag set. Recipes and presets leave them alone. Not an option itself.
+    std::set<std::string> named = {};
 };
 
 }  // namespace gs

@@ -161,6 +161,8 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
     if (checkpoint.time) {
         metadata["train_seconds"] = fmt::format("{}", checkpoint.time->train_seconds);
         metadata["data_wait_seconds"] = fmt::format("{}", checkpoint.time->data_wait_seconds);
+        if (checkpoint.time->limited_seconds > 0)
+            metadata["limited_seconds"] = fmt::format("{}", checkpoint.time->limited_seconds);
     }
     if (!checkpoint.test_views.empty()) metadata["test_views"] = checkpoint.test_views;
     if (checkpoint.automatic) metadata["automatic"] = "true";
@@ -182,7 +184,8 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     c.frame = frame_of(file, name);
     if (file.metadata().contains("test_views")) c.test_views = file.metadata("test_views");
     if (file.metadata().contains("train_seconds"))
-        c.time = {metadata_seconds(file, name, "train_seconds"), metadata_seconds(file, name, "data_wait_seconds")};
+        c.time = {metadata_seconds(file, name, "train_seconds"), metadata_seconds(file, name, "data_wait_seconds"),
+                  file.metadata().contains("limited_seconds") ? metadata_seconds(file, name, "limited_seconds") : 0};
     c.automatic = file.metadata().contains("automatic");
     Gaussians& g = c.state;
     g.step = metadata_number<std::int64_t>(file, name, "adam_step");

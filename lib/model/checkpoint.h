@@ -16,6 +16,7 @@ namespace gs {
 struct TrainingTime {
     double train_seconds = 0;      ///< the loop; without loading, saving and evaluation
     double data_wait_seconds = 0;  ///< part of train_seconds spent waiting for images
+    double limited_seconds = 0;    ///< what counts towards a time limit: all since the first step but evaluations
 };
 
 struct Checkpoint {

@@ -66,6 +66,18 @@ PointCloud random_points(const Scene& scene, const InitOptions& options) {
     return cloud;
 }
 
+/// Keeps `most` points at even distances in the list, or all if `most` is 0.
+PointCloud sample(PointCloud cloud, std::int64_t most) {
+    const auto all = std::int64_t(cloud.positions.size());
+    if (most <= 0 || all <= most) return cloud;
+    for (std::int64_t k = 0; k < most; ++k) {
+        cloud.positions[k] = cloud.positions[k * all / most];
+        cloud.colors[k] = cloud.colors[k * all / most];
+    }
+    cloud.positions.resize(most), cloud.colors.resize(most);
+    return cloud;
+}
+
 }  // namespace
 
 std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points) {
@@ -87,11 +99,11 @@ std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vec
 }
 
 InitOptions init_options(const TrainOptions& options) {
-    return {options.strategy == Strategy::kMcmc, options.init_points, options.seed};
+    return {.mcmc = options.strategy == Strategy::kMcmc, .random_points = options.init_points, .seed = options.seed};
 }
 
 PointCloud initial_points(const Scene& scene, const InitOptions& options) {
-    if (scene.points.positions.empty()) return random_points(scene, options);
+    if (scene.points.positions.empty()) return sample(random_points(scene, options), options.most_points);
     PointCloud cloud;
     for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
         if (!scene.points.positions[i].allFinite()) continue;
@@ -101,7 +113,7 @@ PointCloud initial_points(const Scene& scene, const InitOptions& options) {
     if (cloud.positions.empty())
         throw DataError(
             fmt::format("scene '{}': none of its {} points is finite", scene.source, scene.points.positions.size()));
-    return cloud;
+    return sample(std::move(cloud), options.most_points);
 }
 
 Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appearance, const InitOptions& options) {

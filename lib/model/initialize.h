@@ -16,15 +16,16 @@ struct InitOptions {
     bool mcmc = true;
     std::int64_t random_points = 100000;  ///< points drawn if the scene has none; fewer remain after carving
     std::uint64_t seed = 0;
+    std::int64_t most_points = 0;  ///< an even sample of this many is kept; 0 = all
 };
 
 /// Returns the part of a run's options that concerns its beginning.
 InitOptions init_options(const TrainOptions& options);
 
 /// Returns the finite points of the scene. If it has none, draws grey points uniformly in a cube and keeps those that
-/// at least one training view sees. The cube is the scene's own (random_init_half_extent) or reaches
-/// 3 extents from the mean camera position. The result depends on the seed, not on the number of threads. Throws
-/// DataError when no point is left.
+/// at least one training view sees. Of more than most_points it keeps a sample. The cube is the scene's own
+/// (random_init_half_extent) or reaches 3 extents from the mean camera position. The result depends on the seed, not on
+/// the number of threads. Throws DataError when no point is left.
 PointCloud initial_points(const Scene& scene, const InitOptions& options);
 
 /// Makes one Gaussian per initial point, in their order, without moments: isotropic scale from the mean squared

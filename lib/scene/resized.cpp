@@ -15,6 +15,10 @@ Camera resized(Camera camera, int width, int height) {
     return camera;
 }
 
+Camera reduced(const Camera& camera, int factor) {
+    return resized(camera, std::max(1, camera.width / factor), std::max(1, camera.height / factor));
+}
+
 ViewImage resized(ViewImage image, int width, int height) {
     if (image.color.width == width && image.color.height == height) return image;
     image.color = resize_image(image.color, width, height);

@@ -9,6 +9,9 @@ namespace gs {
 /// Returns the camera of the same picture in width x height pixels, with scaled intrinsics.
 Camera resized(Camera camera, int width, int height);
 
+/// Returns the camera of the picture in `factor` times fewer pixels a side, rounded down, at least one.
+Camera reduced(const Camera& camera, int factor);
+
 /// Resizes image and mask, with a box filter where they shrink. An image that already has this size is returned as it
 /// is.
 ViewImage resized(ViewImage image, int width, int height);

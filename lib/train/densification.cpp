@@ -3,28 +3,48 @@
 #include "lib/train/densification.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "appearance/model_info.h"
 
 namespace gs {
 namespace {
 
-/// The iterations between Morton sorts. Locality decays as rows are appended.
-constexpr std::int64_t kMortonInterval = 5000;
+/// Positions (timeline.h), as the iterations of the reference have them.
+
+/// Between Morton sorts. Locality decays as rows are appended.
+constexpr double kMortonInterval = 5000;
 /// ADC removes Gaussians larger than a tenth of the scene only after the first opacity reset has shown which are
 /// needed.
-constexpr std::int64_t kPruneLargeFrom = 3000;
+constexpr double kPruneLargeFrom = 3000;
 /// ADC resets opacity once more, early, when a bright background could be taken for geometry.
-constexpr std::int64_t kExtraReset = 500;
+constexpr double kExtraReset = 500;
 
 /// Speedy-Splat's pruning (docs/math/densification.md#schedule) starts after two opacity resets have shown which
-/// Gaussians are needed, and repeats every 3000 iterations. These are iterations of the reference; they do not stretch
-/// with the length of a run.
-constexpr std::int64_t kScorePruneFrom = 6000, kScorePruneInterval = 3000;
+/// Gaussians are needed.
+constexpr double kScorePruneFrom = 6000, kScorePruneInterval = 3000;
 /// Shares removed. While ADC still grows missing Gaussians, most can go; afterwards nothing comes back.
 constexpr double kSoftRatio = 0.8, kHardRatio = 0.3;
 
+/// Between densifications, and the least number of steps in which a Gaussian shows what it is good for.
+constexpr double kInterval = 100, kLeastSteps = 10;
+
 }  // namespace
+
+DensificationWindow::DensificationWindow(const TrainOptions& options)
+    : from(options.densify_from_iter, 600),
+      until(options.densify_until_iter, options.strategy == Strategy::kMcmc ? 24900 : 14900),
+      interval(options.densification_interval, kInterval) {}
+
+bool DensificationWindow::due(const Moment& moment) const {
+    if (!from.reached(moment) || until.exceeded(moment)) return false;
+    // Intervals count from the first densification, where both are on one scale.
+    const double first = interval.named() == from.named() ? from.value() : 0;
+    const double length = interval.named()
+                              ? interval.value()
+                              : kInterval * std::max(1.0, std::ceil(kLeastSteps * moment.stride() / kInterval));
+    return multiples_passed(interval.before(moment), interval.now(moment), length, first) > 0;
+}
 
 DensificationSchedule::DensificationSchedule(const TrainOptions& options, const AppearanceSpec& appearance,
                                              double extent, bool black_background, std::vector<RenderRequest> views)
@@ -34,51 +54,56 @@ DensificationSchedule::DensificationSchedule(const TrainOptions& options, const 
       degree_(std::min(initial_degree_, max_degree_)),
       extent_(extent),
       black_background_(black_background),
+      window_(options),
+      reset_(options.opacity_reset_interval, 3000),
       views_(std::move(views)) {}
 
-ScheduledChange DensificationSchedule::before_step(Backend& backend, std::int64_t iteration,
-                                                   bool hold_view_dependence) {
+ScheduledChange DensificationSchedule::before_step(Backend& backend, const Moment& moment, bool hold_view_dependence,
+                                                   const std::function<std::int64_t()>& most) {
     ScheduledChange change;
-    if (iteration % kDegreeInterval == 0) {
-        if (iteration > 0)
-            degree_ = hold_view_dependence ? 0 : std::min(max_degree_, std::max(initial_degree_, degree_ + 1));
+    if (const auto degrees = multiples_passed(moment.before, moment.position, kDegreeInterval)) {
+        if (moment.iteration > 0)
+            degree_ = hold_view_dependence
+                          ? 0
+                          : int(std::min<std::int64_t>(max_degree_,
+                                                       std::max<std::int64_t>(initial_degree_, degree_ + degrees)));
         backend.set_active_degree(degree_);
     }
     const bool adc = options_.strategy == Strategy::kAdc;
-    const bool due = options_.strategy != Strategy::kNone && iteration >= options_.densify_from_iter &&
-                     iteration <= options_.densify_until_iter &&
-                     (iteration - options_.densify_from_iter) % options_.densification_interval == 0;
+    const bool due = options_.strategy != Strategy::kNone && window_.due(moment);
     if (due && adc) {
         AdcParams p;
         p.grad_threshold = float(options_.densify_grad_threshold);
         p.extent = float(extent_);
-        p.prune_large = iteration > kPruneLargeFrom;
-        p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
+        p.prune_large = moment.position > kPruneLargeFrom;
+        p.cap = most ? most() : options_.cap_max;
+        static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, options_.seed});
     } else if (due) {
         McmcParams p;
-        p.cap = options_.cap_max;
-        static_cast<DensifyStats&>(change) = backend.densify({p, iteration, options_.seed});
+        p.cap = most ? most() : options_.cap_max;
+        static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, options_.seed});
     }
     // Prune before the opacity reset, after which all Gaussians look alike.
-    if (prunes_by_score(iteration) && iteration <= options_.densify_until_iter) prune(backend, kSoftRatio, change);
-    if (iteration % kMortonInterval == 0 && iteration <= options_.densify_until_iter + kMortonInterval)
+    if (prunes_by_score(moment) && !window_.until.exceeded(moment)) prune(backend, kSoftRatio, change);
+    if (multiples_passed(moment.before, moment.position, kMortonInterval) &&
+        (window_.until.now(moment) <= window_.until.value() + kMortonInterval))
         backend.morton_sort();
-    const bool reset =
-        iteration > 0 && iteration < options_.densify_until_iter &&
-        (iteration % options_.opacity_reset_interval == 0 || (iteration == kExtraReset && !black_background_));
+    const bool reset = moment.iteration > 0 && !window_.until.reached(moment) &&
+                       (multiples_passed(reset_.before(moment), reset_.now(moment), reset_.value()) > 0 ||
+                        (moment.before < kExtraReset && moment.position >= kExtraReset && !black_background_));
     if (adc && reset) backend.reset_opacity();
     return change;
 }
 
-ScheduledChange DensificationSchedule::after_step(Backend& backend, std::int64_t iteration) {
+ScheduledChange DensificationSchedule::after_step(Backend& backend, const Moment& moment) {
     ScheduledChange change;
-    if (prunes_by_score(iteration) && iteration > options_.densify_until_iter) prune(backend, kHardRatio, change);
+    if (prunes_by_score(moment) && window_.until.exceeded(moment)) prune(backend, kHardRatio, change);
     return change;
 }
 
-bool DensificationSchedule::prunes_by_score(std::int64_t iteration) const {
-    return options_.speedy_splat && iteration >= kScorePruneFrom && iteration % kScorePruneInterval == 0;
+bool DensificationSchedule::prunes_by_score(const Moment& moment) const {
+    return options_.speedy_splat && moment.position >= kScorePruneFrom &&
+           multiples_passed(moment.before, moment.position, kScorePruneInterval) > 0;
 }
 
 void DensificationSchedule::prune(Backend& backend, double ratio, ScheduledChange& change) const {

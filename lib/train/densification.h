@@ -2,15 +2,27 @@
 // Schedules the changes of the set of Gaussians (docs/math/densification.md#schedule).
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
+#include "lib/train/timeline.h"
 
 namespace gs {
 
-/// The iterations between steps of the active degree.
-inline constexpr std::int64_t kDegreeInterval = 1000;
+/// The positions between steps of the active degree.
+inline constexpr double kDegreeInterval = 1000;
+
+/// The part of a run in which the number of Gaussians changes.
+struct DensificationWindow {
+    explicit DensificationWindow(const TrainOptions& options);
+    Mark from, until, interval;
+
+    /// Returns whether an interval inside the window ends at `moment`. In short runs intervals are longer than their
+    /// share, so that new Gaussians have some steps to show what they are good for.
+    bool due(const Moment& moment) const;
+};
 
 /// The result of a densification, and the number of Gaussians that Speedy-Splat's pruning removed after it.
 struct ScheduledChange : DensifyStats {
@@ -29,25 +41,29 @@ class DensificationSchedule {
     /// Continues a run whose checkpoint has this degree.
     void resume(int active_degree) { degree_ = active_degree; }
 
-    /// Runs the changes due before the step of `iteration` (0-based). `hold_view_dependence` is read where the degree
-    /// would rise; with it colours do not depend on the view for now. Returns the result of densification and pruning,
-    /// all zero if they were not due.
-    ScheduledChange before_step(Backend& backend, std::int64_t iteration, bool hold_view_dependence = false);
+    /// Runs the changes due before the step at `moment`. `hold_view_dependence` is read where the degree
+    /// would rise; with it colours do not depend on the view for now. `most` gives the largest number of Gaussians
+    /// where that is not options.cap_max. Returns the result of densification and pruning, all zero if they were not
+    /// due.
+    ScheduledChange before_step(Backend& backend, const Moment& moment, bool hold_view_dependence = false,
+                                const std::function<std::int64_t()>& most = {});
 
     /// Runs the changes due after that step.
-    ScheduledChange after_step(Backend& backend, std::int64_t iteration);
+    ScheduledChange after_step(Backend& backend, const Moment& moment);
 
-    /// Returns the degree active in the last step: one more at 1000, 2000, ..., unless it was held.
+    /// Returns the degree active in the last step: one more at position 1000, 2000, ..., unless it was held.
     int active_degree() const { return degree_; }
 
   private:
-    bool prunes_by_score(std::int64_t iteration) const;
+    bool prunes_by_score(const Moment& moment) const;
     void prune(Backend& backend, double ratio, ScheduledChange& change) const;
 
     const TrainOptions& options_;
     int initial_degree_, max_degree_, degree_;
     double extent_;
     bool black_background_;
+    const DensificationWindow window_;
+    const Mark reset_;
     std::vector<RenderRequest> views_;
 };
 

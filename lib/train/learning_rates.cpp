@@ -13,14 +13,26 @@ namespace {
 /// The camera spacing, in frame units, at which rates that depend on it have their plain values.
 constexpr double kNeutral = 0.3536;
 
+/// The position from which rates fall to their last share, along a half cosine.
+constexpr double kFallFrom = 20000;
+
+double fall_at(double position, double last) {
+    if (position < kFallFrom) return 1;
+    const double t = std::min(1.0, (position - kFallFrom) / (kReferenceIterations - kFallFrom));
+    return last + (1 - last) * 0.5 * (1 + std::cos(M_PI * t));
+}
+
 }  // namespace
 
 LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene)
-    : means_(Schedule::log_linear(options.position_lr_init * scene.extent, options.position_lr_final * scene.extent,
-                                  double(options.position_lr_max_steps))),
+    : means_end_(options.position_lr_max_steps, kReferenceIterations),
+      means_(Schedule::log_linear(options.position_lr_init * scene.extent, options.position_lr_final * scene.extent,
+                                  means_end_.value())),
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
-      noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0) {
+      noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0),
+      residual_factor_(options.residual_rate),
+      final_rate_(options.final_rate) {
     spacing_ = camera_spacing(scene.train);
     opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
     appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.model_options});
@@ -38,24 +50,26 @@ void LearningRates::log(const TrainOptions& options) const {
     }
 }
 
-void LearningRates::apply(std::int64_t iteration, StepRequest& request) const {
-    const double t = double(iteration + 1);
-    const auto set = [&](Group group, const Schedule& schedule) {
-        request.rates[static_cast<int>(group)] = schedule.at(t);
+void LearningRates::apply(const Moment& moment, StepRequest& request) const {
+    const double t = moment.position + 1, means = means_.at(means_end_.now(moment) + 1);
+    const double fall = fall_at(moment.position, final_rate_);
+    const auto set = [&](Group group, const Schedule& schedule, double factor = 1) {
+        request.rates[static_cast<int>(group)] = fall * factor * schedule.at(t);
     };
-    set(Group::kMean, means_);
+    request.rates[int(Group::kMean)] = means;
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);
     set(Group::kOpacity, opacities_);
     set(Group::kBase, appearance_.base);
     request.residual_rates.clear();
     if (appearance_.residual.size() == 1) {
-        set(Group::kResidual, appearance_.residual[0]);
+        set(Group::kResidual, appearance_.residual[0], residual_factor_);
     } else {
-        for (const Schedule& column : appearance_.residual) request.residual_rates.push_back(column.at(t));
+        for (const Schedule& column : appearance_.residual)
+            request.residual_rates.push_back(fall * residual_factor_ * column.at(t));
     }
-    request.shared_rate = appearance_.shared.at(t);
-    request.noise = float(noise_ * means_.at(t));
+    request.shared_rate = fall * appearance_.shared.at(t);
+    request.noise = float(noise_ * means);
 }
 
 double opacity_rate(double opacity_lr, double camera_spacing) {

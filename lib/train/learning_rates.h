@@ -6,6 +6,7 @@
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
+#include "lib/train/timeline.h"
 
 namespace gs {
 
@@ -14,17 +15,19 @@ class LearningRates {
   public:
     LearningRates(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene);
 
-    /// Sets the rates (and, with MCMC, the noise factor) of the step after `iteration` finished ones.
-    void apply(std::int64_t iteration, StepRequest& request) const;
+    /// Sets the rates (and, with MCMC, the noise factor) of the step at `moment`.
+    void apply(const Moment& moment, StepRequest& request) const;
 
     /// Logs the rates that depend on the camera spacing, in the scene's unit; a look at them helps when a scene trains
     /// oddly. `options` must be those of the constructor.
     void log(const TrainOptions& options) const;
 
   private:
+    const Mark means_end_;
     Schedule means_, scales_, rotations_, opacities_;
     AppearanceRates appearance_;
     double noise_ = 0, spacing_ = 0;
+    double residual_factor_, final_rate_;
 };
 
 /// Returns the rate of the opacity logits: `opacity_lr`, or if that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras

@@ -25,9 +25,8 @@ std::string describe(const PhotometricDecision& decision) {
                        decision.variation.stops, kPhotometricThreshold);
 }
 
-double ppisp_rate(double rate, std::int64_t steps) {
+double ppisp_rate(double rate, double n) {
     constexpr double kWarmUp = 500, kDecay = 30000, kFirst = 0.01, kLast = 0.01;
-    const auto n = double(steps);
     return rate * (n < kWarmUp ? kFirst + (1 - kFirst) * n / kWarmUp : std::pow(kLast, (n - kWarmUp) / kDecay));
 }
 
@@ -43,9 +42,9 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
     else if (options.ppisp == PpispMode::kOn)
         initial_ = begin();
     active_ = initial_.active();
-    if (options.ppisp == PpispMode::kAuto && options.iterations <= kPhotometricDecision)
-        log_warning("--ppisp auto decides after {} iterations, but this run has {}: PPISP stays off",
-                    kPhotometricDecision, options.iterations);
+    if (options.ppisp == PpispMode::kAuto && options.iterations <= kLeastIterations)
+        log_warning("--ppisp auto needs {} iterations to decide, but this run has {}: PPISP stays off",
+                    kLeastIterations, options.iterations);
     if (active_)
         log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras,
                  frozen_ ? ", as in " + options.ppisp_from : "");
@@ -97,7 +96,7 @@ void Photometric::take_from(const std::filesystem::path& path) {
     frozen_ = true;
 }
 
-void Photometric::resume(Gaussians& state, std::int64_t iteration) {
+void Photometric::resume(Gaussians& state, const Moment& moment) {
     const PpispState& held = state.ppisp;
     if (held.active()) {
         if (options_.ppisp == PpispMode::kOff)
@@ -109,17 +108,22 @@ void Photometric::resume(Gaussians& state, std::int64_t iteration) {
                             "{}; is it another scene or split?",
                             held.num_frames, held.num_cameras, scene_.train.size(), scene_.num_cameras));
         active_ = true;
-        first_ = iteration - held.step;
+        first_ = moment.position - double(held.step) * moment.position / std::max(1.0, double(moment.iteration));
         return;
     }
     state.ppisp = initial_;
-    first_ = iteration;
+    first_ = moment.position;
 }
 
 std::optional<PhotometricDecision> Photometric::decide(
-    Backend& backend, std::int64_t iteration, const Vec3<float>& background,
+    Backend& backend, const Moment& moment, const Vec3<float>& background,
     const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
-    if (options_.ppisp != PpispMode::kAuto || active_ || iteration != kPhotometricDecision) return {};
+    const auto past = [](double position, double iteration) {
+        return position >= kPhotometricDecision && iteration >= double(kLeastIterations);
+    };
+    if (options_.ppisp != PpispMode::kAuto || active_ || !past(moment.position, double(moment.iteration)) ||
+        past(moment.before, double(moment.iteration - 1)))
+        return {};
     PhotometricDecision decision;
     decision.variation = measure_variation(backend, scene_.train, background, image);
     decision.on = decision.variation.nothing_to_tell.empty() && decision.variation.stops > kPhotometricThreshold;
@@ -127,13 +131,16 @@ std::optional<PhotometricDecision> Photometric::decide(
     if (decision.on) {
         backend.upload_ppisp(begin());
         active_ = true;
-        first_ = iteration;
+        first_ = moment.position;
     }
     return decision;
 }
 
-bool Photometric::holds_view_dependence(Backend& backend, std::int64_t iteration) {
-    if (!active_ || frozen_ || iteration >= std::min(kLongestHold, options_.iterations / 3)) return false;
+bool Photometric::holds_view_dependence(Backend& backend, const Moment& moment) {
+    const double longest = options_.schedule == ScheduleKind::kFixed
+                               ? std::min(kLongestHold, double(options_.iterations / 3))
+                               : kLongestHold;
+    if (!active_ || frozen_ || moment.position >= longest) return false;
     const PpispState state = backend.download_ppisp();
     double mean = 0, square = 0;
     for (int f = 0; f < state.num_frames; ++f) {
@@ -143,19 +150,18 @@ bool Photometric::holds_view_dependence(Backend& backend, std::int64_t iteration
     const double spread = std::sqrt(std::max(0.0, square - mean * mean));
     const bool hold = spread > kSpreadThatHolds;
     if (hold && !held_)
-        log_info("exposures differ by {:.2f} stops: colours will not depend on the view before iteration {}", spread,
-                 std::min(kLongestHold, options_.iterations / 3));
+        log_info("exposures differ by {:.2f} stops: colours will not depend on the view in the first third", spread);
     held_ = hold;
     return hold;
 }
 
-void Photometric::apply(std::size_t view, std::int64_t iteration, StepRequest& request) const {
+void Photometric::apply(std::size_t view, const Moment& moment, StepRequest& request) const {
     if (!active_) return;
     request.isp = {.mode = IspMode::kFrame,
                    .frame = int(view),
                    .camera = scene_.train[view].camera_id,
                    .prior_exposure = prior(view)};
-    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, iteration - first_);
+    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, moment.position - first_);
 }
 
 void Photometric::add_controllers(Backend& backend) const {

@@ -14,20 +14,21 @@
 #include "lib/model/ppisp_json.h"
 #include "lib/scene/scene.h"
 #include "lib/train/photometric_variation.h"
+#include "lib/train/timeline.h"
 
 namespace gs {
 
-/// The iteration at which --ppisp auto decides. It is late enough for a rough scene, and early enough that colour does
-/// not depend on the view yet (degree 1 begins here). It is no share of the run's length, so that a resumed run may be
-/// longer.
-inline constexpr std::int64_t kPhotometricDecision = 1000;
+/// The position at which --ppisp auto decides, and the least iterations before it. It is late enough for a rough scene,
+/// and early enough that colour does not depend on the view much (degree 1 begins here).
+inline constexpr double kPhotometricDecision = 1000;
+inline constexpr std::int64_t kLeastIterations = 500;
 
 /// The standard deviation of the exposures, in stops, above which view dependence waits. It lies between scenes that
 /// need no waiting (bonsai at 200 pixels: 0.10) and those that lose without it (builtin:exposure: 0.21 after 1000
 /// iterations, 0.4 after 4000).
 inline constexpr double kSpreadThatHolds = 0.15;
-/// The iterations after which view dependence begins in any case; a third of a shorter run.
-inline constexpr std::int64_t kLongestHold = 10000;
+/// The position from which on colours depend on the view in any case.
+inline constexpr double kLongestHold = 10000;
 
 /// The decision of --ppisp auto.
 struct PhotometricDecision {
@@ -37,9 +38,9 @@ struct PhotometricDecision {
 /// Describes a decision, e.g. "on: images vary by 0.550 stops, threshold 0.075".
 std::string describe(const PhotometricDecision& decision);
 
-/// Returns the rate of PPISP's parameters after `steps` of their steps: `rate` after a slow start, falling by a factor
-/// of 100 in 30000 (docs/math/ppisp.md#optimizer).
-double ppisp_rate(double rate, std::int64_t steps);
+/// Returns the rate of PPISP's parameters `distance` positions after they began: `rate` after a slow start, falling by
+/// a factor of 100 in 30000 (docs/math/ppisp.md#optimizer).
+double ppisp_rate(double rate, double distance);
 /// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;
 
@@ -53,27 +54,27 @@ class Photometric {
     /// Returns the state with which a new run begins; inactive if PPISP is off or not yet decided.
     const PpispState& initial_state() const { return initial_; }
 
-    /// Continues a run after `iteration` iterations. If PPISP is on but the checkpoint has none, PPISP begins there.
+    /// Continues a run at `moment`. If PPISP is on but the checkpoint has none, PPISP begins there.
     /// Throws UsageError for a checkpoint with PPISP when it is off, DataError for one with other numbers of images or
     /// cameras.
-    void resume(Gaussians& state, std::int64_t iteration);
+    void resume(Gaussians& state, const Moment& moment);
 
-    /// Decides before the step of `iteration` if auto is due, and gives the backend its first state. Returns nothing if
+    /// Decides before the step at `moment` if auto is due, and gives the backend its first state. Returns nothing if
     /// no decision was due.
     std::optional<PhotometricDecision> decide(
-        Backend& backend, std::int64_t iteration, const Vec3<float>& background,
+        Backend& backend, const Moment& moment, const Vec3<float>& background,
         const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image);
 
     /// Returns true if colours should not yet depend on the view: the exposures found so far differ by more than
     /// kSpreadThatHolds, and the first third of the run is not over. View dependence would otherwise absorb some of the
     /// exposure for good.
-    bool holds_view_dependence(Backend& backend, std::int64_t iteration);
+    bool holds_view_dependence(Backend& backend, const Moment& moment);
 
     /// Corrects training image `view` by its own values.
-    void apply(std::size_t view, std::int64_t iteration, StepRequest& request) const;
+    void apply(std::size_t view, const Moment& moment, StepRequest& request) const;
 
     /// Returns true if controllers are to be trained when the Gaussians are done.
-    bool trains_controllers() const { return active_ && !frozen_ && options_.controller_iterations > 0; }
+    bool trains_controllers() const { return active_ && !frozen_ && options_.controller_iterations != 0; }
     void add_controllers(Backend& backend) const;
     /// Corrects training image `view` by its camera's controller.
     void apply_controller(std::size_t view, StepRequest& request) const;
@@ -94,7 +95,7 @@ class Photometric {
     PpispFile file_;  ///< the fields of ppisp.json besides the numbers
     PpispState initial_;
     bool active_ = false, frozen_ = false, held_ = false;
-    std::int64_t first_ = 0;  ///< iteration of PPISP's first step
+    double first_ = 0;  ///< position of PPISP's first step
 };
 
 }  // namespace gs

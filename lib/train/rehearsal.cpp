@@ -3,6 +3,7 @@
 #include "lib/train/rehearsal.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "appearance/model_info.h"
@@ -52,8 +53,9 @@ Rehearsed Rehearsal::begin(std::int64_t iterations) {
     result.backend->upload(state);
     run(result, appearance.model, iterations, 0, std::numeric_limits<double>::infinity(),
         [&](std::int64_t k, const StepView& view) {
-            schedule.before_step(*result.backend, k);
-            return composer.compose(view, k);
+            const Moment moment = moment_at(options_, k);
+            schedule.before_step(*result.backend, moment);
+            return composer.compose(view, moment);
         });
     begun_ = iterations;
     return result;
@@ -66,12 +68,12 @@ std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const 
     const StepComposer composer(resting, appearance, scene_, &photometric_);
     Gaussians start = with_appearance(state, appearance, options_.seed);
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
-    photometric_.resume(start, begun_);
+    photometric_.resume(start, moment_at(options_, begun_));
     result.backend->upload(start);
     const bool finished =
         run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
-            return composer.compose(
-                view, begun_ + k, std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations)));
+            const double position = kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations);
+            return composer.compose(view, {begun_ + k, std::floor(position), position});
         });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }

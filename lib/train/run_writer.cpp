@@ -4,9 +4,11 @@
 
 #include <algorithm>
 
+#include "kernels/core/clock.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
+#include "lib/io/temporary.h"
 #include "lib/model/cameras_json.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
@@ -68,11 +70,23 @@ void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration, const
 
 void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {
     check_folder();
+    save_points(folder_.point_cloud(iteration), backend, iteration);
+    write_ppisp(backend, iteration);
+}
+
+void RunWriter::save_points(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const {
     PlyOptions ply;
     ply.iteration = iteration;
     ply.frame = scene_.frame;
-    write_ply(folder_.point_cloud(iteration), backend.download(false), ply);
-    write_ppisp(backend, iteration);
+    write_ply(path, backend.download(false), ply);
+}
+
+double RunWriter::time_saving(Backend& backend, std::int64_t iteration) const {
+    check_folder();
+    const WorkFolder work(folder_.root / "timing");
+    const double start = seconds_now();
+    save_points(work.path() / "points.ply", backend, iteration);
+    return seconds_now() - start;
 }
 
 void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {

@@ -56,6 +56,8 @@ class RunWriter {
     /// earlier iterations. `time` is that of the training so far, if it is known.
     void write_checkpoint(Backend& backend, std::int64_t iteration, const std::optional<TrainingTime>& time,
                           bool automatic = false) const;
+    /// Returns the seconds that writing the point cloud takes now. Leaves no file.
+    double time_saving(Backend& backend, std::int64_t iteration) const;
     /// Writes the point cloud as 3DGS viewers read it, and ppisp.json.
     void write_point_cloud(Backend& backend, std::int64_t iteration) const;
     void write_ppisp(Backend& backend, std::int64_t iteration) const {
@@ -66,6 +68,8 @@ class RunWriter {
     void write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
 
   private:
+    void save_points(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const;
+
     const RunFolder folder_;
     const std::shared_ptr<const RunLock> lock_;
     const TrainOptions& options_;

@@ -3,6 +3,7 @@
 #include "lib/train/step_composer.h"
 
 #include "lib/scene/camera_params.h"
+#include "lib/scene/resized.h"
 #include "lib/train/target_image.h"
 
 namespace gs {
@@ -13,28 +14,31 @@ StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& ap
       scene_(scene),
       photometric_(photometric),
       rates_(options, appearance, scene),
+      window_(options),
       rate_factor_(rate_factor) {}
 
 StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteration) const {
     StepRequest request;
-    request.camera = camera_params(scene_.train[view.index].camera);
+    const Image& color = view.image.color;
+    request.camera = camera_params(resized(scene_.train[view.index].camera, color.width, color.height));
     request.background = view.background;
-    request.target = target_image(view.image, std::int64_t(view.index));
+    request.target =
+        target_image(view.image, std::int64_t(view.index) + view.level * std::int64_t(scene_.train.size()));
     request.iteration = iteration;
     request.lambda_dssim = float(options_.lambda_dssim);
     request.seed = options_.seed;
     return request;
 }
 
-StepRequest StepComposer::compose(const StepView& view, std::int64_t iteration, std::int64_t rate_iteration) const {
-    StepRequest request = request_of(view, iteration);
+StepRequest StepComposer::compose(const StepView& view, const Moment& moment) const {
+    StepRequest request = request_of(view, moment.iteration);
     const bool mcmc = options_.strategy == Strategy::kMcmc;
     request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
     request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
-    request.gather_gradient_stats = options_.strategy == Strategy::kAdc && iteration < options_.densify_until_iter;
-    rates_.apply(rate_iteration, request);
+    request.gather_gradient_stats = options_.strategy == Strategy::kAdc && !window_.until.reached(moment);
+    rates_.apply(moment, request);
     if (photometric_) {
-        photometric_->apply(view.index, iteration, request);
+        photometric_->apply(view.index, moment, request);
     } else {
         request.isp = {.mode = IspMode::kFrame, .frame = int(view.index), .camera = scene_.train[view.index].camera_id};
         request.isp_rate = options_.ppisp_lr;

@@ -5,6 +5,7 @@
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
+#include "lib/train/densification.h"
 #include "lib/train/learning_rates.h"
 #include "lib/train/photometric.h"
 
@@ -15,6 +16,7 @@ struct StepView {
     std::size_t index = 0;   ///< index into scene.train
     const ViewImage& image;  ///< must outlive the backend's call with the request
     Vec3<float> background{};
+    int level = 0;  ///< place of the image among those of its view: 0 for the full one, f - 1 if reduced f times
 };
 
 class StepComposer {
@@ -25,12 +27,8 @@ class StepComposer {
     StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
                  const Photometric* photometric, double rate_factor = 1);
 
-    /// Returns the step on `view` after `iteration` finished ones.
-    StepRequest compose(const StepView& view, std::int64_t iteration) const {
-        return compose(view, iteration, iteration);
-    }
-    /// Returns the same step with the learning rates after `rate_iteration` steps.
-    StepRequest compose(const StepView& view, std::int64_t iteration, std::int64_t rate_iteration) const;
+    /// Returns the step on `view` at `moment`.
+    StepRequest compose(const StepView& view, const Moment& moment) const;
 
     /// Returns a step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.
     StepRequest compose_distillation(const StepView& view, std::int64_t iteration) const;
@@ -45,6 +43,7 @@ class StepComposer {
     const Scene& scene_;
     const Photometric* photometric_;
     const LearningRates rates_;
+    const DensificationWindow window_;
     const double rate_factor_;
 };
 

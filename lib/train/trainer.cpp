@@ -18,6 +18,7 @@
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/course.h"
 #include "lib/train/densification.h"
 #include "lib/train/memory_plan.h"
 #include "lib/train/photometric.h"
@@ -34,6 +35,8 @@ constexpr std::int64_t kLogInterval = 100;
 /// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the
 /// statistics: a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
+/// The points that a training begins with at least, however short it is.
+constexpr std::int64_t kLeastPoints = 1000;
 
 /// The seconds between two automatic checkpoints; infinite without them.
 double automatic_interval(const TrainOptions& options) {
@@ -53,6 +56,7 @@ class Run {
           hooks_(hooks),
           appearance_(appearance_spec(options)),
           views_(options_, scene),
+          course_(options_, scene.train.size()),
           schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
@@ -74,8 +78,9 @@ class Run {
     }
 
     TrainSummary run() {
-        progress_.start(options_.iterations, iteration_);
-        views_.prefetch(iteration_, options_.iterations);
+        if (course_.limits_time()) begin_time();
+        progress_.start(course_.expected_iterations(), iteration_);
+        views_.prefetch(iteration_, last_iteration(), course_.reduction());
         const std::int64_t first = iteration_;
         try {
             loop();
@@ -90,26 +95,56 @@ class Run {
             return finish();
         } catch (const DataError& e) {
             std::error_code ignored;
-            if (!std::filesystem::exists(writer_.folder().checkpoint(iteration_), ignored)) throw;
+            if (!std::filesystem::exists(writer_.folder().checkpoint(iteration_), ignored))
+                throw DataError(e.what() + rescue(first));
             throw DataError(e.what() + ("; the training itself is saved, " + how_to_continue()));
         }
     }
 
   private:
+    /// Returns the end of the iterations for which images are decoded ahead.
+    std::int64_t last_iteration() const {
+        return course_.limits_time() ? std::numeric_limits<std::int64_t>::max() : options_.iterations;
+    }
+
+    /// Returns the seconds of a frame of the first training views, reduced `factor` times.
+    double time_of_frame(int factor) {
+        std::vector<RenderRequest> views = training_views();
+        views.resize(std::min<std::size_t>(views.size(), 3));
+        for (std::size_t k = 0; k < views.size(); ++k)
+            views[k].camera = camera_params(reduced(scene_.train[k].camera, factor));
+        return backend_->timer().time_frames(views, 1);
+    }
+
+    /// Measures what a time limit has to account for, and starts its clock.
+    void begin_time() {
+        const std::int64_t count = backend_->count();
+        TimeCosts costs{.saving_per_gaussian = writer_.time_saving(*backend_, iteration_) / double(count)};
+        if (course_.reduction() > 1)
+            costs.coarse_ratio = std::max(1.0, time_of_frame(1) / time_of_frame(course_.reduction()));
+        course_.start(costs, count);
+        log_info(
+            "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends where fewer than {} steps would "
+            "remain",
+            options_.time_limit, costs.saving_per_gaussian * double(count), count, course_.wanted_steps());
+    }
+
     void loop() {
         double interval_start = seconds_now();
-        while (iteration_ < options_.iterations) {
+        while (!course_.finished()) {
             timed([&] { iterate(); });
-            const bool log = iteration_ % kLogInterval == 0 || iteration_ == options_.iterations,
-                       report = progress_.due(iteration_);
-            const bool stop = interrupted() && iteration_ < options_.iterations;
+            const bool log = iteration_ % kLogInterval == 0 || course_.finished(), report = progress_.due(iteration_);
+            const bool stop = interrupted() && !course_.finished();
             // What is reported or saved is the state after this iteration, and waiting for it is training time.
             if (log || report || stop || something_is_due()) timed([&] { settle(); });
             if (log) {
                 write_log(seconds_now() - interval_start);
                 interval_start = seconds_now();
             }
-            if (report) progress_.update(iteration_, last_.loss, backend_->count());
+            if (report) {
+                progress_.expect(course_.expected_iterations());
+                progress_.update(iteration_, last_.loss, backend_->count());
+            }
             save_what_is_due();
             if (stop) {
                 writer_.write_checkpoint(*backend_, iteration_, time());
@@ -140,7 +175,8 @@ class Run {
     /// Returns the time of the training up to now, if that of its earlier parts is known.
     std::optional<TrainingTime> time() const {
         if (!earlier_time_) return std::nullopt;
-        return TrainingTime{train_seconds_, earlier_time_->data_wait_seconds + views_.wait_seconds()};
+        return TrainingTime{train_seconds_, earlier_time_->data_wait_seconds + views_.wait_seconds(),
+                            course_.budget() ? course_.budget()->elapsed() : 0};
     }
 
     /// After an error: saves the model as the last finished step left it, if there is one and the device still gives it
@@ -170,8 +206,18 @@ class Run {
     }
 
     void begin() {
-        const InitOptions init = init_options(options_);
+        InitOptions init = init_options(options_);
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
+        backend_ = make_backend();
+        if (course_.limits_time() && !options_.named.contains("init-points")) {
+            backend_->upload(state);
+            init.most_points = std::max(kLeastPoints, course_.affordable_start(state.count, time_of_frame(1)));
+            if (init.most_points < state.count) {
+                log_info("time limit {}: begins with {} of {} points, so that there is time for enough steps",
+                         options_.time_limit, init.most_points, state.count);
+                state = initialize_gaussians(scene_, appearance_, init);
+            }
+        }
         if (options_.hostile_start > 0)
             log_warning("--hostile-start {}: {} of {} Gaussians begin with extreme parameters", options_.hostile_start,
                         make_hostile(state, options_.hostile_start, options_.seed), state.count);
@@ -180,7 +226,6 @@ class Run {
         if (state.count > options_.cap_max)
             log_warning("{} initial Gaussians exceed --cap-max {}: they are kept, but none are added", state.count,
                         options_.cap_max);
-        backend_ = make_backend();
         backend_->upload(state);
         writer_.write_start(initial_points(scene_, init));
     }
@@ -196,33 +241,41 @@ class Run {
         else
             log_warning("the checkpoint does not say how long its {} iterations took: times count from here",
                         iteration_);
-        photometric_.resume(checkpoint.state, iteration_);
+        course_.resume(iteration_, earlier_time_ ? earlier_time_->limited_seconds : 0);
+        photometric_.resume(checkpoint.state, course_.moment());
         schedule_.resume(checkpoint.state.active_degree);
         backend_ = make_backend();
         backend_->upload(checkpoint.state);
         writer_.write_config();
         log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
-        if (iteration_ >= options_.iterations)
+        if (course_.finished())
             log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_,
                         options_.iterations);
     }
 
     void iterate() {
         // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
-        const TrainingViews::Step step = views_.at(iteration_, options_.iterations);
-        decide_photometric();
-        const bool hold =
-            iteration_ % kDegreeInterval == 0 && photometric_.holds_view_dependence(*backend_, iteration_);
-        writer_.log_change(schedule_.before_step(*backend_, iteration_, hold), iteration_ + 1);
-        backend_->step(composer_.compose(step.view(), iteration_));
-        writer_.log_change(schedule_.after_step(*backend_, iteration_), iteration_ + 1);
+        const TrainingViews::Step step = views_.at(iteration_, last_iteration(), course_.reduction());
+        const Moment moment = course_.moment();
+        decide_photometric(moment);
+        const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
+                          photometric_.holds_view_dependence(*backend_, moment);
+        writer_.log_change(
+            schedule_.before_step(*backend_, moment, hold, [&] { return course_.most_gaussians(backend_->count()); }),
+            iteration_ + 1);
+        backend_->step(composer_.compose(step.view(), moment));
+        writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + 1);
         ++iteration_;
+        course_.advance(backend_->count());
         if (iteration_ % kMaxSkips == 0) read_stats();
-        if (iteration_ % kLogInterval == 0) prune_nonfinite();
+        if (iteration_ % kLogInterval == 0) {
+            prune_nonfinite();
+            keep_time_for_controllers();
+        }
     }
 
-    void decide_photometric() {
-        const auto decision = photometric_.decide(*backend_, iteration_, views_.fixed_background(),
+    void decide_photometric(const Moment& moment) {
+        const auto decision = photometric_.decide(*backend_, moment, views_.fixed_background(),
                                                   [&](std::size_t view) { return views_.image(view); });
         if (!decision) return;
         writer_.log({{"event", "photometric"},
@@ -240,25 +293,45 @@ class Run {
     void train_controllers() {
         if (!photometric_.trains_controllers()) return;
         photometric_.add_controllers(*backend_);
-        progress_.start(options_.controller_iterations, 0, "controller");
-        for (std::int64_t k = 0; k < options_.controller_iterations; ++k) {
+        // Under a time limit the controllers have what is left of it, unless their number was named.
+        const bool by_time = options_.controller_iterations < 0;
+        const auto due = [&](std::int64_t k) {
+            return by_time ? k == 0 || course_.budget()->elapsed() < course_.budget()->limit()
+                           : k < options_.controller_iterations;
+        };
+        progress_.start(std::max<std::int64_t>(options_.controller_iterations, 1), 0, "controller");
+        std::int64_t k = 0;
+        for (; due(k); ++k) {
             if (interrupted()) {
                 progress_.finish();
-                throw Interrupted(
-                    "interrupted after " + std::to_string(k) +
-                    " iterations of the controllers, which are lost; the model and its checkpoint are written; " +
-                    how_to_continue());
+                throw Interrupted("interrupted after " + std::to_string(k) +
+                                  " iterations of the controllers, which are lost; the model is written" +
+                                  (course_.limits_time() ? "" : " and its checkpoint; " + how_to_continue()));
             }
-            const TrainingViews::Step step = views_.at(iteration_ + k, iteration_ + options_.controller_iterations);
+            const TrainingViews::Step step =
+                views_.at(iteration_ + k, by_time ? last_iteration() : iteration_ + options_.controller_iterations);
             backend_->distill(composer_.compose_distillation(step.view(), iteration_ + k));
             if ((k + 1) % kMaxSkips == 0) read_stats();
             if (progress_.due(k + 1)) {
                 settle();
+                if (by_time) progress_.expect(k + 1);
                 progress_.update(k + 1, last_.loss, backend_->count());
             }
         }
         settle();
         progress_.finish();
+        controller_iterations_ = k;
+    }
+
+    /// Keeps a share of a time limit for the controllers, as long as they would have in a run of iterations.
+    void keep_time_for_controllers() {
+        auto& budget = course_.budget();
+        if (!budget || !photometric_.trains_controllers()) return;
+        constexpr double kShare = 1.0 / 7;
+        const double mean_step = budget->elapsed() / double(std::max<std::int64_t>(1, iteration_));
+        budget->keep_back(options_.controller_iterations < 0
+                              ? kShare * budget->limit()
+                              : std::min(0.5 * budget->limit(), double(options_.controller_iterations) * mean_step));
     }
 
     void settle() {
@@ -317,14 +390,16 @@ class Run {
     }
 
     void save_what_is_due() {
-        const bool last = iteration_ == options_.iterations;
+        const bool last = course_.finished();
         if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0)
             writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
         if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
         if (contains(options_.test_iterations, iteration_) && !last && hooks_.evaluate) {
             writer_.write_ppisp(*backend_, iteration_);  // says how these views are corrected
             writer_.check_folder();
-            hooks_.evaluate(iteration_, *backend_);
+            const double start = seconds_now();
+            hooks_.evaluate(iteration_, *backend_, false);
+            if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
         }
         // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
         if (contains(options_.checkpoint_iterations, iteration_) && !last) {
@@ -339,7 +414,7 @@ class Run {
     /// them would do, too. That it cannot be written is no reason to end the run.
     void save_automatically() {
         const double seconds = train_seconds_ - checkpoint_seconds_, interval = automatic_interval(options_);
-        if (iteration_ % kLogInterval != 0 || iteration_ == options_.iterations || seconds < interval ||
+        if (iteration_ % kLogInterval != 0 || course_.finished() || seconds < interval ||
             contains(options_.checkpoint_iterations, iteration_))
             return;
         checkpoint_seconds_ = train_seconds_;
@@ -361,22 +436,27 @@ class Run {
     }
 
     TrainSummary finish() {
+        const double steps_end = seconds_now();
+        progress_.expect(iteration_);
         progress_.update(iteration_, last_.loss, backend_->count());
         progress_.finish();
         const MemoryUse memory = backend_->memory();
         if (memory.peak > 0) log_info("{}", memory_report(memory));
         prune_nonfinite();
-        // Before the final pruning: a longer run goes on from here as if it had not stopped.
-        writer_.write_checkpoint(*backend_, iteration_, time());
+        // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
+        // spent on steps than on a file three times as large as the model.
+        if (!course_.limits_time()) writer_.write_checkpoint(*backend_, iteration_, time());
         backend_->prune(InvisibleRows{});
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
         writer_.write_point_cloud(*backend_, iteration_);
-        const double controllers_start = seconds_now();
+        if (course_.limits_time()) remove_automatic_checkpoints(writer_.folder(), iteration_ + 1);
+        const double controllers_start = seconds_now(), saving_seconds = controllers_start - steps_end;
         train_controllers();
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
+        const double limited_seconds = course_.budget() ? course_.budget()->elapsed() : 0;
         photometric_.report(*backend_);
         if (nonfinite_gradients_)
             log_warning("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
@@ -384,7 +464,7 @@ class Run {
             log_warning("{} Gaussians were removed for parameters not finite or out of range during the run",
                         pruned_nonfinite_);
         writer_.check_folder();
-        if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_);
+        if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_, true);
         writer_.close_log();
         return {iteration_,
                 backend_->count(),
@@ -392,6 +472,9 @@ class Run {
                 views_.wait_seconds() + (earlier_time_ ? earlier_time_->data_wait_seconds : 0),
                 memory,
                 controller_seconds,
+                controller_iterations_,
+                saving_seconds,
+                limited_seconds,
                 photometric_decision_,
                 earlier_time_.has_value()};
     }
@@ -402,6 +485,7 @@ class Run {
     const TrainHooks& hooks_;
     AppearanceSpec appearance_;
     TrainingViews views_;
+    Course course_;
     DensificationSchedule schedule_;
     Photometric photometric_;
     const StepComposer composer_;
@@ -414,6 +498,7 @@ class Run {
     double checkpoint_seconds_ = 0;                              ///< train_seconds_ at the last checkpoint
     bool automatic_shown_ = false;                               ///< what such a checkpoint costs
     std::string photometric_decision_;
+    std::int64_t controller_iterations_ = 0;
     std::int64_t nonfinite_gradients_ = 0, pruned_nonfinite_ = 0;
 };
 

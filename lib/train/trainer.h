@@ -14,9 +14,9 @@
 namespace gs {
 
 struct TrainHooks {
-    /// Called after `iteration` iterations if options.test_iterations lists it, and at the end with the pruned model.
-    /// Its time does not count as training time.
-    std::function<void(std::int64_t iteration, Backend& backend)> evaluate;
+    /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
+    /// and `last`. Its time does not count as training time.
+    std::function<void(std::int64_t iteration, Backend& backend, bool last)> evaluate;
     /// Replaces choose_backend if set.
     std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const BackendOptions&)> make_backend;
 };
@@ -31,6 +31,9 @@ struct TrainSummary {
     MemoryUse memory;              ///< memory of the device at the end of the loop; empty on the CPU
     /// The time of the PPISP controllers, which is no part of train_seconds; 0 if none were trained
     double controller_seconds = 0;
+    std::int64_t controller_iterations = 0;
+    double saving_seconds = 0;   ///< final pruning and saving
+    double limited_seconds = 0;  ///< what a time limit counts: from the first step to the end of saving; 0 without one
     /// The decision of --ppisp auto, with its figure; empty if nothing was decided
     std::string photometric;
     /// False if the run was resumed from a checkpoint that does not say how long its iterations took: the two times
@@ -38,14 +41,14 @@ struct TrainSummary {
     bool whole_time = true;
 };
 
-/// Trains until options.iterations, then trains the PPISP controllers, and writes config.yaml, cfg_args, cameras.json,
-/// input.ply, stats/train.jsonl, ppisp.json, checkpoints and point clouds. On the CPU, and with options.deterministic
-/// on one GPU, the result is bitwise reproducible for equal options, also across a resume and for any number of
-/// threads. Throws NumericError when parameters or losses stay non-finite, Interrupted after the checkpoint that Ctrl-C
-/// asked for, DeviceError when memory ran out, and DataError when an image cannot be read any more or a file cannot be
-/// written. In the last two cases it first writes a checkpoint, which the message names, if an iteration was done and
-/// the model can still be read. (If the failed iteration had already densified, the resumed run densifies once
-/// more; an image is asked for before that.)
+/// Trains until options.iterations or for options.time_limit, then trains the PPISP controllers, and writes
+/// config.yaml, cfg_args, cameras.json, input.ply, stats/train.jsonl, ppisp.json, checkpoints and point clouds. On the
+/// CPU, and with options.deterministic on one GPU, the result is bitwise reproducible for equal options, also across a
+/// resume and for any number of threads. Throws NumericError when parameters or losses stay non-finite, Interrupted
+/// after the checkpoint that Ctrl-C asked for, DeviceError when memory ran out, and DataError when an image cannot be
+/// read any more or a file cannot be written. In the last two cases it first writes a checkpoint, which the message
+/// names, if an iteration was done and the model can still be read. (If the failed iteration had already densified, the
+/// resumed run densifies once more; an image is asked for before that.)
 TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
                    const TrainHooks& hooks);
 

@@ -8,6 +8,7 @@
 
 #include "kernels/core/rng.h"
 #include "lib/core/bytes.h"
+#include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 
 namespace gs {
@@ -30,17 +31,39 @@ TrainingViews::TrainingViews(const TrainOptions& options, const Scene& scene)
       prefetch_(std::min<std::int64_t>(views_ahead(options.device), std::int64_t(scene.train.size()) / 2 + 1)),
       images_(scene.train, parse_bytes(options.image_cache), decode_threads(options.device)) {}
 
-void TrainingViews::prefetch(std::int64_t first, std::int64_t end) {
-    for (std::int64_t k = first; k < std::min(end, first + prefetch_); ++k) images_.prefetch(order_.at(k));
+void TrainingViews::prefetch(std::int64_t first, std::int64_t end, int factor) {
+    ImageCache& images = images_of(factor);
+    for (std::int64_t k = first; k < std::min(end, first + prefetch_); ++k) images.prefetch(order_.at(k));
 }
 
-TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end) {
+TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, int factor) {
     Step step;
+    ImageCache& images = images_of(factor);
     step.index = order_.at(iteration);
-    step.image = images_.get(step.index);
-    if (iteration + prefetch_ < end) images_.prefetch(ahead_.at(iteration + prefetch_));
+    step.image = images.get(step.index);
+    if (iteration + prefetch_ < end) images.prefetch(ahead_.at(iteration + prefetch_));
     step.background = background_at(iteration);
+    step.level = factor - 1;
     return step;
+}
+
+ImageCache& TrainingViews::images_of(int factor) {
+    if (factor == 1) return images_;
+    auto& found = reduced_[factor];
+    if (!found) {
+        std::vector<View> views = scene_.train;
+        for (std::size_t k = 0; k < views.size(); ++k) {
+            View& view = views[k];
+            view.camera = reduced(view.camera, factor);
+            view.decoded = nullptr;
+            view.load = [this, k, width = view.camera.width, height = view.camera.height] {
+                return resized(ViewImage(*images_.get(k)), width, height);
+            };
+        }
+        found = std::make_unique<Reduced>(std::move(views), parse_bytes(options_.image_cache),
+                                          decode_threads(options_.device));
+    }
+    return found->images;
 }
 
 Vec3<float> TrainingViews::background_at(std::int64_t iteration) const {

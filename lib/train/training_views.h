@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 
 #include "lib/core/options.h"
@@ -24,14 +25,15 @@ class TrainingViews {
         std::size_t index = 0;  ///< index into scene.train
         std::shared_ptr<const ViewImage> image;
         Vec3<float> background;
+        int level = 0;  ///< StepView::level
 
-        StepView view() const { return {index, *image, background}; }
+        StepView view() const { return {index, *image, background, level}; }
     };
 
     /// Starts decoding for the iterations from `first` to before `end`.
-    void prefetch(std::int64_t first, std::int64_t end);
-    /// Returns the step of `iteration` in a stretch that ends before `end`.
-    Step at(std::int64_t iteration, std::int64_t end);
+    void prefetch(std::int64_t first, std::int64_t end, int factor = 1);
+    /// Returns the step of `iteration` in a stretch that ends before `end`, with images reduced `factor` times.
+    Step at(std::int64_t iteration, std::int64_t end, int factor = 1);
 
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
@@ -40,6 +42,14 @@ class TrainingViews {
     Vec3<float> fixed_background() const { return background_.color; }
 
   private:
+    /// The training views reduced by a factor, whose images come from those of full size.
+    struct Reduced {
+        std::vector<View> views;
+        ImageCache images;
+        Reduced(std::vector<View> all, std::size_t budget, int threads)
+            : views(std::move(all)), images(views, budget, threads) {}
+    };
+    ImageCache& images_of(int factor);
     Vec3<float> background_at(std::int64_t iteration) const;
 
     const TrainOptions& options_;
@@ -49,6 +59,7 @@ class TrainingViews {
     const std::int64_t prefetch_;  ///< number of views prefetched; never the same view twice
     ViewOrder ahead_{order_};      ///< order for prefetching, where the next epoch may have begun
     ImageCache images_;
+    std::map<int, std::unique_ptr<Reduced>> reduced_;  ///< by factor; destroyed before images_
 };
 
 }  // namespace gs

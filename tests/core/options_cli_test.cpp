@@ -55,7 +55,8 @@ TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {
         std::string flag = "--" + option.key;
         std::replace(flag.begin() + 2, flag.end(), '-', '_');
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
-        const std::string value = !option.choices.empty()         ? option.choices.front()
+        const std::string value = option.key == "recipe"          ? "frontier"  // auto stands for another
+                                  : !option.choices.empty()       ? option.choices.front()
                                   : option.max && *option.max < 1 ? "0.5"
                                   : option.min                    ? "1"
                                                                   : "7";

@@ -57,8 +57,8 @@ std::pair<std::int64_t, std::int64_t> walk(TrainOptions o, Watched& backend) {
     std::pair<std::int64_t, std::int64_t> pruned{0, 0};
     for (std::int64_t k = 0; k < o.iterations; ++k) {
         backend.iteration = k;
-        pruned.first += schedule.before_step(backend, k).pruned_by_score;
-        const ScheduledChange after = schedule.after_step(backend, k);
+        pruned.first += schedule.before_step(backend, moment_at(o, k)).pruned_by_score;
+        const ScheduledChange after = schedule.after_step(backend, moment_at(o, k));
         pruned.second += after.pruned_by_score;
         if (after.pruned_by_score) {
             EXPECT_EQ(after.count, 5);
@@ -87,7 +87,7 @@ TEST(SpeedySchedule, IsTheOneOfTheSpec) {
 TEST(SpeedySchedule, FollowsTheEndOfDensificationAndOfTheRun) {
     Watched backend;
     TrainOptions o = speedy_options();
-    o.densify_until_iter = 9000, o.iterations = 15000;
+    o.densify_until_iter = 9000, o.iterations = 15000, o.schedule = ScheduleKind::kFixed;
     walk(o, backend);
     EXPECT_EQ(backend.prunings, (Prunings{{6000, 0.8}, {9000, 0.8}, {12000, 0.3}}));
 }

@@ -73,6 +73,7 @@ TrainOptions small_options(const fs::path& folder, Strategy strategy) {
     o.densify_from_iter = 10, o.densify_until_iter = 55, o.densification_interval = 10;
     o.densify_grad_threshold = 1e-6;
     o.opacity_reset_interval = 40;
+    o.schedule = ScheduleKind::kFixed;  // parts of a run, which have other lengths, follow the same schedule
     validate(o);
     return o;
 }
@@ -488,7 +489,7 @@ TEST(Train, AutomaticCheckpointsReplaceEachOtherAndChangeNothing) {
     with.checkpoint_iterations = {120};
     std::vector<std::vector<std::string>> seen;
     TrainHooks hooks;
-    hooks.evaluate = [&](std::int64_t, Backend&) { seen.push_back(checkpoints_of(with)); };
+    hooks.evaluate = [&](std::int64_t, Backend&, bool) { seen.push_back(checkpoints_of(with)); };
     with.test_iterations = {100, 110, 130, 210, 310};
     Progress progress(ProgressStyle::kSilent);
     train(with, small_scene(), open_run(with), progress, hooks);
@@ -512,7 +513,7 @@ TEST(Train, AnAutomaticCheckpointThatCannotBeWrittenDoesNotEndTheRun) {
     const fs::path in_the_way = RunFolder{o.model}.checkpoint(100);  // a folder cannot be replaced by a file
     o.test_iterations = {50};
     TrainHooks hooks;
-    hooks.evaluate = [&](std::int64_t iteration, Backend&) {
+    hooks.evaluate = [&](std::int64_t iteration, Backend&, bool) {
         if (iteration == 50) fs::create_directories(in_the_way / "x");
     };
     Progress progress(ProgressStyle::kSilent);
@@ -542,7 +543,7 @@ TEST(Train, TheCheckpointOfAnIterationIsItsLastFile) {
     o.test_iterations = o.save_iterations = o.checkpoint_iterations = {20};
     bool early = false;
     TrainHooks hooks;
-    hooks.evaluate = [&](std::int64_t iteration, Backend&) {
+    hooks.evaluate = [&](std::int64_t iteration, Backend&, bool) {
         early |= iteration == 20 && fs::exists(RunFolder{o.model}.checkpoint(20));
         EXPECT_TRUE(fs::exists(RunFolder{o.model}.point_cloud(iteration)));
     };
@@ -558,7 +559,7 @@ TEST(Train, AFolderThatIsRemovedOrReplacedEndsTheRun) {
         TrainOptions o = small_options(tmp.path() / "run", Strategy::kMcmc);
         o.test_iterations = {25};
         TrainHooks hooks;
-        hooks.evaluate = [&](std::int64_t, Backend&) {
+        hooks.evaluate = [&](std::int64_t, Backend&, bool) {
             fs::remove_all(o.model);
             if (replaced) fs::create_directory(o.model);
         };
@@ -624,7 +625,7 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
         backend = made.get();
         return made;
     };
-    hooks.evaluate = [&](std::int64_t, Backend&) { num_images = backend->num_images(); };
+    hooks.evaluate = [&](std::int64_t, Backend&, bool) { num_images = backend->num_images(); };
     late.image_cache = "1MiB";
     late.deterministic = true;
     Progress progress(ProgressStyle::kSilent);
@@ -656,7 +657,7 @@ TEST(LearningRates, FollowTheTable) {
     validate(o);
     const LearningRates rates(o, appearance_spec(o), scene);
     StepRequest r;
-    rates.apply(0, r);
+    rates.apply(moment_at(o, 0), r);
     EXPECT_NEAR(r.rates[0], 2 * 1.6e-4, 1e-7);
     EXPECT_NEAR(r.noise, 5e5 * r.rates[0], 1e-2);
     EXPECT_DOUBLE_EQ(r.rates[1], 0.005);
@@ -664,14 +665,14 @@ TEST(LearningRates, FollowTheTable) {
     EXPECT_DOUBLE_EQ(r.rates[3], 0.05);
     EXPECT_NEAR(r.rates[4], 0.000705237, 1e-9);
     EXPECT_DOUBLE_EQ(r.rates[5], 0.000125);
-    rates.apply(29999, r);
+    rates.apply(moment_at(o, 29999), r);
     EXPECT_NEAR(r.rates[0], 2 * 1.6e-6, 1e-12);
     TrainOptions adc;
     adc.source = "x";
     adc.strategy = Strategy::kAdc;
     validate(adc);
     EXPECT_DOUBLE_EQ(adc.opacity_lr, 0.025);
-    LearningRates(adc, appearance_spec(adc), scene).apply(0, r);
+    LearningRates(adc, appearance_spec(adc), scene).apply(moment_at(adc, 0), r);
     EXPECT_EQ(r.noise, 0);
 }
 
@@ -689,7 +690,7 @@ TEST(LearningRates, AutomaticOpacityRateGrowsWithTheCameraSpacing) {
     o.opacity_lr = automatic;
     validate(o);
     StepRequest r;
-    LearningRates(o, appearance_spec(o), scene).apply(0, r);
+    LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), r);
     EXPECT_DOUBLE_EQ(r.rates[3], opacity_rate(automatic, camera_spacing(scene.train)));
     EXPECT_GT(r.rates[3], 0.025);
     EXPECT_LT(r.rates[3], 0.05);
@@ -706,7 +707,7 @@ std::vector<int> degrees(const std::string& appearance, std::vector<std::int64_t
     const auto backend = make_cpu_backend(appearance_spec(o));
     std::vector<int> out;
     for (std::int64_t k = 0; k <= iterations.back(); ++k) {
-        schedule.before_step(*backend, k, held.contains(k));
+        schedule.before_step(*backend, moment_at(o, k), held.contains(k));
         if (std::find(iterations.begin(), iterations.end(), k) == iterations.end()) continue;
         out.push_back(schedule.active_degree());
         EXPECT_EQ(backend->download(false).active_degree, out.back());
@@ -732,7 +733,7 @@ TEST(DegreeSchedule, GoesOnFromTheDegreeOfACheckpoint) {
     DensificationSchedule schedule(o, appearance_spec(o), 1, true, {});
     const auto backend = make_cpu_backend(appearance_spec(o));
     schedule.resume(1);  // it was held once
-    schedule.before_step(*backend, 3000);
+    schedule.before_step(*backend, moment_at(o, 3000));
     EXPECT_EQ(schedule.active_degree(), 2);
 }
 

@@ -34,13 +34,11 @@ TEST(Suite, DensificationVariesTheStrategyAndItsBudget) {
     EXPECT_EQ(mcmc.model, "out/mcmc-sh");
     EXPECT_TRUE(mcmc.eval);
     EXPECT_EQ(mcmc.cap_max, 5005);
-    EXPECT_EQ(mcmc.densify_until_iter, 24900);
     EXPECT_EQ(mcmc.opacity_lr, 0.05);
     EXPECT_EQ(lines[1].cell.options.cap_max, 501) << "a tenth, rounded";
     EXPECT_EQ(lines[1].cell.options.strategy, Strategy::kMcmc);
     EXPECT_EQ(lines[2].cell.options.strategy, Strategy::kAdc);
-    EXPECT_EQ(lines[2].cell.options.densify_until_iter, 14900) << "decided by the cell's own strategy";
-    EXPECT_EQ(lines[2].cell.options.opacity_lr, 0.025);
+    EXPECT_EQ(lines[2].cell.options.opacity_lr, 0.025) << "decided by the cell's own strategy";
     EXPECT_FALSE(lines[2].cell.options.speedy_splat);
     EXPECT_TRUE(lines[3].cell.options.speedy_splat);
     EXPECT_EQ(lines[3].cell.options.opacity_lr, 0.05);

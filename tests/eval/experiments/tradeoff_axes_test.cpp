@@ -102,7 +102,7 @@ TEST(TradeoffAxes, AConfigurationIsItsValuesOnTopOfTheBase) {
     const Configuration c = make_configuration(axes, {"0.1", "90000", "adc"}, base_options());
     EXPECT_EQ(c.options.cap_max, 9000) << "a share of the cap, whichever axis comes first";
     EXPECT_EQ(c.options.init_points, 9000);
-    EXPECT_EQ(c.options.densify_until_iter, 14900) << "decided by the configuration's own strategy";
+    EXPECT_EQ(c.options.opacity_lr, 0.025) << "decided by the configuration's own strategy";
     EXPECT_TRUE(c.options.eval);
     EXPECT_EQ(c.options.model, "out/budget-0.1_cap-max-90000_strategy-adc");
     EXPECT_EQ(configuration_name(axes, c), "budget 0.1, cap-max 90000, strategy adc");

@@ -47,7 +47,7 @@ class TrainingEvaluationTest : public ::testing::Test {
 
 TEST_F(TrainingEvaluationTest, KeepsOnlyScoresOfIntermediateIterations) {
     TrainingEvaluation evaluation(options_, scene_, progress_, 3);
-    evaluation(10, backend_);
+    evaluation(10, backend_, false);
     EXPECT_EQ(evaluation.iteration(), 10);
     EXPECT_TRUE(results()["ours_10"].contains("PSNR"));
     EXPECT_FALSE(results()["timing"]["ours_10"].contains("frame_seconds"));
@@ -58,7 +58,7 @@ TEST_F(TrainingEvaluationTest, KeepsOnlyScoresOfIntermediateIterations) {
 
 TEST_F(TrainingEvaluationTest, AddsPicturesAndTimesOfTheTrainedModel) {
     TrainingEvaluation evaluation(options_, scene_, progress_, 3);
-    evaluation(20, backend_);
+    evaluation(20, backend_, true);
     evaluation.finish(
         {.iterations = 20, .num_gaussians = 7, .train_seconds = 4, .memory = {}, .photometric = "on: made up"});
     EXPECT_TRUE(std::filesystem::exists(tmp_.path() / "comparison.png"));
@@ -72,7 +72,7 @@ TEST_F(TrainingEvaluationTest, AddsPicturesAndTimesOfTheTrainedModel) {
 
 TEST_F(TrainingEvaluationTest, TheTimeOfAPartIsNotThatOfTheRun) {
     TrainingEvaluation evaluation(options_, scene_, progress_, 0);
-    evaluation(20, backend_);
+    evaluation(20, backend_, true);
     evaluation.finish({.iterations = 20,
                        .num_gaussians = 7,
                        .train_seconds = 4,

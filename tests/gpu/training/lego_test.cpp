@@ -43,7 +43,7 @@ class GpuTraining : public ::testing::TestWithParam<Strategy> {
         validate(o);
         Result result;
         TrainHooks hooks;
-        hooks.evaluate = [&](std::int64_t iteration, Backend& backend) {
+        hooks.evaluate = [&](std::int64_t iteration, Backend& backend, bool) {
             if (iteration == o.iterations) result.psnr = evaluate_views(backend, scene.test, {0, 0, 0}, {}).psnr;
         };
         Progress progress(ProgressStyle::kSilent);

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decides what the next step is.
+#include "lib/train/course.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/core/error.h"
+#include "lib/core/duration.h"
+
+namespace gs {
+namespace {
+
+/// The rounds through all views after which more steps help less than more Gaussians, and the most steps that this may
+/// ask for, half of the reference's (docs/results.md#the-frontier).
+constexpr double kWantedRounds = 60, kMostWantedSteps = 15000;
+/// The reduction of images in the first part of a training.
+constexpr int kCoarse = 2;
+/// The time of a step over that of its frame, which has no backward pass and no update.
+constexpr double kStepPerFrame = 3;
+/// The least seconds of steps that a time limit must leave.
+constexpr double kLeastSeconds = 0.1;
+
+}  // namespace
+
+Course::Course(const TrainOptions& options, std::size_t num_views)
+    : options_(options), wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))) {
+    if (!limits_time()) resume(0, 0);
+}
+
+void Course::resume(std::int64_t iteration, double used) {
+    used_ = used;
+    moment_ = limits_time() ? Moment{iteration, 0, -1} : moment_at(options_, iteration);
+    finished_ = !limits_time() && iteration >= options_.iterations;
+}
+
+std::int64_t Course::affordable_start(std::int64_t count, double frame_seconds) const {
+    const double seconds = parse_duration(options_.time_limit, "option time-limit");
+    return std::int64_t(double(count) * std::min(1.0, seconds / (kStepPerFrame * frame_seconds * double(wanted_steps_))));
+}
+
+void Course::start(const TimeCosts& costs, std::int64_t count) {
+    const double limit = parse_duration(options_.time_limit, "option time-limit");
+    budget_.emplace(limit, used_, wanted_steps_);
+    budget_->start(costs);
+    const double least = used_ + limit - budget_->for_steps(count) + kLeastSeconds;
+    if (moment_.iteration == 0 && limit < least)
+        throw UsageError(fmt::format(
+            "option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the shortest limit is {:g}s",
+            options_.time_limit, count, limit - budget_->for_steps(count), std::ceil(20 * least) / 20));
+    const double position = kReferenceIterations * budget_->progress(count);
+    moment_ = {moment_.iteration, position, position - 1};
+    finished_ = position >= kReferenceIterations;
+}
+
+void Course::advance(std::int64_t count) {
+    if (!limits_time()) {
+        moment_ = moment_at(options_, moment_.iteration + 1);
+        finished_ = moment_.iteration >= options_.iterations;
+        return;
+    }
+    moment_ = next_moment(moment_, budget_->progress(count));
+    // The time of a step may be long on a CPU: stop where the end is nearest.
+    finished_ = moment_.position + 0.5 * moment_.stride() >= kReferenceIterations;
+}
+
+std::int64_t Course::expected_iterations() const {
+    if (!limits_time()) return options_.iterations;
+    if (finished_ || moment_.position <= 0) return std::max<std::int64_t>(1, moment_.iteration);
+    return std::max<std::int64_t>(moment_.iteration,
+                                  std::llround(double(moment_.iteration) * kReferenceIterations / moment_.position));
+}
+
+int Course::reduction() const {
+    return moment_.position < options_.coarse_until * kReferenceIterations ? kCoarse : 1;
+}
+
+std::int64_t Course::most_gaussians(std::int64_t count) {
+    if (!budget_) return options_.cap_max;
+    return std::min(options_.cap_max,
+                    std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
+}
+
+}  // namespace gs

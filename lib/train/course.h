@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Leads a run from its first step to its last: through a number of iterations, or through a length of time.
+#pragma once
+
+#include <optional>
+
+#include "lib/train/time_budget.h"
+#include "lib/train/timeline.h"
+
+namespace gs {
+
+class Course {
+  public:
+    /// `options` must be validated and outlive the object.
+    Course(const TrainOptions& options, std::size_t num_views);
+
+    /// Continues after `iteration` steps, which took `used` seconds of a time limit.
+    void resume(std::int64_t iteration, double used);
+    bool limits_time() const { return !options_.time_limit.empty(); }
+    /// Returns the number of Gaussians with which a time limit leaves enough steps, where a frame of `count` takes
+    /// `frame_seconds`.
+    std::int64_t affordable_start(std::int64_t count, double frame_seconds) const;
+    /// Begins to count the time of a run with a limit; the first step follows. Throws UsageError if saving alone would
+    /// take longer than is left.
+    void start(const TimeCosts& costs, std::int64_t count);
+
+    const Moment& moment() const { return moment_; }
+    bool finished() const { return finished_; }
+    /// Goes on after a step, with `count` Gaussians.
+    void advance(std::int64_t count);
+    /// Returns the number of iterations of the run: an estimate while time decides.
+    std::int64_t expected_iterations() const;
+
+    /// Returns how many times images are reduced in the next step.
+    int reduction() const;
+    /// Returns the largest number of Gaussians that the next step may have.
+    std::int64_t most_gaussians(std::int64_t count);
+
+    /// Returns the number of steps below which a time limit no longer lets the model grow.
+    std::int64_t wanted_steps() const { return wanted_steps_; }
+    /// The account of the time; empty without a limit, or before start().
+    std::optional<TimeBudget>& budget() { return budget_; }
+    const std::optional<TimeBudget>& budget() const { return budget_; }
+
+  private:
+    const TrainOptions& options_;
+    const std::int64_t wanted_steps_;
+    double used_ = 0;
+    std::optional<TimeBudget> budget_;
+    Moment moment_;
+    bool finished_ = false;
+};
+
+}  // namespace gs

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// Schedules that follow the length of a run, and runs that follow a clock.
+#include "lib/train/course.h"
+
+#include <gtest/gtest.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/train/densification.h"
+#include "lib/train/learning_rates.h"
+#include "tests/train/forwarding_backend.h"
+
+namespace gs {
+namespace {
+
+TrainOptions options_of(std::int64_t iterations, ScheduleKind schedule = ScheduleKind::kProgress) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.iterations = iterations, o.schedule = schedule;
+    validate(o);
+    return o;
+}
+
+TEST(Timeline, ARunOfTheReferenceLengthCountsIterations) {
+    const TrainOptions o = options_of(30000);
+    for (const std::int64_t k : {0, 1, 599, 24900, 29999}) {
+        EXPECT_EQ(moment_at(o, k).position, double(k));
+        EXPECT_EQ(moment_at(o, k).before, double(k - 1));
+    }
+}
+
+TEST(Timeline, OtherLengthsAreStretchedUnlessTheScheduleIsFixed) {
+    EXPECT_EQ(moment_at(options_of(7500), 100).position, 400);
+    EXPECT_EQ(moment_at(options_of(7500), 100).stride(), 4);
+    EXPECT_EQ(moment_at(options_of(60000), 100).position, 50);
+    EXPECT_EQ(moment_at(options_of(7500, ScheduleKind::kFixed), 100).position, 100);
+}
+
+TEST(Timeline, MultiplesArePassedOnce) {
+    for (const std::int64_t iterations : {100, 2999, 7500, 30000, 47001}) {
+        const TrainOptions o = options_of(iterations);
+        std::int64_t passed = 0;
+        for (std::int64_t k = 0; k < iterations; ++k) {
+            const Moment m = moment_at(o, k);
+            passed += multiples_passed(m.before, m.position, 1000);
+        }
+        EXPECT_EQ(passed, iterations < 30 ? 1 : 30) << iterations;  // 0, 1000, ..., 29000
+    }
+}
+
+TEST(Timeline, AMarkThatWasNamedCountsIterations) {
+    const Moment m{50, 400, 392};
+    EXPECT_TRUE(Mark(-1, 400).reached(m));
+    EXPECT_FALSE(Mark(-1, 401).reached(m));
+    EXPECT_TRUE(Mark(50, 99999).reached(m));
+    EXPECT_FALSE(Mark(51, 0).reached(m));
+    EXPECT_FALSE(Mark(50, 0).exceeded(m));
+}
+
+/// Counts densifications and notes the degree.
+class Watched : public test::ForwardingBackend {
+  public:
+    Watched() : ForwardingBackend({"sh", 3, ColorActivation::kRelu}) {}
+    void set_active_degree(int degree) override { degrees.push_back(degree); }
+    DensifyStats densify(const DensifyRequest& request) override {
+        at.push_back(request.iteration);
+        cap = std::get<McmcParams>(request.rule).cap;
+        return {};
+    }
+    void morton_sort() override {}
+    std::vector<int> degrees;
+    std::vector<std::int64_t> at;
+    std::int64_t cap = 0;
+};
+
+Watched walk(const TrainOptions& o) {
+    Watched backend;
+    DensificationSchedule schedule(o, {"sh", 3, ColorActivation::kRelu}, 1, true, {});
+    for (std::int64_t k = 0; k < o.iterations; ++k) schedule.before_step(backend, moment_at(o, k));
+    return backend;
+}
+
+TEST(Schedules, AShortRunIsComplete) {
+    const Watched whole = walk(options_of(30000)), quarter = walk(options_of(7500));
+    EXPECT_EQ(whole.at.size(), 244u);
+    EXPECT_EQ(quarter.at.size(), 244u);
+    EXPECT_EQ(quarter.at.front(), 150);
+    EXPECT_EQ(quarter.at.back(), 24900 / 4);
+    EXPECT_EQ(whole.degrees, quarter.degrees);
+    EXPECT_EQ(quarter.degrees.back(), 3);
+    const Watched fixed = walk(options_of(7500, ScheduleKind::kFixed));
+    EXPECT_EQ(fixed.at.front(), 600);
+    EXPECT_EQ(fixed.at.size(), 69u);
+}
+
+TEST(Schedules, DensificationsOfVeryShortRunsAreTenStepsApart) {
+    const Watched few = walk(options_of(300));
+    ASSERT_GT(few.at.size(), 10u);
+    for (std::size_t k = 1; k < few.at.size(); ++k) EXPECT_GE(few.at[k] - few.at[k - 1], 10);
+    EXPECT_EQ(few.degrees.back(), 3) << "several degrees in one step";
+}
+
+TEST(Schedules, NamedIterationsStay) {
+    TrainOptions o = options_of(1000);
+    o.densify_from_iter = 100, o.densify_until_iter = 400, o.densification_interval = 50;
+    EXPECT_EQ(walk(o).at, (std::vector<std::int64_t>{100, 150, 200, 250, 300, 350, 400}));
+}
+
+TEST(Schedules, RatesFallToTheirLastValueInARunOfAnyLength) {
+    Scene scene;
+    scene.train.resize(1);
+    for (const std::int64_t iterations : {500, 30000}) {
+        TrainOptions o = options_of(iterations);
+        o.final_rate = 0.1, o.residual_rate = 3;
+        const LearningRates rates(o, appearance_spec(o), scene);
+        StepRequest first, last;
+        rates.apply(moment_at(o, 0), first);
+        rates.apply(moment_at(o, iterations - 1), last);
+        EXPECT_NEAR(last.rates[0] / first.rates[0], 0.01, 2e-4) << "means";
+        for (int g = 1; g < kNumGroups; ++g) EXPECT_NEAR(last.rates[g] / first.rates[g], 0.1, 1e-3) << kGroupNames[g];
+        EXPECT_NEAR(first.rates[int(Group::kResidual)], 3 * 0.000125, 1e-12);
+    }
+}
+
+double fake_time = 0;
+double fake_clock() { return fake_time; }
+
+TEST(TimeBudget, KeepsBackWhatSavingTakes) {
+    TimeBudget budget(10, 0, 1000, fake_clock);
+    fake_time = 100;
+    budget.start({.saving_per_gaussian = 1e-6});
+    EXPECT_NEAR(budget.for_steps(1000000), 9 - 0.02, 1e-9);
+    fake_time = 104;
+    EXPECT_NEAR(budget.elapsed(), 4, 1e-9);
+    EXPECT_NEAR(budget.progress(1000000), 4 / 8.98, 1e-9);
+    budget.leave_out(1);
+    EXPECT_NEAR(budget.elapsed(), 3, 1e-9);
+    budget.keep_back(2);
+    EXPECT_NEAR(budget.for_steps(0), 7.98, 1e-9);
+    EXPECT_EQ(budget.progress(100000000), 1) << "nothing is left";
+}
+
+TEST(TimeBudget, ContinuesWithWhatIsLeft) {
+    TimeBudget budget(10, 6, 1000, fake_clock);
+    budget.start({});
+    EXPECT_NEAR(budget.elapsed(), 6, 1e-9);
+    EXPECT_NEAR(budget.progress(0), 6 / 9.98, 1e-9);
+}
+
+TEST(TimeBudget, AffordsWhatLeavesEnoughSteps) {
+    fake_time = 0;
+    TimeBudget budget(100.02, 0, 1000, fake_clock);
+    budget.start({.coarse_ratio = 4});
+    EXPECT_EQ(budget.affordable(5000, 2, false), 5000) << "too few steps to tell";
+    fake_time = 1;  // ten steps of 0.1 s: all 1000 just fit
+    EXPECT_NEAR(double(budget.affordable(5000, 10, false)), 5000, 1);
+    fake_time = 1.5;  // ten of 0.05 s
+    EXPECT_NEAR(double(budget.affordable(5000, 20, false)), 10000, 1);
+    fake_time = 2;  // the same, but full images take four times as long
+    EXPECT_NEAR(double(budget.affordable(5000, 30, true)), 2500, 1);
+}
+
+TrainOptions limited(const std::string& limit) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.time_limit = limit;
+    validate(o);
+    return o;
+}
+
+TEST(Course, RunsThroughIterations) {
+    TrainOptions o = options_of(3);
+    o.coarse_until = 0.5;
+    Course course(o, 10);
+    std::vector<int> reductions;
+    for (; !course.finished(); course.advance(100)) reductions.push_back(course.reduction());
+    EXPECT_EQ(reductions, (std::vector<int>{2, 2, 1}));
+    EXPECT_EQ(course.moment().iteration, 3);
+    EXPECT_EQ(course.expected_iterations(), 3);
+    EXPECT_EQ(course.most_gaussians(7), o.cap_max);
+}
+
+TEST(Course, RunsThroughTime) {
+    const TrainOptions o = limited("0.4s");
+    Course course(o, 10);
+    course.start({}, 100);
+    const double start = seconds_now();
+    double position = -1;
+    while (!course.finished()) {
+        EXPECT_GE(course.moment().position, position);
+        position = course.moment().position;
+        course.advance(100);
+    }
+    const double seconds = seconds_now() - start;
+    EXPECT_GT(seconds, 0.3);
+    EXPECT_GT(course.moment().iteration, 100);
+    EXPECT_EQ(course.expected_iterations(), course.moment().iteration);
+}
+
+TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
+    const TrainOptions o = limited("1s");
+    Course course(o, 10);
+    try {
+        course.start({.saving_per_gaussian = 2e-3}, 1000);
+        FAIL();
+    } catch (const UsageError& e) {
+        EXPECT_NE(std::string(e.what()).find("1s is too short"), std::string::npos) << e.what();
+        EXPECT_NE(std::string(e.what()).find("the shortest limit is 2.15s"), std::string::npos) << e.what();
+    }
+}
+
+TEST(Course, AResumedRunThatHasUsedItsTimeIsFinished) {
+    const TrainOptions o = limited("5s");
+    Course course(o, 10);
+    course.resume(1000, 5);
+    course.start({}, 100);
+    EXPECT_TRUE(course.finished());
+    EXPECT_EQ(course.moment().iteration, 1000);
+}
+
+}  // namespace
+}  // namespace gs
