@@ -31,7 +31,8 @@ std::optional<CellResult> finished_cell(const TrainOptions& options) {
     const std::optional<TableRow> row = finished_run(options);
     if (!row || !row->num_gaussians || !row->frame_seconds) return std::nullopt;
     std::error_code ignored;
-    const auto bytes = std::filesystem::file_size(RunFolder{options.model}.point_cloud(options.iterations), ignored);
+    const auto bytes =
+        std::filesystem::file_size(RunFolder{options.model}.point_cloud(ended_at(options).value_or(0)), ignored);
     return CellResult{row->psnr,           row->ssim,           *row->num_gaussians,    *row->train_seconds,
                       *row->frame_seconds, std::int64_t(bytes), row->peak_device_bytes, row->protocol};
 }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "lib/core/duration.h"
+
 namespace gs {
 
 void TimePlan::add(const TrainOptions& options, double train_seconds, std::optional<double> wall_seconds) {
@@ -14,9 +16,11 @@ void TimePlan::add(const TrainOptions& options, double train_seconds, std::optio
 }
 
 std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
+    if (!options.time_limit.empty()) return overhead_seconds_ + parse_duration(options.time_limit, "time-limit");
     std::optional<double> expected;
     double least = std::numeric_limits<double>::infinity();
     for (const Ended& run : ended_) {
+        if (!run.options.time_limit.empty()) continue;
         const double iterations = double(options.iterations) / double(run.options.iterations);
         const double gaussians = double(options.cap_max) / double(run.options.cap_max);
         // A step of 1 % in size weighs more than another appearance: these differ by less than a factor of two.

@@ -14,10 +14,10 @@ class TimePlan {
     /// A training that has ended. `wall_seconds`: with loading and scoring; empty where nobody measured it.
     void add(const TrainOptions& options, double train_seconds, std::optional<double> wall_seconds);
 
-    /// The expected time from start to scores, s: that of the ended run which is nearest in iterations and --cap-max
-    /// (and of this appearance where two are equally near), its training in proportion to iterations and to --cap-max.
-    /// That is too much for a larger run, whose iterations do not all have the full number of Gaussians, so it errs on
-    /// the safe side. Empty while no run has ended.
+    /// The expected time from start to scores, s: the time limit, where the options have one, else that of the ended
+    /// run which is nearest in iterations and --cap-max (and of this appearance where two are equally near), its
+    /// training in proportion to iterations and to --cap-max. That is too much for a larger run, whose iterations do
+    /// not all have the full number of Gaussians, so it errs on the safe side. Empty while no run has ended.
     std::optional<double> seconds(const TrainOptions& options) const;
 
     /// Whether it is expected to end in that time; without any measurement yet it is worth a try.

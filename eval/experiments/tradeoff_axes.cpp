@@ -16,6 +16,7 @@
 #include "eval/experiments/cell.h"
 #include "eval/runs/training_options.h"
 #include "kernels/core/error.h"
+#include "lib/core/duration.h"
 #include "lib/core/nearest.h"
 #include "lib/core/options.h"
 #include "lib/train/choose_backend.h"
@@ -121,7 +122,11 @@ double distance_on(const TradeoffAxis& axis, const std::string& a, const std::st
 }
 
 void spread(const std::vector<TradeoffAxis>& axes, std::vector<Configuration>& list) {
-    const auto work = [](const Configuration& c) { return double(c.options.iterations) * double(c.options.cap_max); };
+    const auto work = [](const Configuration& c) {
+        const TrainOptions& o = c.options;
+        if (!o.time_limit.empty()) return parse_duration(o.time_limit, "time-limit");
+        return double(o.iterations) * double(o.cap_max);
+    };
     std::iter_swap(list.begin(), std::min_element(list.begin(), list.end(),
                                                   [&](const auto& a, const auto& b) { return work(a) < work(b); }));
     std::vector<double> nearest(list.size(), std::numeric_limits<double>::infinity());  // to those before
@@ -145,6 +150,7 @@ std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, cons
     std::vector<TradeoffAxis> axes;
     const auto add = [&](std::string name, const std::optional<std::vector<std::string>>& values) {
         std::replace(name.begin(), name.end(), '_', '-');
+        if (name == "time" || name == "size") name += "-limit";
         check_name(name);
         if (std::any_of(axes.begin(), axes.end(), [&](const TradeoffAxis& axis) { return axis.name == name; }))
             throw UsageError(fmt::format("--axes: {} is given twice", name));

@@ -22,10 +22,10 @@ struct Configuration {
 
 /// Reads "appearance=none,sh", "budget=0.1,1", or names without values ("appearance,budget"), which take their default
 /// values: appearance none, nasg, neural, sh; budget 0.1, 0.3, 1; precision full, and fast on a GPU or cutoffs on the
-/// CPU; iterations a quarter and all of `base.iterations`; any other option all its choices. Axes may
-/// be any option that changes the model, its time or its size, and leaves scores comparable. Values are not checked
-/// yet. Throws UsageError for an unknown name (naming the nearest), a name twice, or without values where there are no
-/// default ones.
+/// CPU; iterations a quarter and all of `base.iterations`; any other option all its choices. time and size are short
+/// for time-limit and size-limit. Axes may be any option that changes the model, its time or its size, and leaves
+/// scores comparable. Values are not checked yet. Throws UsageError for an unknown name (naming the nearest), a name
+/// twice, or without values where there are no default ones.
 std::vector<TradeoffAxis> parse_axes(const std::vector<std::string>& words, const TrainOptions& base);
 
 /// Returns `base` with these values (`base` is not validated, so that each configuration decides "0 or -1 = by

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "eval/auto/find_appearance.h"
+#include "eval/experiments/plan.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
 #include "kernels/core/clock.h"
@@ -83,13 +84,10 @@ void add_share_of_training(const TrainOptions& options, const TrainSummary& summ
              choice.value("share_of_training", 0.0));
 }
 
-void describe_training(const TrainOptions& options, const TrainSummary& summary) {
+void describe_training(const TrainSummary& summary) {
     log_info("{} iterations in {:.1f} s{} ({:.1f} s waiting for images), {} Gaussians", summary.iterations,
              summary.train_seconds, summary.whole_time ? "" : " since the checkpoint", summary.data_wait_seconds,
              summary.num_gaussians);
-    if (summary.limited_seconds > 0)
-        log_info("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit,
-                 summary.limited_seconds, summary.saving_seconds);
     if (summary.controller_seconds > 0)
         log_info("{} iterations of the controllers in {:.1f} s, besides", summary.controller_iterations,
                  summary.controller_seconds);
@@ -148,8 +146,11 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
+    Plan plan = make_plan(options, scene);
+    for (const std::string& line : plan.lines) log_info("plan: {}", line);
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
+    if (plan.size) hooks.most_gaussians = std::min(plan.size->most_gaussians, options.cap_max);
     const bool measure = options.eval && !scene.test.empty();
     if (measure)
         hooks.evaluate = std::ref(evaluation);
@@ -159,11 +160,12 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
     progress.finish();
     lock->check_folder();
-    describe_training(options, summary);
+    describe_training(summary);
+    note_outcome(plan, options, summary);
     add_share_of_training(options, summary);
     std::optional<TableRow> row;
     if (measure) {
-        evaluation.finish(summary);
+        evaluation.finish(summary, plan.json);
         row = read_table_row(options.model, evaluation.iteration());
         read_training(*row, options.model);
     }

@@ -140,9 +140,10 @@ bool holds_same_run(const TrainOptions& options) {
 
 std::optional<TableRow> finished_run(const TrainOptions& options) {
     const RunFolder folder{options.model};
-    if (!path_exists(folder.point_cloud(options.iterations)) || !holds_same_run(options)) return std::nullopt;
+    const auto last = ended_at(options);
+    if (!last || !holds_same_run(options)) return std::nullopt;
     try {
-        TableRow row = read_table_row(folder.root, options.iterations);
+        TableRow row = read_table_row(folder.root, *last);
         read_training(row, folder.root);
         return row.train_seconds ? std::optional(row) : std::nullopt;  // the time is written last
     } catch (const DataError&) {  // the results are of another iteration or cut short

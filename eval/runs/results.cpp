@@ -85,6 +85,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
     if (facts.peak_device_bytes) section(results, "memory")[key] = {{"peak_device_bytes", *facts.peak_device_bytes}};
     if (!facts.photometric.empty()) section(results, "photometric")[key] = {{"decision", facts.photometric}};
     if (!facts.appearance_choice.is_null()) section(results, "appearance_choice")[key] = facts.appearance_choice;
+    if (!facts.plan.is_null()) section(results, "plan")[key] = facts.plan;
     if (result.residual_mean)
         section(results, "decomposition")[key] = {{"residual_mean", finite_or_null(*result.residual_mean)}};
     section(results, "num_gaussians")[key] = facts.num_gaussians;

@@ -30,6 +30,7 @@ struct RunFacts {
         controller_seconds;   ///< time of the controllers' training, not in train_seconds; absent: as above
     std::string photometric;  ///< decision of --ppisp auto; empty: as above
     nlohmann::ordered_json appearance_choice;       ///< the run's auto.json; null where the model was named
+    nlohmann::ordered_json plan;                    ///< plan of a run with constraints; null without
     std::optional<double> frame_seconds;            ///< mean of a frame without the copy to the host; absent: as above
     std::optional<std::int64_t> peak_device_bytes;  ///< most GPU memory held while training; absent: as above
 };
@@ -37,7 +38,8 @@ struct RunFacts {
 /// Adds iteration `options.iteration` to results.json and per_view.json and keeps their other iterations:
 ///   {"ours_N": {"SSIM": .., "PSNR": ..}, "protocol": {"ours_N": {..}}, "timing": {"ours_N": {..}},
 ///    "memory": {"ours_N": {..}}, "decomposition": {"ours_N": {"residual_mean": ..}}, "num_gaussians": {"ours_N": ..},
-///    "photometric": {"ours_N": {"decision": ..}}, "appearance_choice": {"ours_N": {..}}, "run": {"ours_N": {..}}}
+///    "photometric": {"ours_N": {"decision": ..}}, "appearance_choice": {"ours_N": {..}}, "plan": {"ours_N": {..}},
+///    "run": {"ours_N": {..}}}
 ///   {"ours_N": {"SSIM": {"00000.png": ..}, "PSNR": {..}},
 ///    "decomposition": {"ours_N": {"residual_mean": {"00000.png": ..}}}, "image_names": {"ours_N": {"00000.png": ..}}}
 /// Further metrics stand beside PSNR and SSIM by MetricInfo::key. "not_measured": {"ours_N": {"LPIPS-VGG": reason}}

@@ -45,10 +45,11 @@ void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bo
                      {"ppisp_eval", correction_name(eval_.correction.mode)}});
 }
 
-void TrainingEvaluation::finish(const TrainSummary& summary) {
+void TrainingEvaluation::finish(const TrainSummary& summary, const nlohmann::ordered_json& plan) {
     if (summary.whole_time) facts_.train_seconds = summary.train_seconds;
     if (summary.controller_seconds > 0) facts_.controller_seconds = summary.controller_seconds;
     facts_.photometric = summary.photometric;
+    facts_.plan = plan;
     facts_.appearance_choice = read_appearance_choice(options_.model);
     if (summary.memory.peak > 0) facts_.peak_device_bytes = summary.memory.peak;
     write_results(RunFolder{options_.model}, eval_, result_, facts_);

@@ -25,9 +25,9 @@ class TrainingEvaluation {
     /// the pictures and comparison.png.
     void operator()(std::int64_t iteration, Backend& backend, bool last);
 
-    /// Adds to results.json what is known only after the training: its time, its memory, and how automatic options were
-    /// decided.
-    void finish(const TrainSummary& summary);
+    /// Adds to results.json what is known only after the training: its time, its memory, how automatic options were
+    /// decided, and the `plan` with what came of it, null if there was none.
+    void finish(const TrainSummary& summary, const nlohmann::ordered_json& plan = {});
 
     /// The iteration that was scored last; 0 = none yet.
     std::int64_t iteration() const { return eval_.iteration; }

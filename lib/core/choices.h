@@ -23,6 +23,8 @@ enum class ScheduleKind { kProgress, kFixed };
 enum class Recipe { kAuto, kPaper, kFrontier };
 /// Documented points between speed and quality.
 enum class Preset { kNone, kFast, kBalanced, kBest };
+/// The file that a size limit is for: the scene of a web export, the PLY, the .splat file.
+enum class SizeOf { kWeb, kPly, kSplat };
 /// Where the model is trained; kAuto: on the GPU where there is one.
 enum class Device { kAuto, kCpu, kCuda };
 /// Whether the photometric correction is learned; kAuto: where images turn out to differ.
@@ -47,6 +49,7 @@ template <> inline constexpr auto kWordsOf<ScheduleKind> = std::to_array<std::st
 template <> inline constexpr auto kWordsOf<Recipe> = std::to_array<std::string_view>({"auto", "paper", "frontier"});
 template <>
 inline constexpr auto kWordsOf<Preset> = std::to_array<std::string_view>({"none", "fast", "balanced", "best"});
+template <> inline constexpr auto kWordsOf<SizeOf> = std::to_array<std::string_view>({"web", "ply", "splat"});
 template <> inline constexpr auto kWordsOf<Device> = std::to_array<std::string_view>({"auto", "cpu", "cuda"});
 template <> inline constexpr auto kWordsOf<PpispMode> = std::to_array<std::string_view>({"off", "on", "auto"});
 template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::string_view>({"auto", "on", "off"});

@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/core/bytes.h"
 #include "lib/core/duration.h"
@@ -111,11 +112,11 @@ void check_resolution(int r) {
     }
 }
 
-void check_image_cache(const std::string& text) {
+void check_bytes(const std::string& key, const std::string& text) {
     try {
         parse_bytes(text);
     } catch (const UsageError& e) {
-        throw UsageError(fmt::format("option image-cache: {}", e.what()));
+        throw UsageError(fmt::format("option {}: {}", key, e.what()));
     }
 }
 
@@ -139,8 +140,9 @@ void apply_preset(TrainOptions& options) {
 /// what each is worth.
 void apply_recipe(TrainOptions& options) {
     if (options.recipe == Recipe::kAuto)
-        options.recipe =
-            options.preset != Preset::kNone || !options.time_limit.empty() ? Recipe::kFrontier : Recipe::kPaper;
+        options.recipe = options.preset != Preset::kNone || !options.time_limit.empty() || !options.size_limit.empty()
+                             ? Recipe::kFrontier
+                             : Recipe::kPaper;
     if (options.recipe != Recipe::kFrontier) return;
     suggest(options, "position-lr-init", &TrainOptions::position_lr_init, 3.2e-4);
     suggest(options, "position-lr-final", &TrainOptions::position_lr_final, 3.2e-6);
@@ -230,7 +232,8 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
 void check_option(const Option& option, const TrainOptions& options) {
     check_value(option, options);
     if (option.key == "resolution") check_resolution(options.resolution);
-    if (option.key == "image-cache") check_image_cache(options.image_cache);
+    if (option.key == "image-cache") check_bytes("image-cache", options.image_cache);
+    if (option.key == "size-limit" && !options.size_limit.empty()) check_bytes("size-limit", options.size_limit);
 }
 
 LogLevel shown_messages(const TrainOptions& options) {
@@ -261,6 +264,9 @@ void validate(TrainOptions& options) {
     if (!options.time_limit.empty()) parse_duration(options.time_limit, "option time-limit");
     apply_preset(options);
     apply_recipe(options);
+    // A .splat file holds one colour for all directions.
+    if (!options.size_limit.empty() && options.size_of == SizeOf::kSplat)
+        suggest(options, "appearance", &TrainOptions::appearance, std::string("none"));
     const bool mcmc = options.strategy == Strategy::kMcmc;
     if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.controller_iterations < 0 && options.time_limit.empty())

@@ -114,9 +114,13 @@ std::vector<Option> run_options() {
                "and 30000 iterations, about a sixth, a half and all of the time"),
         text("time-limit", &O::time_limit, "a duration, e.g. 20s, 5m",
              "train for this long instead of for a number of iterations, final pruning and saving included"),
+        text("size-limit", &O::size_limit, "a number with KB, MB, GB, KiB, MiB or GiB",
+             "train a model whose exported file is at most this large, and at least 95 % of it where that can be"),
+        choice("size-of", &O::size_of,
+               "the file that size-limit is for: scene.ngsplat of the web export, the PLY, or the .splat file"),
         choice("recipe", &O::recipe,
                "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
-               "time (docs/guide.md); auto: frontier with time-limit or preset, else paper"),
+               "time (docs/guide.md); auto: frontier with a limit or a preset, else paper"),
         choice(
             "schedule", &O::schedule,
             "progress: rates, degrees and densification follow the share of the run that is done, so that a run of "

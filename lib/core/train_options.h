@@ -37,6 +37,8 @@ struct TrainOptions {
     std::int64_t iterations = 30000;
     Preset preset = Preset::kNone;
     std::string time_limit;  ///< duration of the training, saving included; empty = none
+    std::string size_limit;  ///< bytes of the exported file; empty = none
+    SizeOf size_of = SizeOf::kWeb;
     Recipe recipe = Recipe::kAuto;
     ScheduleKind schedule = ScheduleKind::kProgress;
     std::uint64_t seed = 0;

@@ -204,6 +204,21 @@ int PackedScene::bytes_per_gaussian() const {
     return int(sizeof(GeometryWords)) + packed_layout(appearance.header).bytes_per_gaussian();
 }
 
+std::int64_t ngsplat_unit() { return kTextureWidth; }
+
+std::int64_t ngsplat_bytes(const PackedScene& scene, std::int64_t count, std::int64_t trailer_bytes) {
+    const PackedHeader& a = scene.appearance.header;
+    std::size_t bytes = sizeof kMagic + sizeof(Header) + sizeof scene.base_range + a.floats.size() * sizeof(float) +
+                        sizeof scene.center + sizeof scene.up + sizeof scene.distance + sizeof(std::uint32_t) +
+                        scene.cameras.size() * sizeof(PackedCamera) + sizeof(std::uint32_t) +
+                        std::size_t(packed_layout(a).weight_halves) * sizeof(std::uint16_t);
+    if (scene.ppisp)
+        bytes += sizeof scene.ppisp->response + sizeof scene.ppisp->standard +
+                 scene.ppisp->views.size() * sizeof(PackedFrame);
+    if (trailer_bytes > 0) bytes += sizeof kTrailerMagic + 3 * sizeof(std::uint32_t) + std::size_t(trailer_bytes);
+    return std::int64_t(bytes) + padded_count(count) * scene.bytes_per_gaussian();
+}
+
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) {
     const PackedHeader& a = scene.appearance.header;
     const PackedLayout layout = packed_layout(a);

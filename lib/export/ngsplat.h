@@ -51,6 +51,11 @@ struct PackedScene {
     int bytes_per_gaussian() const;
 };
 
+/// Returns the number of which the file's textures have room for a multiple.
+std::int64_t ngsplat_unit();
+/// Returns the size that the file of `scene` would have with `count` Gaussians and a trailer of `trailer_bytes`.
+std::int64_t ngsplat_bytes(const PackedScene& scene, std::int64_t count, std::int64_t trailer_bytes);
+
 /// Writes the file atomically. The sizes of textures and weights must be those of the appearance's layout;
 /// `ppisp->views` must have one entry per camera. Throws DataError.
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene);

@@ -192,6 +192,13 @@ Columns find_columns(const PlyReader& file, const AppearanceSpec& a, int num_f_r
 
 }  // namespace
 
+std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance) {
+    Gaussians none;
+    none.appearance = appearance;
+    for (int g = 0; g < kNumGroups; ++g) none.groups[g].width = group_width(Group(g), appearance);
+    return std::int64_t(sizeof(float) * make_header(none, {}).properties.size());
+}
+
 void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyOptions& options) {
     const PlyHeader header = make_header(g, options);
     const std::size_t width = header.properties.size();

@@ -30,6 +30,9 @@ struct PlyOptions {
 /// naming row and property for a value that is not finite; DataError when the write fails.
 void write_ply(const std::filesystem::path& path, const Gaussians& gaussians, const PlyOptions& options);
 
+/// Returns the bytes of one Gaussian in a file of write_ply.
+std::int64_t ply_bytes_per_gaussian(const AppearanceSpec& appearance);
+
 /// Reads files of write_ply and other programs: properties by name in any order, float or double. Files without the
 /// gsapp comment are read as plain_sh_appearance of the degree that the number of f_rest says, all degrees active.
 /// The Gaussians of a gsapp file are in the frame that they were trained in, which `*frame` becomes; those of other

@@ -281,4 +281,13 @@ void write_input_points(const RunFolder& folder, const PointCloud& points, const
     file.commit();
 }
 
+std::optional<std::int64_t> ended_at(const TrainOptions& options) {
+    try {
+        const std::int64_t last = options.time_limit.empty() ? options.iterations : latest_point_cloud(options.model);
+        if (path_exists(RunFolder{options.model}.point_cloud(last))) return last;
+    } catch (const DataError&) {  // no point cloud yet
+    }
+    return std::nullopt;
+}
+
 }  // namespace gs

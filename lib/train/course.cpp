@@ -25,8 +25,10 @@ constexpr double kLeastSeconds = 0.1;
 
 }  // namespace
 
-Course::Course(const TrainOptions& options, std::size_t num_views)
-    : options_(options), wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))) {
+Course::Course(const TrainOptions& options, std::size_t num_views, std::int64_t cap)
+    : options_(options),
+      wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))),
+      cap_(cap) {
     if (!limits_time()) resume(0, 0);
 }
 
@@ -38,7 +40,8 @@ void Course::resume(std::int64_t iteration, double used) {
 
 std::int64_t Course::affordable_start(std::int64_t count, double frame_seconds) const {
     const double seconds = parse_duration(options_.time_limit, "option time-limit");
-    return std::int64_t(double(count) * std::min(1.0, seconds / (kStepPerFrame * frame_seconds * double(wanted_steps_))));
+    return std::int64_t(double(count) *
+                        std::min(1.0, seconds / (kStepPerFrame * frame_seconds * double(wanted_steps_))));
 }
 
 void Course::start(const TimeCosts& costs, std::int64_t count) {
@@ -47,9 +50,10 @@ void Course::start(const TimeCosts& costs, std::int64_t count) {
     budget_->start(costs);
     const double least = used_ + limit - budget_->for_steps(count) + kLeastSeconds;
     if (moment_.iteration == 0 && limit < least)
-        throw UsageError(fmt::format(
-            "option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the shortest limit is {:g}s",
-            options_.time_limit, count, limit - budget_->for_steps(count), std::ceil(20 * least) / 20));
+        throw UsageError(
+            fmt::format("option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the "
+                        "shortest limit is {:g}s",
+                        options_.time_limit, count, limit - budget_->for_steps(count), std::ceil(20 * least) / 20));
     const double position = kReferenceIterations * budget_->progress(count);
     moment_ = {moment_.iteration, position, position - 1};
     finished_ = position >= kReferenceIterations;
@@ -73,14 +77,11 @@ std::int64_t Course::expected_iterations() const {
                                   std::llround(double(moment_.iteration) * kReferenceIterations / moment_.position));
 }
 
-int Course::reduction() const {
-    return moment_.position < options_.coarse_until * kReferenceIterations ? kCoarse : 1;
-}
+int Course::reduction() const { return moment_.position < options_.coarse_until * kReferenceIterations ? kCoarse : 1; }
 
 std::int64_t Course::most_gaussians(std::int64_t count) {
-    if (!budget_) return options_.cap_max;
-    return std::min(options_.cap_max,
-                    std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
+    if (!budget_) return cap_;
+    return std::min(cap_, std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
 }
 
 }  // namespace gs

@@ -11,8 +11,8 @@ namespace gs {
 
 class Course {
   public:
-    /// `options` must be validated and outlive the object.
-    Course(const TrainOptions& options, std::size_t num_views);
+    /// `options` must be validated and outlive the object. `cap` is the most Gaussians that the run may have.
+    Course(const TrainOptions& options, std::size_t num_views, std::int64_t cap);
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
@@ -44,7 +44,7 @@ class Course {
 
   private:
     const TrainOptions& options_;
-    const std::int64_t wanted_steps_;
+    const std::int64_t wanted_steps_, cap_;
     double used_ = 0;
     std::optional<TimeBudget> budget_;
     Moment moment_;

@@ -21,7 +21,7 @@ void TimeBudget::start(const TimeCosts& costs) {
 }
 
 double TimeBudget::for_steps(std::int64_t count) const {
-    return limit_ - kept_back_ - kSavingOverhead - costs_.saving_per_gaussian * double(count);
+    return limit_ - kept_back_ - costs_.pruning - kSavingOverhead - costs_.saving_per_gaussian * double(count);
 }
 
 double TimeBudget::progress(std::int64_t count) const {

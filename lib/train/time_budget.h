@@ -12,6 +12,7 @@ namespace gs {
 /// What is measured before the first step.
 struct TimeCosts {
     double saving_per_gaussian = 0;  ///< seconds that a Gaussian takes in the final pruning and saving
+    double pruning = 0;              ///< seconds of the final pruning by score
     double coarse_ratio = 1;         ///< time of a full image over that of a coarse one
 };
 

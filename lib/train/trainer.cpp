@@ -37,6 +37,15 @@ constexpr std::int64_t kLogInterval = 100;
 constexpr std::int64_t kMaxSkips = 10;
 /// The points that a training begins with at least, however short it is.
 constexpr std::int64_t kLeastPoints = 1000;
+/// The time of scoring a view over that of its frame, and some more, since frames take longer with more Gaussians.
+constexpr double kScorePerFrame = 4;
+
+/// Returns the most Gaussians that a run has at any time: some more than may be left at the end, so that there are
+/// enough when those without effect are gone.
+std::int64_t cap_while_training(const TrainOptions& options, const TrainHooks& hooks) {
+    if (hooks.most_gaussians == 0) return options.cap_max;
+    return std::min(options.cap_max, hooks.most_gaussians + std::max<std::int64_t>(1, hooks.most_gaussians / 10));
+}
 
 /// The seconds between two automatic checkpoints; infinite without them.
 double automatic_interval(const TrainOptions& options) {
@@ -56,7 +65,7 @@ class Run {
           hooks_(hooks),
           appearance_(appearance_spec(options)),
           views_(options_, scene),
-          course_(options_, scene.train.size()),
+          course_(options_, scene.train.size(), cap_while_training(options_, hooks)),
           schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
@@ -120,6 +129,7 @@ class Run {
     void begin_time() {
         const std::int64_t count = backend_->count();
         TimeCosts costs{.saving_per_gaussian = writer_.time_saving(*backend_, iteration_) / double(count)};
+        if (hooks_.most_gaussians > 0) costs.pruning = kScorePerFrame * double(scene_.train.size()) * time_of_frame(1);
         if (course_.reduction() > 1)
             costs.coarse_ratio = std::max(1.0, time_of_frame(1) / time_of_frame(course_.reduction()));
         course_.start(costs, count);
@@ -207,6 +217,7 @@ class Run {
 
     void begin() {
         InitOptions init = init_options(options_);
+        init.most_points = hooks_.most_gaussians;
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
         backend_ = make_backend();
         if (course_.limits_time() && !options_.named.contains("init-points")) {
@@ -435,6 +446,16 @@ class Run {
             iteration_, double(bytes) / (1024.0 * 1024.0), seconds_now() - start, options_.checkpoint_minutes);
     }
 
+    /// Removes the Gaussians that the training images depend on least, down to hooks_.most_gaussians.
+    void prune_to_size() {
+        const std::int64_t count = backend_->count(), most = hooks_.most_gaussians;
+        if (most == 0 || count <= most) return;
+        // LowestScores removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
+        const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
+        const std::int64_t removed = backend_->prune(LowestScores{training_views(), ratio}).removed;
+        log_info("size limit: {} of {} Gaussians removed, those with the lowest scores", removed, count);
+    }
+
     TrainSummary finish() {
         const double steps_end = seconds_now();
         progress_.expect(iteration_);
@@ -447,6 +468,7 @@ class Run {
         // spent on steps than on a file three times as large as the model.
         if (!course_.limits_time()) writer_.write_checkpoint(*backend_, iteration_, time());
         backend_->prune(InvisibleRows{});
+        prune_to_size();
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");

@@ -17,6 +17,9 @@ struct TrainHooks {
     /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
     /// and `last`. Its time does not count as training time.
     std::function<void(std::int64_t iteration, Backend& backend, bool last)> evaluate;
+    /// The most Gaussians that the final model may have; 0 = no limit but options.cap_max. Training has a tenth more,
+    /// of which those with the lowest scores go at the end.
+    std::int64_t most_gaussians = 0;
     /// Replaces choose_backend if set.
     std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const BackendOptions&)> make_backend;
 };

@@ -172,7 +172,7 @@ TrainOptions limited(const std::string& limit) {
 TEST(Course, RunsThroughIterations) {
     TrainOptions o = options_of(3);
     o.coarse_until = 0.5;
-    Course course(o, 10);
+    Course course(o, 10, o.cap_max);
     std::vector<int> reductions;
     for (; !course.finished(); course.advance(100)) reductions.push_back(course.reduction());
     EXPECT_EQ(reductions, (std::vector<int>{2, 2, 1}));
@@ -183,7 +183,7 @@ TEST(Course, RunsThroughIterations) {
 
 TEST(Course, RunsThroughTime) {
     const TrainOptions o = limited("0.4s");
-    Course course(o, 10);
+    Course course(o, 10, o.cap_max);
     course.start({}, 100);
     const double start = seconds_now();
     double position = -1;
@@ -200,7 +200,7 @@ TEST(Course, RunsThroughTime) {
 
 TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
     const TrainOptions o = limited("1s");
-    Course course(o, 10);
+    Course course(o, 10, o.cap_max);
     try {
         course.start({.saving_per_gaussian = 2e-3}, 1000);
         FAIL();
@@ -212,7 +212,7 @@ TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
 
 TEST(Course, AResumedRunThatHasUsedItsTimeIsFinished) {
     const TrainOptions o = limited("5s");
-    Course course(o, 10);
+    Course course(o, 10, o.cap_max);
     course.resume(1000, 5);
     course.start({}, 100);
     EXPECT_TRUE(course.finished());

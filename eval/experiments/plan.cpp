@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Puts a plan into words.
+#include "eval/experiments/plan.h"
+
+#include <fmt/format.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/duration.h"
+#include "lib/core/log.h"
+
+namespace gs {
+namespace {
+
+/// The part of a size limit that a file should at least use.
+constexpr double kLeastUse = 0.95;
+
+std::string megabytes(std::int64_t bytes) { return fmt::format("{:.3g} MB", 1e-6 * double(bytes)); }
+
+void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) {
+    plan.size = plan_size(options, scene);
+    const SizePlan& size = *plan.size;
+    const std::int64_t most = std::min(size.most_gaussians, options.cap_max);
+    plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {} bytes with {}", options.size_limit,
+                                     word(options.size_of), most, size.per_gaussian, options.appearance));
+    if (double(size.bytes(most)) < kLeastUse * double(size.limit))
+        plan.lines.push_back(fmt::format(
+            "size: {} is the nearest below the limit: {}", megabytes(size.bytes(most)),
+            most < size.most_gaussians ? "--cap-max ends there" : fmt::format("the file grows by {} Gaussians", size.unit)));
+    plan.json["size"] = {{"limit_bytes", size.limit},
+                         {"of", word(options.size_of)},
+                         {"appearance", options.appearance},
+                         {"bytes_per_gaussian", size.per_gaussian},
+                         {"most_gaussians", most}};
+}
+
+}  // namespace
+
+Plan make_plan(const TrainOptions& options, const Scene& scene) {
+    Plan plan;
+    if (options.time_limit.empty() && options.size_limit.empty() && options.preset == Preset::kNone) return plan;
+    plan.json = nlohmann::ordered_json::object();
+    if (!options.time_limit.empty()) {
+        const double seconds = parse_duration(options.time_limit, "option time-limit");
+        plan.lines.push_back(fmt::format("time: {} from the first step to the saved model; at most {} Gaussians, fewer "
+                                         "where the time does not afford them",
+                                         duration_text(seconds), options.cap_max));
+        plan.json["time"] = {{"limit_seconds", seconds}};
+    } else {
+        plan.lines.push_back(fmt::format("time: no limit, {} iterations", options.iterations));
+        plan.json["iterations"] = options.iterations;
+    }
+    if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
+    plan.lines.push_back(fmt::format("recipe: {}", word(options.recipe)));
+    plan.json["recipe"] = word(options.recipe);
+    if (options.preset != Preset::kNone) plan.json["preset"] = word(options.preset);
+    return plan;
+}
+
+void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
+    if (plan.json.is_null()) return;
+    if (summary.limited_seconds > 0) {
+        log_info("time limit {}: {:.2f} s were used, of which {:.2f} s for pruning and saving", options.time_limit,
+                 summary.limited_seconds, summary.saving_seconds);
+        plan.json["time"]["seconds"] = summary.limited_seconds;
+        plan.json["time"]["saving_seconds"] = summary.saving_seconds;
+    }
+    if (plan.size) {
+        const std::int64_t bytes = plan.size->bytes(summary.num_gaussians);
+        const double use = double(bytes) / double(plan.size->limit);
+        log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit, summary.num_gaussians,
+                 megabytes(bytes), 100 * use);
+        if (use < kLeastUse)
+            log_warning("size limit {}: only {:.0f} % of it are used{}", options.size_limit, 100 * use,
+                        options.time_limit.empty() ? ": in these --iterations the model did not grow further"
+                                                   : ": the time limit does not afford more Gaussians");
+        plan.json["size"]["bytes"] = bytes;
+    }
+    plan.json["num_gaussians"] = summary.num_gaussians;
+}
+
+}  // namespace gs

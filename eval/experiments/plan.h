@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run with constraints intends, and what came of it.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "eval/experiments/size_plan.h"
+#include "lib/core/train_options.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+
+struct Plan {
+    std::vector<std::string> lines;  ///< for people, before the training
+    nlohmann::ordered_json json;     ///< for results.json; null without constraints
+    std::optional<SizePlan> size;    ///< with --size-limit
+};
+
+/// Returns the plan of a run; empty if `options` name neither limit nor preset. Throws UsageError for a limit that
+/// cannot be met.
+Plan make_plan(const TrainOptions& options, const Scene& scene);
+
+/// Adds what came of it to the plan's json and to the log.
+void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary);
+
+}  // namespace gs
