@@ -23,9 +23,10 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
     plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {} bytes with {}", options.size_limit,
                                      word(options.size_of), most, size.per_gaussian, options.appearance));
     if (double(size.bytes(most)) < kLeastUse * double(size.limit))
-        plan.lines.push_back(fmt::format(
-            "size: {} is the nearest below the limit: {}", megabytes(size.bytes(most)),
-            most < size.most_gaussians ? "--cap-max ends there" : fmt::format("the file grows by {} Gaussians", size.unit)));
+        plan.lines.push_back(fmt::format("size: {} is the nearest below the limit: {}", megabytes(size.bytes(most)),
+                                         most < size.most_gaussians
+                                             ? "--cap-max ends there"
+                                             : fmt::format("the file grows by {} Gaussians", size.unit)));
     plan.json["size"] = {{"limit_bytes", size.limit},
                          {"of", word(options.size_of)},
                          {"appearance", options.appearance},
@@ -37,19 +38,27 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
 
 Plan make_plan(const TrainOptions& options, const Scene& scene) {
     Plan plan;
-    if (options.time_limit.empty() && options.size_limit.empty() && options.preset == Preset::kNone) return plan;
+    if (options.time_limit.empty() && options.size_limit.empty() && options.frame_limit.empty() &&
+        options.preset == Preset::kNone)
+        return plan;
     plan.json = nlohmann::ordered_json::object();
     if (!options.time_limit.empty()) {
         const double seconds = parse_duration(options.time_limit, "option time-limit");
-        plan.lines.push_back(fmt::format("time: {} from the first step to the saved model; at most {} Gaussians, fewer "
-                                         "where the time does not afford them",
-                                         duration_text(seconds), options.cap_max));
+        plan.lines.push_back(
+            fmt::format("time: {} from the first step to the saved model; at most {} Gaussians, fewer "
+                        "where the time does not afford them",
+                        duration_text(seconds), options.cap_max));
         plan.json["time"] = {{"limit_seconds", seconds}};
     } else {
         plan.lines.push_back(fmt::format("time: no limit, {} iterations", options.iterations));
         plan.json["iterations"] = options.iterations;
     }
     if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
+    if (!options.frame_limit.empty()) {
+        const double seconds = parse_duration(options.frame_limit, "option frame-limit");
+        plan.lines.push_back(fmt::format("frames: at most {:g} ms at 1280x720 on this device", 1e3 * seconds));
+        plan.json["frame"] = {{"limit_seconds", seconds}};
+    }
     plan.lines.push_back(fmt::format("recipe: {}", word(options.recipe)));
     plan.json["recipe"] = word(options.recipe);
     if (options.preset != Preset::kNone) plan.json["preset"] = word(options.preset);
@@ -74,6 +83,10 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
                         options.time_limit.empty() ? ": in these --iterations the model did not grow further"
                                                    : ": the time limit does not afford more Gaussians");
         plan.json["size"]["bytes"] = bytes;
+    }
+    if (summary.frame_seconds > 0) {
+        log_info("frame limit {}: frames take {:.3g} ms", options.frame_limit, 1e3 * summary.frame_seconds);
+        plan.json["frame"]["seconds"] = summary.frame_seconds;
     }
     plan.json["num_gaussians"] = summary.num_gaussians;
 }

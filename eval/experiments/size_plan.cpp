@@ -51,16 +51,16 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
             break;
         }
         case SizeOf::kPly:
-            plan.fixed =
-                kPlyHeaderBytes + std::int64_t(sizeof(float)) * appearance_model(appearance.model).num_shared;
+            plan.fixed = kPlyHeaderBytes + std::int64_t(sizeof(float)) * appearance_model(appearance.model).num_shared;
             plan.per_gaussian = ply_bytes_per_gaussian(appearance);
             break;
         case SizeOf::kSplat:
             plan.per_gaussian = kSplatBytes;
     }
     if (plan.limit < plan.bytes(1))
-        throw UsageError(fmt::format("option size-limit: {} is too small: the smallest {} file of {} takes {} bytes here",
-                                     options.size_limit, word(options.size_of), options.appearance, plan.bytes(1)));
+        throw UsageError(
+            fmt::format("option size-limit: {} is too small: the smallest {} file of {} takes {} bytes here",
+                        options.size_limit, word(options.size_of), options.appearance, plan.bytes(1)));
     plan.most_gaussians = (plan.limit - plan.fixed) / (plan.unit * plan.per_gaussian) * plan.unit;
     return plan;
 }

@@ -18,6 +18,7 @@ constexpr double kYear = 365.0 * 86400;  // limit, because longer times do not f
 
 /// Returns the seconds of a unit, 0 for an unknown one.
 double unit_seconds(const std::string& unit) {
+    if (unit == "ms") return 1e-3;
     if (unit == "s") return 1;
     if (unit == "m" || unit == "min") return 60;
     return unit == "h" ? 3600 : 0;
@@ -27,7 +28,7 @@ double unit_seconds(const std::string& unit) {
 
 double parse_duration(const std::string& text, const std::string& where) {
     const auto wrong = [&] {
-        return UsageError(fmt::format("{}: '{}' is not a duration; write 90s, 20m, 2h or 1h30m", where, text));
+        return UsageError(fmt::format("{}: '{}' is not a duration; write 90s, 20m, 2h, 1h30m or 2ms", where, text));
     };
     constexpr const char* kNumber = "0123456789.";
     double seconds = 0;

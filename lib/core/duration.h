@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parses and formats durations as users write and read them: "90s", "20m"; "12 min 05 s".
+// Parses and formats durations as users write and read them: "2ms", "90s", "20m"; "12 min 05 s".
 #pragma once
 
 #include <string>
 
 namespace gs {
 
-/// Returns the seconds of a positive number with unit s, m, min or h, of several such in a row ("1h30m"), or of one
+/// Returns the seconds of a positive number with unit ms, s, m, min or h, of several such in a row ("1h30m"), or of one
 /// number alone (seconds). Throws UsageError naming `where` and the text for anything else, and for more than a year.
 double parse_duration(const std::string& text, const std::string& where);
 

@@ -140,7 +140,8 @@ void apply_preset(TrainOptions& options) {
 /// what each is worth.
 void apply_recipe(TrainOptions& options) {
     if (options.recipe == Recipe::kAuto)
-        options.recipe = options.preset != Preset::kNone || !options.time_limit.empty() || !options.size_limit.empty()
+        options.recipe = options.preset != Preset::kNone || !options.time_limit.empty() ||
+                                 !options.size_limit.empty() || !options.frame_limit.empty()
                              ? Recipe::kFrontier
                              : Recipe::kPaper;
     if (options.recipe != Recipe::kFrontier) return;
@@ -234,6 +235,10 @@ void check_option(const Option& option, const TrainOptions& options) {
     if (option.key == "resolution") check_resolution(options.resolution);
     if (option.key == "image-cache") check_bytes("image-cache", options.image_cache);
     if (option.key == "size-limit" && !options.size_limit.empty()) check_bytes("size-limit", options.size_limit);
+    if (option.key == "time-limit" && !options.time_limit.empty())
+        parse_duration(options.time_limit, "option time-limit");
+    if (option.key == "frame-limit" && !options.frame_limit.empty())
+        parse_duration(options.frame_limit, "option frame-limit");
 }
 
 LogLevel shown_messages(const TrainOptions& options) {
@@ -261,7 +266,6 @@ void validate(TrainOptions& options) {
     if (options.speedy_splat && options.strategy != Strategy::kAdc)
         throw UsageError(
             fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
-    if (!options.time_limit.empty()) parse_duration(options.time_limit, "option time-limit");
     apply_preset(options);
     apply_recipe(options);
     // A .splat file holds one colour for all directions.

@@ -118,6 +118,8 @@ std::vector<Option> run_options() {
              "train a model whose exported file is at most this large, and at least 95 % of it where that can be"),
         choice("size-of", &O::size_of,
                "the file that size-limit is for: scene.ngsplat of the web export, the PLY, or the .splat file"),
+        text("frame-limit", &O::frame_limit, "a duration, e.g. 2ms",
+             "train a model whose frames at 1280x720 take at most this long on this device"),
         choice("recipe", &O::recipe,
                "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
                "time (docs/guide.md); auto: frontier with a limit or a preset, else paper"),

@@ -39,6 +39,7 @@ struct TrainOptions {
     std::string time_limit;  ///< duration of the training, saving included; empty = none
     std::string size_limit;  ///< bytes of the exported file; empty = none
     SizeOf size_of = SizeOf::kWeb;
+    std::string frame_limit;  ///< duration of a frame at 1280x720 on this device; empty = none
     Recipe recipe = Recipe::kAuto;
     ScheduleKind schedule = ScheduleKind::kProgress;
     std::uint64_t seed = 0;

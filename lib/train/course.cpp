@@ -25,10 +25,8 @@ constexpr double kLeastSeconds = 0.1;
 
 }  // namespace
 
-Course::Course(const TrainOptions& options, std::size_t num_views, std::int64_t cap)
-    : options_(options),
-      wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))),
-      cap_(cap) {
+Course::Course(const TrainOptions& options, std::size_t num_views)
+    : options_(options), wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))) {
     if (!limits_time()) resume(0, 0);
 }
 
@@ -79,9 +77,9 @@ std::int64_t Course::expected_iterations() const {
 
 int Course::reduction() const { return moment_.position < options_.coarse_until * kReferenceIterations ? kCoarse : 1; }
 
-std::int64_t Course::most_gaussians(std::int64_t count) {
-    if (!budget_) return cap_;
-    return std::min(cap_, std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
+std::int64_t Course::most_gaussians(std::int64_t count, std::int64_t cap) {
+    if (!budget_) return cap;
+    return std::min(cap, std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
 }
 
 }  // namespace gs

@@ -11,8 +11,8 @@ namespace gs {
 
 class Course {
   public:
-    /// `options` must be validated and outlive the object. `cap` is the most Gaussians that the run may have.
-    Course(const TrainOptions& options, std::size_t num_views, std::int64_t cap);
+    /// `options` must be validated and outlive the object.
+    Course(const TrainOptions& options, std::size_t num_views);
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
@@ -33,8 +33,8 @@ class Course {
 
     /// Returns how many times images are reduced in the next step.
     int reduction() const;
-    /// Returns the largest number of Gaussians that the next step may have.
-    std::int64_t most_gaussians(std::int64_t count);
+    /// Returns the largest number of Gaussians that the next step may have: `cap`, or what the time affords.
+    std::int64_t most_gaussians(std::int64_t count, std::int64_t cap);
 
     /// Returns the number of steps below which a time limit no longer lets the model grow.
     std::int64_t wanted_steps() const { return wanted_steps_; }
@@ -44,7 +44,7 @@ class Course {
 
   private:
     const TrainOptions& options_;
-    const std::int64_t wanted_steps_, cap_;
+    const std::int64_t wanted_steps_;
     double used_ = 0;
     std::optional<TimeBudget> budget_;
     Moment moment_;

@@ -21,6 +21,7 @@
 #include "lib/train/course.h"
 #include "lib/train/densification.h"
 #include "lib/train/memory_plan.h"
+#include "lib/train/model_limits.h"
 #include "lib/train/photometric.h"
 #include "lib/train/run_writer.h"
 #include "lib/train/step_composer.h"
@@ -37,15 +38,6 @@ constexpr std::int64_t kLogInterval = 100;
 constexpr std::int64_t kMaxSkips = 10;
 /// The points that a training begins with at least, however short it is.
 constexpr std::int64_t kLeastPoints = 1000;
-/// The time of scoring a view over that of its frame, and some more, since frames take longer with more Gaussians.
-constexpr double kScorePerFrame = 4;
-
-/// Returns the most Gaussians that a run has at any time: some more than may be left at the end, so that there are
-/// enough when those without effect are gone.
-std::int64_t cap_while_training(const TrainOptions& options, const TrainHooks& hooks) {
-    if (hooks.most_gaussians == 0) return options.cap_max;
-    return std::min(options.cap_max, hooks.most_gaussians + std::max<std::int64_t>(1, hooks.most_gaussians / 10));
-}
 
 /// The seconds between two automatic checkpoints; infinite without them.
 double automatic_interval(const TrainOptions& options) {
@@ -65,8 +57,9 @@ class Run {
           hooks_(hooks),
           appearance_(appearance_spec(options)),
           views_(options_, scene),
-          course_(options_, scene.train.size(), cap_while_training(options_, hooks)),
-          schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), training_views()),
+          limits_(options_, scene, views_.fixed_background(), hooks.most_gaussians),
+          course_(options_, scene.train.size()),
+          schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
           writer_(std::move(start.folder), std::move(start.lock), options_, scene, photometric_) {
@@ -116,22 +109,14 @@ class Run {
         return course_.limits_time() ? std::numeric_limits<std::int64_t>::max() : options_.iterations;
     }
 
-    /// Returns the seconds of a frame of the first training views, reduced `factor` times.
-    double time_of_frame(int factor) {
-        std::vector<RenderRequest> views = training_views();
-        views.resize(std::min<std::size_t>(views.size(), 3));
-        for (std::size_t k = 0; k < views.size(); ++k)
-            views[k].camera = camera_params(reduced(scene_.train[k].camera, factor));
-        return backend_->timer().time_frames(views, 1);
-    }
-
     /// Measures what a time limit has to account for, and starts its clock.
     void begin_time() {
         const std::int64_t count = backend_->count();
         TimeCosts costs{.saving_per_gaussian = writer_.time_saving(*backend_, iteration_) / double(count)};
-        if (hooks_.most_gaussians > 0) costs.pruning = kScorePerFrame * double(scene_.train.size()) * time_of_frame(1);
+        costs.pruning = limits_.seconds_to_prune(*backend_);
         if (course_.reduction() > 1)
-            costs.coarse_ratio = std::max(1.0, time_of_frame(1) / time_of_frame(course_.reduction()));
+            costs.coarse_ratio =
+                std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, course_.reduction()));
         course_.start(costs, count);
         log_info(
             "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends where fewer than {} steps would "
@@ -163,17 +148,6 @@ class Run {
                                   how_to_continue());
             }
         }
-    }
-
-    /// Returns requests for all training views on one background, black where that of the steps is random: scores
-    /// compare Gaussians, not backgrounds.
-    std::vector<RenderRequest> training_views() const {
-        std::vector<RenderRequest> views(scene_.train.size());
-        for (std::size_t k = 0; k < views.size(); ++k) {
-            views[k].camera = camera_params(scene_.train[k].camera);
-            views[k].background = views_.fixed_background();
-        }
-        return views;
     }
 
     template <class Fn> void timed(Fn&& fn) {
@@ -217,12 +191,19 @@ class Run {
 
     void begin() {
         InitOptions init = init_options(options_);
-        init.most_points = hooks_.most_gaussians;
+        init.most_points = limits_.most_first_points();
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
         backend_ = make_backend();
+        if (!options_.frame_limit.empty()) {
+            InitOptions smallest = init;
+            smallest.most_points = 1;
+            limits_.require_feasible(*backend_, initialize_gaussians(scene_, appearance_, smallest));
+        }
         if (course_.limits_time() && !options_.named.contains("init-points")) {
             backend_->upload(state);
-            init.most_points = std::max(kLeastPoints, course_.affordable_start(state.count, time_of_frame(1)));
+            init.most_points = std::min(
+                state.count,
+                std::max(kLeastPoints, course_.affordable_start(state.count, limits_.view_seconds(*backend_))));
             if (init.most_points < state.count) {
                 log_info("time limit {}: begins with {} of {} points, so that there is time for enough steps",
                          options_.time_limit, init.most_points, state.count);
@@ -271,9 +252,10 @@ class Run {
         decide_photometric(moment);
         const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
                           photometric_.holds_view_dependence(*backend_, moment);
-        writer_.log_change(
-            schedule_.before_step(*backend_, moment, hold, [&] { return course_.most_gaussians(backend_->count()); }),
-            iteration_ + 1);
+        writer_.log_change(schedule_.before_step(
+                               *backend_, moment, hold,
+                               [&] { return course_.most_gaussians(backend_->count(), limits_.most_now(*backend_)); }),
+                           iteration_ + 1);
         backend_->step(composer_.compose(step.view(), moment));
         writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + 1);
         ++iteration_;
@@ -446,16 +428,6 @@ class Run {
             iteration_, double(bytes) / (1024.0 * 1024.0), seconds_now() - start, options_.checkpoint_minutes);
     }
 
-    /// Removes the Gaussians that the training images depend on least, down to hooks_.most_gaussians.
-    void prune_to_size() {
-        const std::int64_t count = backend_->count(), most = hooks_.most_gaussians;
-        if (most == 0 || count <= most) return;
-        // LowestScores removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
-        const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
-        const std::int64_t removed = backend_->prune(LowestScores{training_views(), ratio}).removed;
-        log_info("size limit: {} of {} Gaussians removed, those with the lowest scores", removed, count);
-    }
-
     TrainSummary finish() {
         const double steps_end = seconds_now();
         progress_.expect(iteration_);
@@ -468,7 +440,7 @@ class Run {
         // spent on steps than on a file three times as large as the model.
         if (!course_.limits_time()) writer_.write_checkpoint(*backend_, iteration_, time());
         backend_->prune(InvisibleRows{});
-        prune_to_size();
+        limits_.prune(*backend_);
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
@@ -479,6 +451,7 @@ class Run {
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
         const double limited_seconds = course_.budget() ? course_.budget()->elapsed() : 0;
+        const double frame_seconds = options_.frame_limit.empty() ? 0 : limits_.frame_seconds(*backend_);
         photometric_.report(*backend_);
         if (nonfinite_gradients_)
             log_warning("{} non-finite Gaussian gradients were skipped during the run", nonfinite_gradients_);
@@ -496,6 +469,7 @@ class Run {
                 controller_seconds,
                 controller_iterations_,
                 saving_seconds,
+                frame_seconds,
                 limited_seconds,
                 photometric_decision_,
                 earlier_time_.has_value()};
@@ -507,6 +481,7 @@ class Run {
     const TrainHooks& hooks_;
     AppearanceSpec appearance_;
     TrainingViews views_;
+    ModelLimits limits_;
     Course course_;
     DensificationSchedule schedule_;
     Photometric photometric_;

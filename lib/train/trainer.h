@@ -36,6 +36,7 @@ struct TrainSummary {
     double controller_seconds = 0;
     std::int64_t controller_iterations = 0;
     double saving_seconds = 0;   ///< final pruning and saving
+    double frame_seconds = 0;    ///< of the final model at 1280x720, with options.frame_limit; else 0
     double limited_seconds = 0;  ///< what a time limit counts: from the first step to the end of saving; 0 without one
     /// The decision of --ppisp auto, with its figure; empty if nothing was decided
     std::string photometric;

@@ -41,6 +41,30 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
     EXPECT_GT(results["timing"]["ours_20"]["train_seconds"], 0.0);
 }
 
+TEST(Train, LimitsArePlannedAndReported) {
+    const Program program;
+    const std::string common = "train -s builtin:diffuse --device cpu --eval -r 4 --appearance none ";
+    const Outcome outcome = program.run(common + "-m run --time-limit 2s --size-limit 200KB --size-of ply");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_NE(outcome.err.find("plan: time: 2.0 s"), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("plan: size: at most 200KB as ply"), std::string::npos) << outcome.err;
+    const auto results = parse_json(program.read("run/results.json"));
+    const auto plan = results["plan"].begin().value();
+    EXPECT_EQ(plan["time"]["limit_seconds"], 2.0);
+    EXPECT_GT(plan["time"]["seconds"], 1.0);
+    EXPECT_LE(plan["size"]["bytes"], 200000);
+    const std::string iteration = results["plan"].begin().key().substr(5);
+    EXPECT_LE(std::filesystem::file_size(program.path("run/point_cloud/iteration_" + iteration + "/point_cloud.ply")),
+              200000u);
+    EXPECT_EQ(program.run("eval run --skip-render").exit_code, 0);
+    for (const char* wrong : {"--time-limit 0", "--time-limit soon", "--time-limit -5s", "--time-limit 0.001s",
+                              "--size-limit 10", "--size-limit -1MB", "--preset fast --time-limit 5s"}) {
+        const Outcome refused = program.run(common + "-m other " + wrong);
+        EXPECT_EQ(refused.exit_code, 2) << wrong << refused.err;
+        EXPECT_FALSE(std::filesystem::exists(program.path("other/point_cloud"))) << wrong;
+    }
+}
+
 TEST(Render, DecomposeWritesFullBaseAndResidual) {
     const Program program;
     // SV's residual is active from the start.

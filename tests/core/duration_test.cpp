@@ -10,6 +10,7 @@ namespace {
 
 TEST(Duration, ReadsNumbersWithUnits) {
     EXPECT_EQ(parse_duration("90s", "x"), 90);
+    EXPECT_EQ(parse_duration("2ms", "x"), 0.002);
     EXPECT_EQ(parse_duration("20m", "x"), 1200);
     EXPECT_EQ(parse_duration("20min", "x"), 1200);
     EXPECT_EQ(parse_duration("1h30m", "x"), 5400);

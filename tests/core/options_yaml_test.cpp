@@ -29,7 +29,8 @@ std::string complaint(const std::string& yaml) {
 
 /// A value that differs from the default, for every type and every table entry.
 std::vector<std::string> other_value(const Option& option) {
-    if (option.key == "image-cache") return {"1MiB"};
+    if (option.key == "image-cache" || option.key == "size-limit") return {"1MiB"};
+    if (option.key == "time-limit" || option.key == "frame-limit") return {"5ms"};
     if (option.key == "background") return {"0.1,0.25,1"};
     if (!option.choices.empty())
         return {option.choices.back() == option_text(option, {}) ? option.choices.front() : option.choices.back()};

@@ -172,18 +172,18 @@ TrainOptions limited(const std::string& limit) {
 TEST(Course, RunsThroughIterations) {
     TrainOptions o = options_of(3);
     o.coarse_until = 0.5;
-    Course course(o, 10, o.cap_max);
+    Course course(o, 10);
     std::vector<int> reductions;
     for (; !course.finished(); course.advance(100)) reductions.push_back(course.reduction());
     EXPECT_EQ(reductions, (std::vector<int>{2, 2, 1}));
     EXPECT_EQ(course.moment().iteration, 3);
     EXPECT_EQ(course.expected_iterations(), 3);
-    EXPECT_EQ(course.most_gaussians(7), o.cap_max);
+    EXPECT_EQ(course.most_gaussians(7, 50), 50);
 }
 
 TEST(Course, RunsThroughTime) {
     const TrainOptions o = limited("0.4s");
-    Course course(o, 10, o.cap_max);
+    Course course(o, 10);
     course.start({}, 100);
     const double start = seconds_now();
     double position = -1;
@@ -200,7 +200,7 @@ TEST(Course, RunsThroughTime) {
 
 TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
     const TrainOptions o = limited("1s");
-    Course course(o, 10, o.cap_max);
+    Course course(o, 10);
     try {
         course.start({.saving_per_gaussian = 2e-3}, 1000);
         FAIL();
@@ -212,7 +212,7 @@ TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {
 
 TEST(Course, AResumedRunThatHasUsedItsTimeIsFinished) {
     const TrainOptions o = limited("5s");
-    Course course(o, 10, o.cap_max);
+    Course course(o, 10);
     course.resume(1000, 5);
     course.start({}, 100);
     EXPECT_TRUE(course.finished());

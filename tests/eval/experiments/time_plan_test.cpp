@@ -32,6 +32,16 @@ TEST(TimePlan, ScalesTheNearestRunAndAddsWhatALaunchTakes) {
     EXPECT_FALSE(plan.fits(run(4000, 20000), 182));
 }
 
+TEST(TimePlan, KnowsTheTimeOfRunsWithALimit) {
+    TimePlan plan;
+    TrainOptions limited = run(1000, 1000);
+    limited.time_limit = "20s";
+    EXPECT_DOUBLE_EQ(*plan.seconds(limited), 20);
+    plan.add(limited, 19, 25);
+    EXPECT_DOUBLE_EQ(*plan.seconds(limited), 26);
+    EXPECT_FALSE(plan.seconds(run(1000, 1000))) << "its length says nothing about a number of iterations";
+}
+
 TEST(TimePlan, PrefersTheAppearanceAmongRunsOfOneSize) {
     TimePlan plan;
     plan.add(run(1000, 1000, "none"), 5, std::nullopt);

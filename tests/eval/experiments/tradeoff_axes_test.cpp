@@ -48,6 +48,21 @@ TEST(TradeoffAxes, AreNamesWithValuesOrWithDefaults) {
     EXPECT_EQ(axes[4].values, (Words{"relu", "softplus", "sigmoid", "hardsigmoid"}));
 }
 
+TEST(TradeoffAxes, TimeAndSizeAreLimits) {
+    const auto axes = parse({"time=5s,10s", "size=1MB,2MB"});
+    ASSERT_EQ(axes.size(), 2u);
+    EXPECT_EQ(axes[0].name, "time-limit");
+    EXPECT_EQ(axes[1].name, "size-limit");
+    const Configuration c = make_configuration(axes, {"5s", "2MB"}, base_options());
+    EXPECT_EQ(c.options.time_limit, "5s");
+    EXPECT_EQ(c.options.size_limit, "2MB");
+    EXPECT_EQ(c.options.recipe, Recipe::kFrontier);
+    EXPECT_NE(error_of([&] {
+                  make_configuration(axes, {"soon", "2MB"}, base_options());
+              }).find("time-limit"),
+              std::string::npos);
+}
+
 TEST(TradeoffAxes, PrecisionHasNames) {
     TrainOptions base = base_options();
     base.device = Device::kCpu;

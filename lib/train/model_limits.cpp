@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measures frames and removes what is too much.
+#include "lib/train/model_limits.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/core/error.h"
+#include "lib/core/duration.h"
+#include "lib/core/log.h"
+#include "lib/scene/camera_params.h"
+#include "lib/scene/resized.h"
+
+namespace gs {
+namespace {
+
+/// The views and rounds of one measurement.
+constexpr std::size_t kTimedViews = 3, kFrameViews = 9;
+constexpr int kFrameRounds = 5;
+/// The size of the frames that --frame-limit speaks of.
+constexpr int kFrameWidth = 1280, kFrameHeight = 720;
+/// The time of scoring a view over that of its frame, and some more, since frames take longer with more Gaussians.
+constexpr double kScorePerFrame = 4;
+/// The growth after which frames are measured again.
+constexpr double kGrowth = 1.1;
+/// The most rounds of pruning to a frame time, the share of the limit that they aim at, and the least and most that one
+/// removes.
+constexpr int kPruneRounds = 8;
+constexpr double kAim = 0.98, kLeastPruned = 0.02, kMostPruned = 0.5;
+
+}  // namespace
+
+ModelLimits::ModelLimits(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
+                         std::int64_t most_at_end)
+    : options_(options),
+      scene_(scene),
+      background_(background),
+      most_at_end_(most_at_end),
+      frame_limit_(options.frame_limit.empty() ? 0 : parse_duration(options.frame_limit, "option frame-limit")) {}
+
+std::vector<RenderRequest> ModelLimits::views() const {
+    std::vector<RenderRequest> views(scene_.train.size());
+    for (std::size_t k = 0; k < views.size(); ++k) {
+        views[k].camera = camera_params(scene_.train[k].camera);
+        views[k].background = background_;
+    }
+    return views;
+}
+
+double ModelLimits::view_seconds(Backend& backend, int factor) const {
+    std::vector<RenderRequest> timed = views();
+    timed.resize(std::min(timed.size(), kTimedViews));
+    for (std::size_t k = 0; k < timed.size(); ++k)
+        timed[k].camera = camera_params(reduced(scene_.train[k].camera, factor));
+    return backend.timer().time_frames(timed, 1);
+}
+
+double ModelLimits::frame_seconds(Backend& backend) const {
+    std::vector<RenderRequest> timed;
+    const std::size_t all = scene_.train.size(), used = std::min(all, kFrameViews);
+    for (std::size_t k = 0; k < used; ++k) {
+        Camera camera = scene_.train[k * all / used].camera;
+        camera.width = kFrameWidth, camera.height = kFrameHeight;
+        camera.cx = 0.5 * kFrameWidth, camera.cy = 0.5 * kFrameHeight;
+        timed.push_back({.camera = camera_params(camera), .background = background_});
+    }
+    return backend.timer().time_frames(timed, kFrameRounds);
+}
+
+std::int64_t ModelLimits::cap() const {
+    if (most_at_end_ == 0) return options_.cap_max;
+    return std::min(options_.cap_max, most_at_end_ + std::max<std::int64_t>(1, most_at_end_ / 10));
+}
+
+void ModelLimits::require_feasible(Backend& backend, const Gaussians& smallest) const {
+    if (frame_limit_ == 0) return;
+    backend.upload(smallest);
+    const double least = frame_seconds(backend);
+    if (least > kAim * frame_limit_)
+        throw UsageError(
+            fmt::format("option frame-limit: {}: a frame of 1280x720 with one Gaussian takes {:.2g} ms on this device",
+                        options_.frame_limit, 1e3 * least));
+}
+
+std::int64_t ModelLimits::most_now(Backend& backend) {
+    if (frame_limit_ == 0) return cap();
+    const std::int64_t count = backend.count();
+    if (affordable_ == 0 || double(count) > kGrowth * double(measured_count_)) {
+        measured_count_ = count;
+        affordable_ = std::int64_t(double(count) * std::max(1.0, frame_limit_ / frame_seconds(backend)));
+    }
+    return std::min(cap(), affordable_);
+}
+
+double ModelLimits::seconds_to_prune(Backend& backend) const {
+    if (most_at_end_ == 0 && frame_limit_ == 0) return 0;
+    return kScorePerFrame * double(scene_.train.size()) * view_seconds(backend);
+}
+
+void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* limit) const {
+    const std::int64_t count = backend.count();
+    if (count <= most) return;
+    // LowestScores removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
+    const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
+    const std::int64_t removed = backend.prune(LowestScores{views(), ratio}).removed;
+    log_info("{}: {} of {} Gaussians removed, those with the lowest scores", limit, removed, count);
+}
+
+void ModelLimits::prune(Backend& backend) const {
+    if (most_at_end_ > 0) prune_to(backend, most_at_end_, "size limit");
+    if (frame_limit_ == 0) return;
+    for (int round = 0; backend.count() > 1; ++round) {
+        const double seconds = frame_seconds(backend);
+        if (seconds <= frame_limit_) return;
+        if (round == kPruneRounds) {
+            log_warning("frame limit {}: {} Gaussians still take {:.3g} ms", options_.frame_limit, backend.count(),
+                        1e3 * seconds);
+            return;
+        }
+        const double share = std::clamp(1 - kAim * frame_limit_ / seconds, kLeastPruned, kMostPruned);
+        prune_to(backend, std::max<std::int64_t>(1, std::llround((1 - share) * double(backend.count()))),
+                 "frame limit");
+    }
+}
+
+}  // namespace gs

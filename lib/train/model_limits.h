@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Keeps a model within --size-limit and --frame-limit: while it grows, and at the end
+// (docs/math/densification.md#limits).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "kernels/backend.h"
+#include "lib/core/train_options.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+class ModelLimits {
+  public:
+    /// `most_at_end` is the largest number of Gaussians of the final model, 0 without a limit. `background` is that of
+    /// all frames. The references must outlive the object; `options` must be validated.
+    ModelLimits(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
+                std::int64_t most_at_end);
+
+    /// Returns requests for all training views.
+    std::vector<RenderRequest> views() const;
+    /// Returns the mean seconds of a frame of the first training views, whose sides are `factor` times smaller.
+    double view_seconds(Backend& backend, int factor = 1) const;
+    /// Returns the mean seconds of a frame at 1280x720 with the focal lengths of some training views.
+    double frame_seconds(Backend& backend) const;
+
+    /// Returns the most Gaussians at any time but for --frame-limit: a tenth more than at the end, so that enough are
+    /// left when those without effect are gone.
+    std::int64_t cap() const;
+    /// Returns the most Gaussians that training may begin with; 0 = no limit.
+    std::int64_t most_first_points() const { return most_at_end_; }
+    /// Throws UsageError if not even frames of `smallest`, a model of one Gaussian, are as fast as --frame-limit. The
+    /// backend holds that model afterwards.
+    void require_feasible(Backend& backend, const Gaussians& smallest) const;
+    /// Returns the most Gaussians that growth may lead to now. Measures frames when the model has grown by a tenth.
+    std::int64_t most_now(Backend& backend);
+
+    /// Returns the seconds that prune() may take.
+    double seconds_to_prune(Backend& backend) const;
+    /// Removes those Gaussians that the training views depend on least, until the limits hold. Logs what it did.
+    void prune(Backend& backend) const;
+
+  private:
+    void prune_to(Backend& backend, std::int64_t most, const char* limit) const;
+
+    const TrainOptions& options_;
+    const Scene& scene_;
+    const Vec3<float> background_;
+    const std::int64_t most_at_end_;
+    const double frame_limit_;  ///< seconds; 0 = none
+    std::int64_t measured_count_ = 0, affordable_ = 0;
+};
+
+}  // namespace gs

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs under a limit of time or size, from the first step to the saved model.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "kernels/core/clock.h"
+#include "kernels/core/error.h"
+#include "lib/core/options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/ply.h"
+#include "lib/model/run_folder.h"
+#include "lib/scene/procedural.h"
+#include "lib/train/trainer.h"
+#include "lib/train/training_views.h"
+#include "tests/core/temporary_folder.h"
+#include "tests/train/forwarding_backend.h"
+
+namespace gs {
+namespace {
+
+const Scene& scene() {
+    static const Scene scene = [] {
+        SceneOptions options;
+        options.resolution = 32;
+        return load_builtin_scene("diffuse", options);
+    }();
+    return scene;
+}
+
+TrainOptions options_for(const std::filesystem::path& folder) {
+    TrainOptions o;
+    o.source = "builtin:diffuse";
+    o.model = folder.string();
+    o.device = Device::kCpu;
+    o.appearance = "none";
+    o.iterations = 60;
+    o.cap_max = 2000, o.init_points = 1000;
+    return o;
+}
+
+TrainSummary run(TrainOptions options, const TrainHooks& hooks = {}) {
+    validate(options);
+    Progress progress(ProgressStyle::kSilent);
+    return train(options, scene(), open_run(options), progress, hooks);
+}
+
+TEST(TimeLimit, EndsWithTheModelAndWithoutACheckpoint) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.time_limit = "1s";
+    const TrainSummary summary = run(o);
+    EXPECT_GT(summary.iterations, 10);
+    EXPECT_GT(summary.limited_seconds, 0.8);
+    EXPECT_LT(summary.limited_seconds, 2) << "or the machine is very busy";
+    EXPECT_GE(summary.limited_seconds, summary.saving_seconds);
+    const RunFolder folder{o.model};
+    EXPECT_EQ(latest_point_cloud(o.model), summary.iterations);
+    EXPECT_EQ(ended_at(o), summary.iterations);
+    EXPECT_EQ(read_ply(folder.point_cloud(summary.iterations)).count, summary.num_gaussians);
+    EXPECT_FALSE(std::filesystem::exists(folder.checkpoint(summary.iterations)));
+    EXPECT_TRUE(load_run_options(o.model).time_limit == "1s");
+}
+
+TEST(TimeLimit, AResumedRunHasTheTimeThatWasLeft) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.time_limit = "1s";
+    o.checkpoint_iterations = {20};
+    const TrainSummary whole = run(o);
+    const auto file = RunFolder{o.model}.checkpoint(20);
+    const Checkpoint checkpoint = read_checkpoint(file);
+    ASSERT_TRUE(checkpoint.time);
+    EXPECT_GT(checkpoint.time->limited_seconds, 0);
+    EXPECT_LT(checkpoint.time->limited_seconds, whole.limited_seconds);
+    o.resume = file.string(), o.model = (tmp.path() / "rest").string();
+    const TrainSummary rest = run(o);
+    EXPECT_GT(rest.iterations, 20);
+    EXPECT_GT(rest.limited_seconds, 0.8) << "counts both parts";
+    EXPECT_LT(rest.limited_seconds, 2);
+}
+
+TEST(TimeLimit, EvaluationsDoNotCount) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.time_limit = "0.6s";
+    o.test_iterations = {5};
+    TrainHooks hooks;
+    hooks.evaluate = [](std::int64_t, Backend&, bool last) {
+        const double end = seconds_now() + (last ? 0 : 1.5);
+        while (seconds_now() < end) {
+        }
+    };
+    const TrainSummary summary = run(o, hooks);
+    EXPECT_GT(summary.iterations, 5);
+    EXPECT_LT(summary.limited_seconds, 1.4);
+}
+
+TEST(TimeLimit, ControllersHaveAShare) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.time_limit = "2s", o.ppisp = PpispMode::kOn;
+    const TrainSummary summary = run(o);
+    EXPECT_GT(summary.controller_iterations, 0);
+    EXPECT_GT(summary.controller_seconds, 0);
+    EXPECT_LT(summary.limited_seconds, 3);
+    EXPECT_TRUE(std::filesystem::exists(RunFolder{o.model}.ppisp()));
+}
+
+TEST(SizeLimit, EndsWithAtMostThatManyGaussians) {
+    const test::TemporaryFolder tmp;
+    for (const std::int64_t most : {20, 300, 1500}) {
+        TrainOptions o = options_for(tmp.path() / std::to_string(most));
+        o.iterations = 400;
+        TrainHooks hooks;
+        hooks.most_gaussians = most;
+        const TrainSummary summary = run(o, hooks);
+        EXPECT_LE(summary.num_gaussians, most);
+        EXPECT_GE(double(summary.num_gaussians), 0.95 * double(most));
+        EXPECT_EQ(read_ply(RunFolder{o.model}.point_cloud(400)).count, summary.num_gaussians);
+    }
+}
+
+/// A device whose frames take a millisecond per 100 Gaussians, and half a millisecond besides.
+class Slow : public test::ForwardingBackend {
+  public:
+    using ForwardingBackend::ForwardingBackend;
+    double time_frames(const std::vector<RenderRequest>& views, int) override {
+        EXPECT_EQ(views.at(0).camera.width, 1280);
+        EXPECT_EQ(views.at(0).camera.cy, 360);
+        return 5e-4 + 1e-5 * double(count());
+    }
+};
+
+TrainHooks slow_device() {
+    TrainHooks hooks;
+    hooks.make_backend = [](const AppearanceSpec& appearance, const BackendOptions&) {
+        return std::make_unique<Slow>(appearance);
+    };
+    return hooks;
+}
+
+TEST(FrameLimit, EndsWithFramesThatAreFastEnough) {
+    const test::TemporaryFolder tmp;
+    for (const char* limit : {"4ms", "15ms"}) {  // fewer than the first points, and more
+        TrainOptions o = options_for(tmp.path() / limit);
+        o.iterations = 400;
+        o.frame_limit = limit;
+        const TrainSummary summary = run(o, slow_device());
+        const double seconds = limit[0] == '4' ? 0.004 : 0.015;
+        EXPECT_LE(summary.frame_seconds, seconds);
+        EXPECT_GT(summary.frame_seconds, 0.8 * seconds);
+        EXPECT_EQ(read_ply(RunFolder{o.model}.point_cloud(400)).count, summary.num_gaussians);
+    }
+}
+
+TEST(FrameLimit, ALimitThatNoFrameMeetsIsRefused) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.frame_limit = "0.5ms";
+    try {
+        run(o, slow_device());
+        FAIL();
+    } catch (const UsageError& e) {
+        EXPECT_NE(std::string(e.what()).find("with one Gaussian takes 0.51 ms"), std::string::npos) << e.what();
+    }
+}
+
+/// Notes the sizes of the targets.
+class Watched : public test::ForwardingBackend {
+  public:
+    using ForwardingBackend::ForwardingBackend;
+    void step(const StepRequest& request) override {
+        EXPECT_EQ(request.camera.width, request.target.width);
+        EXPECT_EQ(request.camera.height, request.target.height);
+        ids[request.target.width].insert(request.target.id);
+        fx = request.camera.fx;
+        widths.push_back(request.target.width);
+        ForwardingBackend::step(request);
+    }
+    std::map<int, std::set<std::int64_t>> ids;
+    std::vector<int> widths;
+    float fx = 0;
+};
+
+TEST(CoarseImages, ComeFirstAndAreOtherImages) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.coarse_until = 0.5;
+    Watched* watched = nullptr;
+    TrainHooks hooks;
+    hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions&) {
+        auto backend = std::make_unique<Watched>(appearance);
+        watched = backend.get();
+        return backend;
+    };
+    std::vector<int> widths;
+    std::map<int, std::set<std::int64_t>> ids;
+    hooks.evaluate = [&](std::int64_t, Backend&, bool) { widths = watched->widths, ids = watched->ids; };
+    run(o, hooks);
+    const int full = scene().train[0].camera.width;
+    ASSERT_EQ(widths.size(), 60u);
+    for (std::size_t k = 0; k < widths.size(); ++k) EXPECT_EQ(widths[k], k < 30 ? full / 2 : full) << k;
+    for (const std::int64_t id : ids[full / 2]) EXPECT_FALSE(ids[full].contains(id)) << "a device keeps images by id";
+}
+
+TEST(CoarseImages, AreAveragesOverAreas) {
+    TrainOptions o = options_for("unused");
+    validate(o);
+    TrainingViews views(o, scene());
+    const auto full = views.at(0, 1), coarse = views.at(0, 1, 2);
+    ASSERT_EQ(full.index, coarse.index);
+    const Image &a = full.image->color, &b = coarse.image->color;
+    ASSERT_EQ(b.width, a.width / 2);
+    ASSERT_EQ(b.height, a.height / 2);
+    if (a.is_float() || a.channels != 3) GTEST_SKIP() << "the scene has images of another kind";
+    double sum_a = 0, sum_b = 0;
+    for (const std::uint8_t v : a.u8) sum_a += v;
+    for (const std::uint8_t v : b.u8) sum_b += v;
+    EXPECT_NEAR(sum_a / double(a.u8.size()), sum_b / double(b.u8.size()), 0.6);
+}
+
+}  // namespace
+}  // namespace gs
