@@ -23,8 +23,8 @@ struct CellResult {
     double psnr = 0, ssim = 0;  ///< psnr may be infinite
     std::int64_t num_gaussians = 0;
     double train_seconds = 0;
-    double frame_seconds = 0;                            ///< mean over the test views, at their size
-    std::int64_t bytes = 0;                              ///< size of the point cloud file
+    double frame_seconds = 0;  ///< mean over the test views, at their size
+    std::int64_t bytes = 0;    ///< size of the point cloud file, or of the file that a size limit is for
     std::optional<std::int64_t> peak_device_bytes = {};  ///< most memory of the GPU while training; empty on the CPU
     std::string protocol = {};                           ///< protocol_line of the scores
 };

@@ -7,6 +7,7 @@
 #include "kernels/core/error.h"
 #include "lib/core/duration.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 
 namespace gs {
 namespace {
@@ -59,7 +60,9 @@ Plan make_plan(const TrainOptions& options, const Scene& scene) {
         plan.lines.push_back(fmt::format("frames: at most {:g} ms at 1280x720 on this device", 1e3 * seconds));
         plan.json["frame"] = {{"limit_seconds", seconds}};
     }
-    plan.lines.push_back(fmt::format("recipe: {}", word(options.recipe)));
+    const std::vector<std::string> kept = kept_from_recipe(options);
+    plan.lines.push_back(fmt::format("recipe: {}{}", word(options.recipe),
+                                     kept.empty() ? "" : fmt::format(", but {} as named", fmt::join(kept, ", "))));
     plan.json["recipe"] = word(options.recipe);
     if (options.preset != Preset::kNone) plan.json["preset"] = word(options.preset);
     return plan;
@@ -78,7 +81,7 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         const double use = double(bytes) / double(plan.size->limit);
         log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit, summary.num_gaussians,
                  megabytes(bytes), 100 * use);
-        if (use < kLeastUse)
+        if (summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) && use < kLeastUse)
             log_warning("size limit {}: only {:.0f} % of it are used{}", options.size_limit, 100 * use,
                         options.time_limit.empty() ? ": in these --iterations the model did not grow further"
                                                    : ": the time limit does not afford more Gaussians");

@@ -185,6 +185,11 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
     }
     require_named_appearance(options);
     validate(options);
+    const bool varies_iterations =
+        std::any_of(axes.begin(), axes.end(), [](const TradeoffAxis& axis) { return axis.name == "iterations"; });
+    if (varies_iterations && !options.time_limit.empty())
+        throw UsageError(
+            "--axes iterations: a time limit leaves their number open; --search halving, too, divides iterations");
     limit_budget(options, share);  // of the cap that another axis may have set
     return configuration;
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "kernels/core/error.h"
+#include "lib/core/options.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
@@ -42,6 +43,7 @@ TradeoffPlan plan_tradeoff(TrainOptions base, const TradeoffRequest& request) {
         throw UsageError("tradeoff: runs are not resumed; the same command again trains those that are missing");
     if (base.model.empty())
         base.model = (std::filesystem::path("output") / (scene_name(base.source) + "-tradeoff")).string();
+    apply_preset(base);  // default values of axes depend on the iterations
     TradeoffPlan plan{base.model, {}, {}};
     plan.tradeoff.source = base.source;
     plan.tradeoff.quality = request.quality;

@@ -138,6 +138,9 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     if (options.model.empty()) options.model = free_run_folder("output", options);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
+    // Limits that cannot be met are refused while an earlier run in the folder is still whole.
+    Plan plan;
+    if (options.appearance != kAutoAppearance) plan = make_plan(options, scene);
     RunStart start = open_run(options);
     if (start.checkpoint) require_same_test_views(*start.checkpoint, scene, options);
     add_log_file(fs::path(options.model) / "gsapp.log");
@@ -146,7 +149,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
-    Plan plan = make_plan(options, scene);
+    if (plan.json.is_null()) plan = make_plan(options, scene);
     for (const std::string& line : plan.lines) log_info("plan: {}", line);
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;

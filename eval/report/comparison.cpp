@@ -18,8 +18,11 @@ namespace {
 using Sample = std::vector<std::optional<double>>;  ///< one value per column
 
 bool same_experiment(const TableRow& a, const TableRow& b) {
-    return !a.training.empty() && a.scene == b.scene && a.iteration == b.iteration && a.correction == b.correction &&
-           a.training == b.training;
+    if (a.training.empty() || a.scene != b.scene || a.correction != b.correction || a.training != b.training)
+        return false;
+    // Under a time limit the number of iterations is chance.
+    const auto limit = a.training.find("time-limit");
+    return a.iteration == b.iteration || (limit != a.training.end() && !limit->second.empty());
 }
 
 std::string label_of(const std::vector<TableRow>& rows) {

@@ -120,6 +120,8 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.frame_seconds = number_fact(timing, "frame_seconds");
     row.frame_times = frame_times_fact(fact(json, "frame_times", key));
     row.peak_device_bytes = count_fact(fact(json, "memory", key), "peak_device_bytes");
+    const auto plan = fact(json, "plan", key);
+    if (plan.contains("size")) row.planned_bytes = count_fact(plan["size"], "bytes");
     return row;
 }
 

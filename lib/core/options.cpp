@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 
-#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/core/bytes.h"
 #include "lib/core/duration.h"
@@ -120,42 +119,57 @@ void check_bytes(const std::string& key, const std::string& text) {
     }
 }
 
-/// Sets a value that the user left open.
-template <class T> void suggest(TrainOptions& options, const char* key, T TrainOptions::*field, T value) {
-    if (!options.named.contains(key)) options.*field = value;
+/// The shortest time limit, seconds: a few steps and a small file.
+constexpr double kShortestTime = 0.15;
+
+/// What recipe frontier puts in place of defaults (docs/math/optimization.md#recipe).
+struct RecipeValue {
+    const char* key;
+    double TrainOptions::*field;
+    double value;
+};
+constexpr RecipeValue kFrontier[] = {
+    {"position-lr-init", &TrainOptions::position_lr_init, 3.2e-4},
+    {"position-lr-final", &TrainOptions::position_lr_final, 3.2e-6},
+    {"noise-lr", &TrainOptions::noise_lr, 2.5e5},  // times the rate of the means: the noise stays
+    {"residual-rate", &TrainOptions::residual_rate, 3},
+    {"final-rate", &TrainOptions::final_rate, 0.1},
+    {"opacity-reg", &TrainOptions::opacity_reg, 0.003},
+    {"scale-reg", &TrainOptions::scale_reg, 0.003},
+    {"coarse-until", &TrainOptions::coarse_until, 0.2},
+};
+
+/// Decides what `auto` stands for, and puts the values of recipe frontier in place of what was not named.
+void apply_recipe(TrainOptions& options) {
+    if (options.recipe == Recipe::kAuto) {
+        const bool limited = !options.time_limit.empty() || !options.size_limit.empty() || !options.frame_limit.empty();
+        options.recipe = limited || options.preset != Preset::kNone ? Recipe::kFrontier : Recipe::kPaper;
+    }
+    if (options.recipe != Recipe::kFrontier) return;
+    for (const RecipeValue& entry : kFrontier)
+        if (!options.named.contains(entry.key)) options.*entry.field = entry.value;
 }
 
-/// Puts the iterations of a preset in place.
+}  // namespace
+
 void apply_preset(TrainOptions& options) {
     if (options.preset == Preset::kNone) return;
     if (!options.time_limit.empty())
         throw UsageError("option preset: its length is a number of iterations, which time-limit replaces; give one");
-    suggest(options, "iterations", &TrainOptions::iterations,
-            std::int64_t(options.preset == Preset::kFast       ? 5000
-                         : options.preset == Preset::kBalanced ? 15000
-                                                               : 30000));
+    if (!options.named.contains("iterations"))
+        options.iterations = options.preset == Preset::kFast       ? 5000
+                             : options.preset == Preset::kBalanced ? 15000
+                                                                   : 30000;
 }
 
-/// Decides what `auto` stands for, and puts the values of recipe frontier in place of the defaults. docs/results.md has
-/// what each is worth.
-void apply_recipe(TrainOptions& options) {
-    if (options.recipe == Recipe::kAuto)
-        options.recipe = options.preset != Preset::kNone || !options.time_limit.empty() ||
-                                 !options.size_limit.empty() || !options.frame_limit.empty()
-                             ? Recipe::kFrontier
-                             : Recipe::kPaper;
-    if (options.recipe != Recipe::kFrontier) return;
-    suggest(options, "position-lr-init", &TrainOptions::position_lr_init, 3.2e-4);
-    suggest(options, "position-lr-final", &TrainOptions::position_lr_final, 3.2e-6);
-    suggest(options, "noise-lr", &TrainOptions::noise_lr, 2.5e5);  // times the means' rate: the noise stays
-    suggest(options, "residual-rate", &TrainOptions::residual_rate, 3.0);
-    suggest(options, "final-rate", &TrainOptions::final_rate, 0.1);
-    suggest(options, "opacity-reg", &TrainOptions::opacity_reg, 0.003);
-    suggest(options, "scale-reg", &TrainOptions::scale_reg, 0.003);
-    suggest(options, "coarse-until", &TrainOptions::coarse_until, 0.2);
+std::vector<std::string> kept_from_recipe(const TrainOptions& options) {
+    std::vector<std::string> kept;
+    if (options.recipe != Recipe::kFrontier) return kept;
+    for (const RecipeValue& entry : kFrontier)
+        if (options.*entry.field != entry.value)
+            kept.push_back(fmt::format("{} {}", entry.key, number_text(options.*entry.field)));
+    return kept;
 }
-
-}  // namespace
 
 std::vector<std::string> option_groups() {
     std::vector<std::string> groups;
@@ -268,9 +282,18 @@ void validate(TrainOptions& options) {
             fmt::format("option speedy-splat: goes with strategy adc, not with {}", word(options.strategy)));
     apply_preset(options);
     apply_recipe(options);
+    if (!options.time_limit.empty() && parse_duration(options.time_limit, "option time-limit") < kShortestTime)
+        throw UsageError(fmt::format("option time-limit: {} is less than the shortest useful one, {:g}s",
+                                     options.time_limit, kShortestTime));
+    if (!options.time_limit.empty() && options.schedule == ScheduleKind::kFixed)
+        throw UsageError("option schedule: fixed counts iterations, whose number a time limit leaves open");
+    if (!options.time_limit.empty() && options.appearance == kAutoAppearance)
+        throw UsageError(
+            "option appearance: auto compares short trainings, whose time would not be within time-limit; let a run "
+            "without a limit choose, or name a model");
     // A .splat file holds one colour for all directions.
     if (!options.size_limit.empty() && options.size_of == SizeOf::kSplat)
-        suggest(options, "appearance", &TrainOptions::appearance, std::string("none"));
+        if (!options.named.contains("appearance")) options.appearance = "none";
     const bool mcmc = options.strategy == Strategy::kMcmc;
     if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.controller_iterations < 0 && options.time_limit.empty())

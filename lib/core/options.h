@@ -80,6 +80,13 @@ LogLevel shown_messages(const TrainOptions& options);
 /// value and range.
 void validate(TrainOptions& options);
 
+/// Puts the iterations of a preset in place, unless they were named. Throws UsageError beside a time limit.
+void apply_preset(TrainOptions& options);
+
+/// Returns the options that recipe frontier leaves at another value because they were named, e.g. "opacity-reg 0.01".
+/// `options` must be validated.
+std::vector<std::string> kept_from_recipe(const TrainOptions& options);
+
 /// Returns the defaults overlaid with the file, its `parent:` (relative to the file) first. The rules between options
 /// are not checked: the command line may still add the missing parts. Throws UsageError naming file, line and key for a
 /// value out of range, for a key that stands twice, and for an unknown key, with the nearest known one.

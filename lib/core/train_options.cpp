@@ -208,7 +208,7 @@ std::vector<Option> photometric_options() {
     return {
         choice("ppisp", &O::ppisp,
                "learn exposure and colour of every image, vignetting and response of every camera beside the scene; "
-               "auto: only if the images of the first 1000 iterations turn out to differ"),
+               "auto: only if the images turn out to differ after a thirtieth of the training"),
         flag("ppisp-exif", &O::ppisp_exif,
              "with ppisp: exposures start from the images' EXIF data, which the controller is told as well"),
         text("ppisp-from", &O::ppisp_from, "file ppisp.json",
@@ -216,7 +216,8 @@ std::vector<Option> photometric_options() {
              "name. Turns ppisp on"),
         number("controller-iterations", &O::controller_iterations, {-1, kMaxIterations, "iterations"},
                "with ppisp: iterations after the training in which a controller learns to predict exposure and "
-               "colour of new views from their render; 0: none; -1: a sixth of iterations"),
+               "colour of new views from their render; 0: none; -1: a sixth of iterations (fixed: 5000), or a seventh "
+               "of time-limit"),
     };
 }
 
@@ -236,7 +237,7 @@ std::vector<Option> rate_options() {
         number("position-lr-final", &O::position_lr_final, {0, 10},
                "rate of the means at the end, times the scene extent; log-linear in between"),
         number("position-lr-max-steps", &O::position_lr_max_steps, {-1, kMaxIterations, "iterations"},
-               "iteration at which the final rate of the means is reached; -1: the last"),
+               "iteration at which the final rate of the means is reached; -1: 30000 of 30000"),
         number("scaling-lr", &O::scaling_lr, {0, 10}, "rate of the log scales"),
         number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations"),
         number("opacity-lr", &O::opacity_lr, {0, 10},
@@ -246,9 +247,11 @@ std::vector<Option> rate_options() {
         number("residual-rate", &O::residual_rate, {0, 1000},
                "factor on the rates of what makes colours depend on the view"),
         number("final-rate", &O::final_rate, {0, 1},
-               "share of all rates but those of means that is left at the end; they fall in the last third"),
+               "share of the rates of scales, rotations, opacities and colours that is left at the end; they fall from "
+               "20000 of 30000 on"),
         number("ppisp-lr", &O::ppisp_lr, {0, 1},
-               "rate of exposures, colours, vignetting and responses after 500 iterations, falling by 100 in 30000; "
+               "rate of exposures, colours, vignetting and responses after 500 of 30000 iterations, falling by 100 to "
+               "the end; "
                "images that differ by stops are told apart better with 0.006"),
     };
 }

@@ -214,11 +214,15 @@ fs::path latest_checkpoint(const fs::path& run_folder) {
     if (found.empty()) {
         std::error_code error;
         const bool begun = fs::exists(RunFolder{run_folder}.config(), error);
+        const char* why = begun ? ": its run ended before the first checkpoint; start it anew with --overwrite in "
+                                  "place of --resume"
+                                : "";
+        if (begun && !point_clouds(run_folder).empty())
+            why =
+                ": its run is complete, and under a time limit no checkpoint is written at the end; train anew with "
+                "another limit and --overwrite";
         throw DataError(fmt::format("'{}' holds no checkpoints/iteration_N.safetensors to resume from{}",
-                                    run_folder.string(),
-                                    begun ? ": its run ended before the first checkpoint; start it anew with "
-                                            "--overwrite in place of --resume"
-                                          : ""));
+                                    run_folder.string(), why));
     }
     return found.back().path;
 }

@@ -32,7 +32,12 @@ Course::Course(const TrainOptions& options, std::size_t num_views)
 
 void Course::resume(std::int64_t iteration, double used) {
     used_ = used;
-    moment_ = limits_time() ? Moment{iteration, 0, -1} : moment_at(options_, iteration);
+    moment_ = moment_at(options_, iteration);
+    if (limits_time()) {  // about where start() will put it
+        const double limit = parse_duration(options_.time_limit, "option time-limit");
+        const double position = kReferenceIterations * std::min(1.0, used / limit);
+        moment_ = {iteration, position, position - 1};
+    }
     finished_ = !limits_time() && iteration >= options_.iterations;
 }
 
@@ -45,7 +50,7 @@ std::int64_t Course::affordable_start(std::int64_t count, double frame_seconds) 
 void Course::start(const TimeCosts& costs, std::int64_t count) {
     const double limit = parse_duration(options_.time_limit, "option time-limit");
     budget_.emplace(limit, used_, wanted_steps_);
-    budget_->start(costs);
+    budget_->start(costs, moment_.iteration);
     const double least = used_ + limit - budget_->for_steps(count) + kLeastSeconds;
     if (moment_.iteration == 0 && limit < least)
         throw UsageError(
@@ -75,7 +80,11 @@ std::int64_t Course::expected_iterations() const {
                                   std::llround(double(moment_.iteration) * kReferenceIterations / moment_.position));
 }
 
-int Course::reduction() const { return moment_.position < options_.coarse_until * kReferenceIterations ? kCoarse : 1; }
+int Course::reduction() const {
+    const double done = limits_time() ? moment_.position / kReferenceIterations
+                                      : double(moment_.iteration) / double(options_.iterations);
+    return done < options_.coarse_until ? kCoarse : 1;
+}
 
 std::int64_t Course::most_gaussians(std::int64_t count, std::int64_t cap) {
     if (!budget_) return cap;

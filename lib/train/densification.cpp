@@ -39,7 +39,8 @@ DensificationWindow::DensificationWindow(const TrainOptions& options)
 bool DensificationWindow::due(const Moment& moment) const {
     if (!from.reached(moment) || until.exceeded(moment)) return false;
     // Intervals count from the first densification, where both are on one scale.
-    const double first = interval.named() == from.named() ? from.value() : 0;
+    const bool one_scale = interval.named() == from.named() || moment.position == double(moment.iteration);
+    const double first = one_scale ? from.value() : 0;
     const double length = interval.named()
                               ? interval.value()
                               : kInterval * std::max(1.0, std::ceil(kLeastSteps * moment.stride() / kInterval));

@@ -18,7 +18,7 @@ namespace {
 
 /// The views and rounds of one measurement.
 constexpr std::size_t kTimedViews = 3, kFrameViews = 9;
-constexpr int kFrameRounds = 5;
+constexpr int kFrameRounds = 2;
 /// The size of the frames that --frame-limit speaks of.
 constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 /// The time of scoring a view over that of its frame, and some more, since frames take longer with more Gaussians.
@@ -27,7 +27,7 @@ constexpr double kScorePerFrame = 4;
 constexpr double kGrowth = 1.1;
 /// The most rounds of pruning to a frame time, the share of the limit that they aim at, and the least and most that one
 /// removes.
-constexpr int kPruneRounds = 8;
+constexpr int kPruneRounds = 4;
 constexpr double kAim = 0.98, kLeastPruned = 0.02, kMostPruned = 0.5;
 
 }  // namespace
@@ -96,16 +96,24 @@ std::int64_t ModelLimits::most_now(Backend& backend) {
 
 double ModelLimits::seconds_to_prune(Backend& backend) const {
     if (most_at_end_ == 0 && frame_limit_ == 0) return 0;
-    return kScorePerFrame * double(scene_.train.size()) * view_seconds(backend);
+    const double scores = kScorePerFrame * double(scene_.train.size()) * view_seconds(backend);
+    if (frame_limit_ == 0) return scores;
+    // Frames at the end take about the limit; a round of them warms up.
+    const double frames = double(kFrameViews) * (kFrameRounds + 1) * frame_limit_;
+    return kPruneRounds * (scores + frames) + frames;
 }
 
 void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* limit) const {
-    const std::int64_t count = backend.count();
-    if (count <= most) return;
-    // LowestScores removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
-    const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
-    const std::int64_t removed = backend.prune(LowestScores{views(), ratio}).removed;
-    log_info("{}: {} of {} Gaussians removed, those with the lowest scores", limit, removed, count);
+    const std::int64_t before = backend.count();
+    // More than one round only where a hundredth, which always stays, is too much.
+    for (std::int64_t count = before; count > most; count = backend.count()) {
+        // LowestScores removes floor(ratio (count - 1)) + 1 (docs/math/densification.md#pruning-by-score).
+        const double ratio = (double(count - most) - 0.5) / double(std::max<std::int64_t>(1, count - 1));
+        if (backend.prune(LowestScores{views(), ratio}).removed == 0) break;
+    }
+    if (before > backend.count())
+        log_info("{}: {} of {} Gaussians removed, those with the lowest scores", limit, before - backend.count(),
+                 before);
 }
 
 void ModelLimits::prune(Backend& backend) const {

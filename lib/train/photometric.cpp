@@ -17,6 +17,10 @@ namespace {
 /// The number of names that a message lists.
 constexpr std::size_t kNamed = 3;
 
+bool may_decide(double position, std::int64_t iteration) {
+    return position >= kPhotometricDecision && iteration >= kLeastIterations;
+}
+
 }  // namespace
 
 std::string describe(const PhotometricDecision& decision) {
@@ -42,9 +46,11 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
     else if (options.ppisp == PpispMode::kOn)
         initial_ = begin();
     active_ = initial_.active();
-    if (options.ppisp == PpispMode::kAuto && options.iterations <= kLeastIterations)
+    const Moment last = moment_at(options, options.iterations - 1);
+    if (options.ppisp == PpispMode::kAuto && options.time_limit.empty() && !may_decide(last.position, last.iteration))
         log_warning("--ppisp auto needs {} iterations to decide, but this run has {}: PPISP stays off",
-                    kLeastIterations, options.iterations);
+                    1 + std::max(kLeastIterations, std::int64_t(kPhotometricDecision / last.stride())),
+                    options.iterations);
     if (active_)
         log_info("photometric correction of {} images from {} cameras{}", initial_.num_frames, initial_.num_cameras,
                  frozen_ ? ", as in " + options.ppisp_from : "");
@@ -118,11 +124,8 @@ void Photometric::resume(Gaussians& state, const Moment& moment) {
 std::optional<PhotometricDecision> Photometric::decide(
     Backend& backend, const Moment& moment, const Vec3<float>& background,
     const std::function<std::shared_ptr<const ViewImage>(std::size_t)>& image) {
-    const auto past = [](double position, double iteration) {
-        return position >= kPhotometricDecision && iteration >= double(kLeastIterations);
-    };
-    if (options_.ppisp != PpispMode::kAuto || active_ || !past(moment.position, double(moment.iteration)) ||
-        past(moment.before, double(moment.iteration - 1)))
+    if (options_.ppisp != PpispMode::kAuto || active_ || !may_decide(moment.position, moment.iteration) ||
+        may_decide(moment.before, moment.iteration - 1))
         return {};
     PhotometricDecision decision;
     decision.variation = measure_variation(backend, scene_.train, background, image);

@@ -3,7 +3,6 @@
 #include "lib/train/rehearsal.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "appearance/model_info.h"
@@ -72,8 +71,8 @@ std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const 
     result.backend->upload(start);
     const bool finished =
         run(result, appearance.model, iterations, begun_, most_seconds, [&](std::int64_t k, const StepView& view) {
-            const double position = kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations);
-            return composer.compose(view, {begun_ + k, std::floor(position), position});
+            const auto rates = std::int64_t(kFirstRate + (kLastRate - kFirstRate) * double(k) / double(iterations));
+            return composer.compose(view, moment_at(options_, begun_ + k), {rates, double(rates), double(rates - 1)});
         });
     return finished ? std::optional(std::move(result)) : std::nullopt;
 }

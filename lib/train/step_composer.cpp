@@ -30,13 +30,13 @@ StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteratio
     return request;
 }
 
-StepRequest StepComposer::compose(const StepView& view, const Moment& moment) const {
+StepRequest StepComposer::compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const {
     StepRequest request = request_of(view, moment.iteration);
     const bool mcmc = options_.strategy == Strategy::kMcmc;
     request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
     request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
     request.gather_gradient_stats = options_.strategy == Strategy::kAdc && !window_.until.reached(moment);
-    rates_.apply(moment, request);
+    rates_.apply(rate_moment, request);
     if (photometric_) {
         photometric_->apply(view.index, moment, request);
     } else {

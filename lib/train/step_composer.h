@@ -28,7 +28,9 @@ class StepComposer {
                  const Photometric* photometric, double rate_factor = 1);
 
     /// Returns the step on `view` at `moment`.
-    StepRequest compose(const StepView& view, const Moment& moment) const;
+    StepRequest compose(const StepView& view, const Moment& moment) const { return compose(view, moment, moment); }
+    /// Returns the same step with the learning rates of another moment.
+    StepRequest compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const;
 
     /// Returns a step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.
     StepRequest compose_distillation(const StepView& view, std::int64_t iteration) const;

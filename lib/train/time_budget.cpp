@@ -7,17 +7,15 @@
 namespace gs {
 namespace {
 
-/// The seconds that saving takes besides what grows with the model.
-constexpr double kSavingOverhead = 0.02;
 /// The least steps that tell how long one takes.
 constexpr std::int64_t kLeastSteps = 5;
 
 }  // namespace
 
-void TimeBudget::start(const TimeCosts& costs) {
+void TimeBudget::start(const TimeCosts& costs, std::int64_t iteration) {
     costs_ = costs;
     start_ = clock_();
-    marked_seconds_ = elapsed();
+    marked_seconds_ = elapsed(), marked_iteration_ = iteration;
 }
 
 double TimeBudget::for_steps(std::int64_t count) const {

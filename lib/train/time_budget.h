@@ -9,6 +9,9 @@
 
 namespace gs {
 
+/// The seconds that saving takes besides what grows with the model.
+inline constexpr double kSavingOverhead = 0.02;
+
 /// What is measured before the first step.
 struct TimeCosts {
     double saving_per_gaussian = 0;  ///< seconds that a Gaussian takes in the final pruning and saving
@@ -23,8 +26,8 @@ class TimeBudget {
     TimeBudget(double limit, double used, std::int64_t wanted_steps, double (*clock)() = seconds_now)
         : limit_(limit), used_(used), wanted_steps_(double(wanted_steps)), clock_(clock) {}
 
-    /// The first step begins now.
-    void start(const TimeCosts& costs);
+    /// The next step begins now, after `iteration` steps before a resume.
+    void start(const TimeCosts& costs, std::int64_t iteration = 0);
     /// Keeps `seconds` back for what follows the steps, besides saving.
     void keep_back(double seconds) { kept_back_ = seconds; }
     /// Takes `seconds` out of the account, which went into measuring.

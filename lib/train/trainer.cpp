@@ -38,6 +38,8 @@ constexpr std::int64_t kLogInterval = 100;
 constexpr std::int64_t kMaxSkips = 10;
 /// The points that a training begins with at least, however short it is.
 constexpr std::int64_t kLeastPoints = 1000;
+/// The seconds of a time limit that finishing and writing the controllers may take.
+constexpr double kControllerEnd = 0.05;
 
 /// The seconds between two automatic checkpoints; infinite without them.
 double automatic_interval(const TrainOptions& options) {
@@ -112,12 +114,16 @@ class Run {
     /// Measures what a time limit has to account for, and starts its clock.
     void begin_time() {
         const std::int64_t count = backend_->count();
-        TimeCosts costs{.saving_per_gaussian = writer_.time_saving(*backend_, iteration_) / double(count)};
+        TimeCosts costs{.saving_per_gaussian =
+                            std::max(0.0, writer_.time_saving(*backend_, iteration_) - kSavingOverhead) /
+                            double(count)};
         costs.pruning = limits_.seconds_to_prune(*backend_);
         if (course_.reduction() > 1)
             costs.coarse_ratio =
                 std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, course_.reduction()));
         course_.start(costs, count);
+        keep_time_for_controllers();
+        if (course_.finished()) log_warning("time limit {}: it is used up: nothing is trained", options_.time_limit);
         log_info(
             "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends where fewer than {} steps would "
             "remain",
@@ -288,9 +294,10 @@ class Run {
         photometric_.add_controllers(*backend_);
         // Under a time limit the controllers have what is left of it, unless their number was named.
         const bool by_time = options_.controller_iterations < 0;
+        const auto& budget = course_.budget();
         const auto due = [&](std::int64_t k) {
-            return by_time ? k == 0 || course_.budget()->elapsed() < course_.budget()->limit()
-                           : k < options_.controller_iterations;
+            if (k > 0 && budget && budget->elapsed() >= budget->limit() - kControllerEnd) return false;
+            return by_time || k < options_.controller_iterations;
         };
         progress_.start(std::max<std::int64_t>(options_.controller_iterations, 1), 0, "controller");
         std::int64_t k = 0;

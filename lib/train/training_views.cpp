@@ -6,6 +6,7 @@
 #include <string>
 #include <thread>
 
+#include "kernels/core/clock.h"
 #include "kernels/core/rng.h"
 #include "lib/core/bytes.h"
 #include "lib/scene/resized.h"
@@ -40,7 +41,9 @@ TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, 
     Step step;
     ImageCache& images = images_of(factor);
     step.index = order_.at(iteration);
+    const double start = seconds_now();
     step.image = images.get(step.index);
+    wait_seconds_ += seconds_now() - start;
     if (iteration + prefetch_ < end) images.prefetch(ahead_.at(iteration + prefetch_));
     step.background = background_at(iteration);
     step.level = factor - 1;
@@ -48,7 +51,10 @@ TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, 
 }
 
 ImageCache& TrainingViews::images_of(int factor) {
-    if (factor == 1) return images_;
+    if (factor == 1) {
+        reduced_.clear();
+        return images_;
+    }
     auto& found = reduced_[factor];
     if (!found) {
         std::vector<View> views = scene_.train;

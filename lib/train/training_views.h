@@ -37,7 +37,7 @@ class TrainingViews {
 
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
-    double wait_seconds() const { return images_.wait_seconds(); }
+    double wait_seconds() const { return wait_seconds_; }
     /// Returns the background, RGB; black if the steps' background is random.
     Vec3<float> fixed_background() const { return background_.color; }
 
@@ -59,6 +59,7 @@ class TrainingViews {
     const std::int64_t prefetch_;  ///< number of views prefetched; never the same view twice
     ViewOrder ahead_{order_};      ///< order for prefetching, where the next epoch may have begun
     ImageCache images_;
+    double wait_seconds_ = 0;                          ///< of at()
     std::map<int, std::unique_ptr<Reduced>> reduced_;  ///< by factor; destroyed before images_
 };
 

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -220,6 +222,36 @@ TEST(Options, ResumingTheLatestNeedsItsFolder) {
     EXPECT_THROW(validate(options), UsageError);
     options.model = "run";
     EXPECT_NO_THROW(validate(options));
+}
+
+TEST(Options, ARecipeLeavesNamedOptionsAlone) {
+    TrainOptions options = with_source();
+    options.preset = Preset::kFast;
+    options.opacity_reg = 0.02, options.named = {"opacity-reg"};
+    validate(options);
+    EXPECT_EQ(options.iterations, 5000);
+    EXPECT_EQ(options.recipe, Recipe::kFrontier);
+    EXPECT_EQ(options.opacity_reg, 0.02);
+    EXPECT_EQ(options.scale_reg, 0.003);
+    EXPECT_EQ(kept_from_recipe(options), std::vector<std::string>{"opacity-reg 0.02"});
+    TrainOptions paper = with_source();
+    validate(paper);
+    EXPECT_EQ(paper.recipe, Recipe::kPaper);
+    EXPECT_EQ(paper.scale_reg, 0.01);
+    EXPECT_TRUE(kept_from_recipe(paper).empty());
+}
+
+TEST(Options, ContradictionsWithATimeLimitAreRefused) {
+    const auto refused = [](const std::function<void(TrainOptions&)>& change) {
+        TrainOptions options = with_source();
+        options.time_limit = "5s";
+        EXPECT_NO_THROW(validate(options));
+        change(options);
+        EXPECT_THROW(validate(options), UsageError);
+    };
+    refused([](TrainOptions& o) { o.preset = Preset::kBest; });
+    refused([](TrainOptions& o) { o.schedule = ScheduleKind::kFixed; });
+    refused([](TrainOptions& o) { o.appearance = kAutoAppearance; });
 }
 
 TEST(Options, ValidationResolvesWhatDependsOnTheStrategy) {

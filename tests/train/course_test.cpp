@@ -107,6 +107,15 @@ TEST(Schedules, NamedIterationsStay) {
     EXPECT_EQ(walk(o).at, (std::vector<std::int64_t>{100, 150, 200, 250, 300, 350, 400}));
 }
 
+TEST(Schedules, IntervalsCountFromTheFirstDensification) {
+    TrainOptions o = options_of(30000);
+    o.densification_interval = 250;
+    EXPECT_EQ(walk(o).at.at(1), 850);
+    o = options_of(30000);
+    o.densify_from_iter = 550;
+    EXPECT_EQ(walk(o).at.at(1), 650);
+}
+
 TEST(Schedules, RatesFallToTheirLastValueInARunOfAnyLength) {
     Scene scene;
     scene.train.resize(1);

@@ -57,6 +57,11 @@ TEST(TradeoffAxes, TimeAndSizeAreLimits) {
     EXPECT_EQ(c.options.time_limit, "5s");
     EXPECT_EQ(c.options.size_limit, "2MB");
     EXPECT_EQ(c.options.recipe, Recipe::kFrontier);
+    const auto both = parse({"time=5s", "iterations=10"});
+    EXPECT_NE(error_of([&] {
+                  make_configuration(both, {"5s", "10"}, base_options());
+              }).find("--axes iterations"),
+              std::string::npos);
     EXPECT_NE(error_of([&] {
                   make_configuration(axes, {"soon", "2MB"}, base_options());
               }).find("time-limit"),
