@@ -26,8 +26,8 @@ constexpr double kScorePerFrame = 4;
 /// The growth after which frames are measured again.
 constexpr double kGrowth = 1.1;
 /// The most rounds of pruning to a frame time, the share of the limit that they aim at, and the least and most that one
-/// removes.
-constexpr int kPruneRounds = 4;
+/// removes: measured times scatter, and what is gone does not come back.
+constexpr int kPruneRounds = 6;
 constexpr double kAim = 0.98, kLeastPruned = 0.02, kMostPruned = 0.5;
 
 }  // namespace
@@ -119,16 +119,21 @@ void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* limi
 void ModelLimits::prune(Backend& backend) const {
     if (most_at_end_ > 0) prune_to(backend, most_at_end_, "size limit");
     if (frame_limit_ == 0) return;
+    double earlier_count = 0, earlier_seconds = 0;
     for (int round = 0; backend.count() > 1; ++round) {
-        const double seconds = frame_seconds(backend);
+        const double count = double(backend.count()), seconds = frame_seconds(backend);
         if (seconds <= frame_limit_) return;
         if (round == kPruneRounds) {
             log_warning("frame limit {}: {} Gaussians still take {:.3g} ms", options_.frame_limit, backend.count(),
                         1e3 * seconds);
             return;
         }
-        const double share = std::clamp(1 - kAim * frame_limit_ / seconds, kLeastPruned, kMostPruned);
-        prune_to(backend, std::max<std::int64_t>(1, std::llround((1 - share) * double(backend.count()))),
+        // As if time were proportional to the number at first, then along the line through two measurements.
+        double most = count * kAim * frame_limit_ / seconds;
+        if (earlier_seconds > seconds)
+            most = count - (seconds - kAim * frame_limit_) * (earlier_count - count) / (earlier_seconds - seconds);
+        earlier_count = count, earlier_seconds = seconds;
+        prune_to(backend, std::llround(std::clamp(most, (1 - kMostPruned) * count, (1 - kLeastPruned) * count)),
                  "frame limit");
     }
 }
