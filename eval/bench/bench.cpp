@@ -9,6 +9,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/scene/camera_params.h"
+#include "lib/scene/resized.h"
 #include "lib/train/step_composer.h"
 
 namespace gs {
@@ -159,12 +160,6 @@ StageCost appearance_share(const BenchResult& result, std::size_t k) {
     const StageCost& without = result.without_residual[k];
     share.seconds -= without.seconds, share.bytes -= without.bytes, share.operations -= without.operations;
     return share;
-}
-
-Camera with_size(Camera camera, int width, int height) {
-    camera.cx += 0.5 * (width - camera.width), camera.cy += 0.5 * (height - camera.height);
-    camera.width = width, camera.height = height;
-    return camera;
 }
 
 }  // namespace gs

@@ -12,9 +12,6 @@
 
 namespace gs {
 
-/// The size at which renderers are usually compared.
-constexpr int kFrameWidth = 1280, kFrameHeight = 720;
-
 /// The numbers of repetitions.
 struct BenchOptions {
     int repeat = 20;       ///< iterations in one measurement
@@ -62,10 +59,6 @@ double frame_seconds(Backend& backend, const std::vector<View>& views, const Vec
 /// Uploads `model` and measures BenchResult::iteration_seconds alone.
 double iteration_seconds(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model,
                          const BenchOptions& bench);
-
-/// Returns the camera with another image size, the same pose and focal lengths in pixels, and the image's centre where
-/// it was: cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene at the same scale.
-Camera with_size(Camera camera, int width, int height);
 
 /// Returns the time, bytes and operations that the residual adds to stage `k`: the stage less itself at degree 0.
 StageCost appearance_share(const BenchResult& result, std::size_t k);

@@ -8,6 +8,7 @@
 
 #include "eval/bench/bench.h"
 #include "lib/scene/camera_params.h"
+#include "lib/scene/resized.h"
 
 namespace gs {
 

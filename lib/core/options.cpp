@@ -292,8 +292,8 @@ void validate(TrainOptions& options) {
             "option appearance: auto compares short trainings, whose time would not be within time-limit; let a run "
             "without a limit choose, or name a model");
     // A .splat file holds one colour for all directions.
-    if (!options.size_limit.empty() && options.size_of == SizeOf::kSplat)
-        if (!options.named.contains("appearance")) options.appearance = "none";
+    if (!options.size_limit.empty() && options.size_of == SizeOf::kSplat && !options.named.contains("appearance"))
+        options.appearance = "none";
     const bool mcmc = options.strategy == Strategy::kMcmc;
     if (options.opacity_lr == 0) options.opacity_lr = mcmc || options.speedy_splat ? 0.05 : 0.025;
     if (options.controller_iterations < 0 && options.time_limit.empty())

@@ -15,6 +15,12 @@ Camera resized(Camera camera, int width, int height) {
     return camera;
 }
 
+Camera with_size(Camera camera, int width, int height) {
+    camera.cx += 0.5 * (width - camera.width), camera.cy += 0.5 * (height - camera.height);
+    camera.width = width, camera.height = height;
+    return camera;
+}
+
 Camera reduced(const Camera& camera, int factor) {
     return resized(camera, std::max(1, camera.width / factor), std::max(1, camera.height / factor));
 }

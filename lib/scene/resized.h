@@ -9,6 +9,13 @@ namespace gs {
 /// Returns the camera of the same picture in width x height pixels, with scaled intrinsics.
 Camera resized(Camera camera, int width, int height);
 
+/// The size at which renderers are usually compared.
+inline constexpr int kFrameWidth = 1280, kFrameHeight = 720;
+
+/// Returns the camera with another image size, the same pose and focal lengths in pixels, and the image's centre where
+/// it was: cx + (width - W)/2, cy + (height - H)/2. A larger image shows more of the scene at the same scale.
+Camera with_size(Camera camera, int width, int height);
+
 /// Returns the camera of the picture in `factor` times fewer pixels a side, rounded down, at least one.
 Camera reduced(const Camera& camera, int factor);
 

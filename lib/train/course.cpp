@@ -26,7 +26,9 @@ constexpr double kLeastSeconds = 0.1;
 }  // namespace
 
 Course::Course(const TrainOptions& options, std::size_t num_views)
-    : options_(options), wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))) {
+    : options_(options),
+      limit_(options.time_limit.empty() ? 0 : parse_duration(options.time_limit, "option time-limit")),
+      wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))) {
     if (!limits_time()) resume(0, 0);
 }
 
@@ -34,29 +36,26 @@ void Course::resume(std::int64_t iteration, double used) {
     used_ = used;
     moment_ = moment_at(options_, iteration);
     if (limits_time()) {  // about where start() will put it
-        const double limit = parse_duration(options_.time_limit, "option time-limit");
-        const double position = kReferenceIterations * std::min(1.0, used / limit);
+        const double position = kReferenceIterations * std::min(1.0, used / limit_);
         moment_ = {iteration, position, position - 1};
     }
     finished_ = !limits_time() && iteration >= options_.iterations;
 }
 
 std::int64_t Course::affordable_start(std::int64_t count, double frame_seconds) const {
-    const double seconds = parse_duration(options_.time_limit, "option time-limit");
     return std::int64_t(double(count) *
-                        std::min(1.0, seconds / (kStepPerFrame * frame_seconds * double(wanted_steps_))));
+                        std::min(1.0, limit_ / (kStepPerFrame * frame_seconds * double(wanted_steps_))));
 }
 
 void Course::start(const TimeCosts& costs, std::int64_t count) {
-    const double limit = parse_duration(options_.time_limit, "option time-limit");
-    budget_.emplace(limit, used_, wanted_steps_);
+    budget_.emplace(limit_, used_, wanted_steps_);
     budget_->start(costs, moment_.iteration);
-    const double least = used_ + limit - budget_->for_steps(count) + kLeastSeconds;
-    if (moment_.iteration == 0 && limit < least)
+    const double least = used_ + limit_ - budget_->for_steps(count) + kLeastSeconds;
+    if (moment_.iteration == 0 && limit_ < least)
         throw UsageError(
             fmt::format("option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the "
                         "shortest limit is {:g}s",
-                        options_.time_limit, count, limit - budget_->for_steps(count), std::ceil(20 * least) / 20));
+                        options_.time_limit, count, limit_ - budget_->for_steps(count), std::ceil(20 * least) / 20));
     const double position = kReferenceIterations * budget_->progress(count);
     moment_ = {moment_.iteration, position, position - 1};
     finished_ = position >= kReferenceIterations;

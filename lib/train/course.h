@@ -16,7 +16,7 @@ class Course {
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
-    bool limits_time() const { return !options_.time_limit.empty(); }
+    bool limits_time() const { return limit_ > 0; }
     /// Returns the number of Gaussians with which a time limit leaves enough steps, where a frame of `count` takes
     /// `frame_seconds`.
     std::int64_t affordable_start(std::int64_t count, double frame_seconds) const;
@@ -44,6 +44,7 @@ class Course {
 
   private:
     const TrainOptions& options_;
+    const double limit_;  ///< seconds; 0 = none
     const std::int64_t wanted_steps_;
     double used_ = 0;
     std::optional<TimeBudget> budget_;

@@ -19,8 +19,6 @@ namespace {
 /// The views and rounds of one measurement.
 constexpr std::size_t kTimedViews = 3, kFrameViews = 9;
 constexpr int kFrameRounds = 2;
-/// The size of the frames that --frame-limit speaks of.
-constexpr int kFrameWidth = 1280, kFrameHeight = 720;
 /// The time of scoring a view over that of its frame, and some more, since frames take longer with more Gaussians.
 constexpr double kScorePerFrame = 4;
 /// The growth after which frames are measured again.
@@ -61,9 +59,7 @@ double ModelLimits::frame_seconds(Backend& backend) const {
     std::vector<RenderRequest> timed;
     const std::size_t all = scene_.train.size(), used = std::min(all, kFrameViews);
     for (std::size_t k = 0; k < used; ++k) {
-        Camera camera = scene_.train[k * all / used].camera;
-        camera.width = kFrameWidth, camera.height = kFrameHeight;
-        camera.cx = 0.5 * kFrameWidth, camera.cy = 0.5 * kFrameHeight;
+        const Camera camera = with_size(scene_.train[k * all / used].camera, kFrameWidth, kFrameHeight);
         timed.push_back({.camera = camera_params(camera), .background = background_});
     }
     return backend.timer().time_frames(timed, kFrameRounds);

@@ -14,6 +14,7 @@
 #include "kernels/core/parallel.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
+#include "lib/scene/resized.h"
 #include "tests/train/forwarding_backend.h"
 
 namespace gs {
