@@ -120,6 +120,7 @@ struct McmcParams {
     std::int64_t cap = 1000000;
     float min_opacity = 0.005f;
     double growth = 1.05;
+    bool by_gradient = false;  ///< growth prefers Gaussians whose colour has large gradients
 };
 
 /// The rule of the ADC strategy.

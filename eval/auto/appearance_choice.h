@@ -51,9 +51,6 @@ enum class Obstacle {
     kMasks,     ///< masks leave nothing of the views that models would be compared on
 };
 
-/// The fewest training views of which some can be held out.
-inline constexpr std::size_t kFewestViews = 8;
-
 /// Everything that the choice is made from, and what its description needs.
 struct AppearanceMeasurements {
     std::optional<Obstacle> obstacle = {};        ///< if set, only num_views, plain_model and seconds are known

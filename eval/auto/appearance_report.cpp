@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "eval/auto/held_out.h"
+
 namespace gs {
 namespace {
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "appearance/model_info.h"
+#include "eval/auto/held_out.h"
 #include "eval/auto/photograph.h"
 #include "eval/auto/residual_parts.h"
 #include "kernels/core/parallel.h"
@@ -21,8 +22,6 @@
 namespace gs {
 namespace {
 
-/// Every n-th training view is held out, beginning in the middle of the first n.
-constexpr std::size_t kHeldOutEvery = 8;
 /// Wider images are made smaller, and cap_max in proportion to their pixels: models part sooner, in a fraction of the
 /// time. (On lego sv, its best model, led sh by 0.22 dB after 2000 and 2000 iterations at 400 pixels, and by 0.07 after
 /// 3000 and 1500 at 800 pixels with three times the Gaussians.)
@@ -58,7 +57,7 @@ Stage make_stage(const TrainOptions& options, const Scene& scene) {
     for (std::size_t k = 0; k < scene.train.size(); ++k) {
         View view = smaller_view(scene.train[k], kStageWidth);
         small += pixels(view), full += pixels(scene.train[k]);
-        (k % kHeldOutEvery == kHeldOutEvery / 2 ? stage.held_out : stage.scene.train).push_back(std::move(view));
+        (is_held_out(k) ? stage.held_out : stage.scene.train).push_back(std::move(view));
     }
     stage.pixels = small / full;
     stage.options.appearance = plain_model();

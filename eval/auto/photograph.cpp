@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "eval/metrics/colour_fit.h"
 #include "eval/metrics/quantize.h"
@@ -78,16 +79,22 @@ void align_colours(RenderedImage& pixels, const Photograph& photograph) {
     apply_colours(fit.solve(), pixels);
 }
 
-double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
-                 bool aligned) {
-    if (photographs.empty()) return std::numeric_limits<double>::quiet_NaN();
-    double sum = 0;
+std::vector<double> psnrs(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
+                          bool aligned) {
+    std::vector<double> all;
     for (const Photograph& photograph : photographs) {
         RenderedImage pixels = render_pixels(backend, photograph, background);
         if (aligned) align_colours(pixels, photograph);
-        sum -= 10 * std::log10(std::max(mean_squared_error(pixels, photograph), kRounding));
+        all.push_back(-10 * std::log10(std::max(mean_squared_error(pixels, photograph), kRounding)));
     }
-    return sum / double(photographs.size());
+    return all;
+}
+
+double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
+                 bool aligned) {
+    if (photographs.empty()) return std::numeric_limits<double>::quiet_NaN();
+    const std::vector<double> all = psnrs(backend, photographs, background, aligned);
+    return std::accumulate(all.begin(), all.end(), 0.0) / double(all.size());
 }
 
 }  // namespace gs

@@ -37,8 +37,12 @@ double mean_squared_error(const RenderedImage& pixels, const Photograph& photogr
 /// Applies the affine map of colours that brings the render closest to the photograph.
 void align_colours(RenderedImage& pixels, const Photograph& photograph);
 
-/// Returns the mean PSNR over the photographs, dB, with the colours of each render aligned first if `aligned`. A render
-/// that is as near as the 8 bits of a photograph can tell counts 58.9 dB. NaN without photographs.
+/// Returns the PSNR of each photograph, dB, with the colours of each render aligned first if `aligned`. A render that
+/// is as near as the 8 bits of a photograph can tell counts 58.9 dB.
+std::vector<double> psnrs(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
+                          bool aligned);
+
+/// Returns the mean of these; NaN without photographs.
 double mean_psnr(Backend& backend, const std::vector<Photograph>& photographs, const Vec3<float>& background,
                  bool aligned);
 

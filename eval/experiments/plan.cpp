@@ -37,10 +37,10 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
 
 }  // namespace
 
-Plan make_plan(const TrainOptions& options, const Scene& scene) {
+Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
     Plan plan;
     if (options.time_limit.empty() && options.size_limit.empty() && options.frame_limit.empty() &&
-        options.preset == Preset::kNone)
+        options.target_psnr == 0 && options.preset == Preset::kNone)
         return plan;
     plan.json = nlohmann::ordered_json::object();
     if (!options.time_limit.empty()) {
@@ -51,7 +51,8 @@ Plan make_plan(const TrainOptions& options, const Scene& scene) {
                         duration_text(seconds), options.cap_max));
         plan.json["time"] = {{"limit_seconds", seconds}};
     } else {
-        plan.lines.push_back(fmt::format("time: no limit, {} iterations", options.iterations));
+        plan.lines.push_back(fmt::format("time: no limit, {}{} iterations", options.target_psnr > 0 ? "at most " : "",
+                                         options.iterations));
         plan.json["iterations"] = options.iterations;
     }
     if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
@@ -59,6 +60,13 @@ Plan make_plan(const TrainOptions& options, const Scene& scene) {
         const double seconds = parse_duration(options.frame_limit, "option frame-limit");
         plan.lines.push_back(fmt::format("frames: at most {:g} ms at 1280x720 on this device", 1e3 * seconds));
         plan.json["frame"] = {{"limit_seconds", seconds}};
+    }
+    if (options.target_psnr > 0) {
+        plan.lines.push_back(fmt::format(
+            "quality: {:g} dB on {} held-out training views; longer trainings until that is reached, then fewer "
+            "Gaussians until it would be lost",
+            options.target_psnr, held_out));
+        plan.json["target"] = {{"psnr", options.target_psnr}, {"held_out_views", held_out}};
     }
     const std::vector<std::string> kept = kept_from_recipe(options);
     plan.lines.push_back(fmt::format("recipe: {}{}", word(options.recipe),
@@ -86,6 +94,14 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
                         options.time_limit.empty() ? ": in these --iterations the model did not grow further"
                                                    : ": the time limit does not afford more Gaussians");
         plan.json["size"]["bytes"] = bytes;
+    }
+    if (summary.target) {
+        nlohmann::ordered_json& json = plan.json["target"];
+        json["reached"] = summary.target->reached;
+        json["held_out_psnr"] = summary.target->psnr;
+        json["measurements"] = summary.target->measurements;
+        if (summary.target->estimate > 0) json["estimate"] = summary.target->estimate;
+        json["verdict"] = summary.target->verdict;
     }
     if (summary.frame_seconds > 0) {
         log_info("frame limit {}: frames take {:.3g} ms", options.frame_limit, 1e3 * summary.frame_seconds);

@@ -21,7 +21,8 @@ struct Plan {
 
 /// Returns the plan of a run; empty if `options` name neither limit nor preset. Throws UsageError for a limit that
 /// cannot be met.
-Plan make_plan(const TrainOptions& options, const Scene& scene);
+/// `held_out` is the number of views held out for --target-psnr.
+Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out = 0);
 
 /// Adds what came of it to the plan's json and to the log.
 void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& summary);

@@ -9,6 +9,7 @@
 
 #include "eval/auto/find_appearance.h"
 #include "eval/experiments/plan.h"
+#include "eval/experiments/target_views.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
 #include "kernels/core/clock.h"
@@ -135,12 +136,15 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     Scene scene = load_scene(scene_choices);
     Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
     verify(options, scene, progress);
+    std::optional<TargetViews> target;
+    if (options.target_psnr > 0) target.emplace(options, scene);
     if (options.model.empty()) options.model = free_run_folder("output", options);
     if (options.appearance == kAutoAppearance && !options.resume.empty())
         options.appearance = checkpoint_appearance(options);
     // Limits that cannot be met are refused while an earlier run in the folder is still whole.
     Plan plan;
-    if (options.appearance != kAutoAppearance) plan = make_plan(options, scene);
+    const std::size_t held_out = target ? target->count() : 0;
+    if (options.appearance != kAutoAppearance) plan = make_plan(options, scene, held_out);
     RunStart start = open_run(options);
     if (start.checkpoint) require_same_test_views(*start.checkpoint, scene, options);
     add_log_file(fs::path(options.model) / "gsapp.log");
@@ -149,11 +153,12 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
-    if (plan.json.is_null()) plan = make_plan(options, scene);
+    if (plan.json.is_null()) plan = make_plan(options, scene, held_out);
     for (const std::string& line : plan.lines) log_info("plan: {}", line);
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
     if (plan.size) hooks.most_gaussians = std::min(plan.size->most_gaussians, options.cap_max);
+    if (target) hooks.held_out_psnr = [&](Backend& backend) { return target->psnr(backend); };
     const bool measure = options.eval && !scene.test.empty();
     if (measure)
         hooks.evaluate = std::ref(evaluation);
@@ -165,6 +170,13 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     lock->check_folder();
     describe_training(summary);
     note_outcome(plan, options, summary);
+    if (target) {
+        // What the mean over few views cannot tell about others.
+        log_info(
+            "target {:g} dB: another choice of {} views may have a mean that differs by {:.2f} dB (standard error)",
+            options.target_psnr, held_out, target->standard_error());
+        plan.json["target"]["standard_error"] = target->standard_error();
+    }
     add_share_of_training(options, summary);
     std::optional<TableRow> row;
     if (measure) {

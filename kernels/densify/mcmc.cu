@@ -19,12 +19,20 @@ struct IsDead {
     }
 };
 
-/// The sampling weight of a row. Dead rows are not drawn while they are relocated, but are when the model grows.
-struct WeightOfRow {
+/// The sampling weight of a row where dead ones are relocated, which are not drawn themselves.
+struct LivingWeight {
     IsDead is_dead;
-    bool dead_too;
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
-        return dead_too || !is_dead(i) ? sampling_weight(is_dead.raw_opacities[i]) : 0;
+        return is_dead(i) ? 0 : sampling_weight(is_dead.raw_opacities[i]);
+    }
+};
+
+/// The sampling weight of a row where the model grows.
+struct GrowthWeight {
+    const float *raw_opacities, *base_second_moments;  ///< the latter is null where only opacity counts
+    __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
+        return base_second_moments ? gradient_weight(raw_opacities[i], base_second_moments + 3 * std::int64_t(i))
+                                   : sampling_weight(raw_opacities[i]);
     }
 };
 
@@ -111,23 +119,25 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
                          logit(params.min_opacity)};
     McmcSpace space;
     CubSpace cub;
-    bool dead_too = false;
     const auto select = [&](void* m, std::size_t& b) {
         return select_rows(m, b, n, is_dead, space.dead, space.num_dead, stream_);
     };
-    const auto scan = [&](void* m, std::size_t& b) {
-        return cub::DeviceScan::InclusiveSum(
-            m, b, thrust::make_transform_iterator(row_indices(), WeightOfRow{is_dead, dead_too}), space.sums, n,
-            stream_);
+    const auto scan_of = [&](auto weight) {
+        return [&, weights = thrust::make_transform_iterator(row_indices(), weight)](void* m, std::size_t& b) {
+            return cub::DeviceScan::InclusiveSum(m, b, weights, space.sums, n, stream_);
+        };
     };
-    cub.ask(select), cub.ask(scan);
+    const auto scan_living = scan_of(LivingWeight{is_dead});
+    const auto scan_growth =
+        scan_of(GrowthWeight{is_dead.raw_opacities, params.by_gradient ? model_.v[int(Group::kBase)].get() : nullptr});
+    cub.ask(select), cub.ask(scan_living), cub.ask(scan_growth);
     scratch_.carve([&](Carver& c) {
         space = {c.take<std::uint64_t>(n), c.take<int>(n), c.take<std::uint32_t>(n),
                  c.take<std::uint32_t>(std::max(n, target - n)), c.take<std::int64_t>(1)};
         cub.take(c);
     });
 
-    cub.run(select), cub.run(scan);
+    cub.run(select), cub.run(scan_living);
     const std::int64_t num_dead = read_back(space.num_dead, stream_);
     if (num_dead > 0 && num_dead < n && read_back(space.sums + n - 1, stream_) > 0) {
         fill_rows(model_, space, n, {num_dead, space.dead, RngStream::kRelocate}, params.min_opacity, iteration, seed,
@@ -136,8 +146,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     }
 
     if (target > n) {
-        dead_too = true;
-        cub.run(scan);
+        cub.run(scan_growth);
         if (read_back(space.sums + n - 1, stream_) > 0) {
             model_.reserve_rows(params.cap);  // only once; nothing works on the old rows any more
             for (int g = 0; g < kNumGroups; ++g)

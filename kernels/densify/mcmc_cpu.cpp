@@ -54,7 +54,9 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
     }
 
     total = 0;
-    for (std::int64_t i = 0; i < n; ++i) sums[i] = total += sampling_weight(raw_opacities[i]);
+    for (std::int64_t i = 0; i < n; ++i)
+        sums[i] = total += params.by_gradient ? gradient_weight(raw_opacities[i], &s[Group::kBase].v[3 * i])
+                                              : sampling_weight(raw_opacities[i]);
     const std::int64_t target = mcmc_target(n, params);
     if (target > n && total > 0) {
         for (auto& group : s.groups)

@@ -23,6 +23,14 @@ GS_HD std::uint64_t sampling_weight(float raw_opacity) {
     return opacity >= 0 ? std::uint64_t(opacity * 4294967296.0 + 0.5) : 0;
 }
 
+/// Returns the weight of a row in draws of Gaussians that grow by opacity and gradient: the opacity times the square
+/// root of the norm of its base colour's root mean square gradient, in units of 2^-32. `second_moment` (3) is Adam's.
+GS_HD std::uint64_t gradient_weight(float raw_opacity, const float* second_moment) {
+    const double squared = double(second_moment[0]) + second_moment[1] + second_moment[2];
+    const double weight = sigmoid(double(raw_opacity)) * gs_sqrt(gs_sqrt(squared));
+    return weight >= 0 ? std::uint64_t(gs_clamp(weight, 0.0, 1.0) * 4294967296.0 + 0.5) : 0;
+}
+
 /// Returns the row of the k-th draw, with probability proportional to weight. prefix_sums: (n), inclusive, the last >
 /// 0.
 GS_HD std::uint32_t draw_row(const std::uint64_t* prefix_sums, std::int64_t n, std::uint64_t seed, RngStream stream,

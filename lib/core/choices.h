@@ -16,6 +16,9 @@ namespace gs {
 
 /// How the number of Gaussians changes.
 enum class Strategy { kMcmc, kAdc, kNone };
+/// Which Gaussians MCMC copies where the model grows; kOpacity: opaque ones, kGradient: those among them whose colour
+/// has large gradients.
+enum class GrowthBy { kOpacity, kGradient };
 /// What the schedules of a run follow; kProgress: its length, kFixed: the iterations of a run of 30,000.
 enum class ScheduleKind { kProgress, kFixed };
 /// How a scene is trained; kPaper: by the paper's protocol, kFrontier: for the most quality in little time, kAuto: the
@@ -45,6 +48,7 @@ enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };
 /// The words of an enum's values, in the order of the values; empty for types that are no choice.
 template <class T> inline constexpr std::array<std::string_view, 0> kWordsOf = {};
 template <> inline constexpr auto kWordsOf<Strategy> = std::to_array<std::string_view>({"mcmc", "adc", "none"});
+template <> inline constexpr auto kWordsOf<GrowthBy> = std::to_array<std::string_view>({"opacity", "gradient"});
 template <> inline constexpr auto kWordsOf<ScheduleKind> = std::to_array<std::string_view>({"progress", "fixed"});
 template <> inline constexpr auto kWordsOf<Recipe> = std::to_array<std::string_view>({"auto", "paper", "frontier"});
 template <>

@@ -131,10 +131,10 @@ struct RecipeValue {
 constexpr RecipeValue kFrontier[] = {
     {"position-lr-init", &TrainOptions::position_lr_init, 3.2e-4},
     {"position-lr-final", &TrainOptions::position_lr_final, 3.2e-6},
-    {"noise-lr", &TrainOptions::noise_lr, 2.5e5},  // times the rate of the means: the noise stays
+    {"noise-lr", &TrainOptions::noise_lr, 1e5},
     {"residual-rate", &TrainOptions::residual_rate, 3},
     {"final-rate", &TrainOptions::final_rate, 0.1},
-    {"opacity-reg", &TrainOptions::opacity_reg, 0.003},
+    {"opacity-reg", &TrainOptions::opacity_reg, 0.006},
     {"scale-reg", &TrainOptions::scale_reg, 0.003},
     {"coarse-until", &TrainOptions::coarse_until, 0.2},
 };
@@ -142,12 +142,14 @@ constexpr RecipeValue kFrontier[] = {
 /// Decides what `auto` stands for, and puts the values of recipe frontier in place of what was not named.
 void apply_recipe(TrainOptions& options) {
     if (options.recipe == Recipe::kAuto) {
-        const bool limited = !options.time_limit.empty() || !options.size_limit.empty() || !options.frame_limit.empty();
+        const bool limited = !options.time_limit.empty() || !options.size_limit.empty() ||
+                             !options.frame_limit.empty() || options.target_psnr > 0;
         options.recipe = limited || options.preset != Preset::kNone ? Recipe::kFrontier : Recipe::kPaper;
     }
     if (options.recipe != Recipe::kFrontier) return;
     for (const RecipeValue& entry : kFrontier)
         if (!options.named.contains(entry.key)) options.*entry.field = entry.value;
+    if (!options.named.contains("growth-by")) options.growth_by = GrowthBy::kGradient;
 }
 
 }  // namespace
@@ -168,6 +170,7 @@ std::vector<std::string> kept_from_recipe(const TrainOptions& options) {
     for (const RecipeValue& entry : kFrontier)
         if (options.*entry.field != entry.value)
             kept.push_back(fmt::format("{} {}", entry.key, number_text(options.*entry.field)));
+    if (options.growth_by != GrowthBy::kGradient) kept.push_back("growth-by " + word(options.growth_by));
     return kept;
 }
 
@@ -287,6 +290,11 @@ void validate(TrainOptions& options) {
                                      options.time_limit, kShortestTime));
     if (!options.time_limit.empty() && options.schedule == ScheduleKind::kFixed)
         throw UsageError("option schedule: fixed counts iterations, whose number a time limit leaves open");
+    if (options.target_psnr > 0 && options.schedule == ScheduleKind::kFixed)
+        throw UsageError("option schedule: fixed counts iterations, whose number a target leaves open");
+    if (options.target_psnr > 0 && options.strategy != Strategy::kMcmc)
+        throw UsageError(
+            fmt::format("option target-psnr: goes with strategy mcmc, not with {}", word(options.strategy)));
     if (!options.time_limit.empty() && options.appearance == kAutoAppearance)
         throw UsageError(
             "option appearance: auto compares short trainings, whose time would not be within time-limit; let a run "

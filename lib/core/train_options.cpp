@@ -120,6 +120,9 @@ std::vector<Option> run_options() {
                "the file that size-limit is for: scene.ngsplat of the web export, the PLY, or the .splat file"),
         text("frame-limit", &O::frame_limit, "a duration, e.g. 2ms",
              "train a model whose frames at 1280x720 take at most this long on this device"),
+        number("target-psnr", &O::target_psnr, {0, 60, "dB"},
+               "train until every 8th training view, held out for it, has this PSNR on average, and make the model as "
+               "small as that allows; --iterations is then the most; 0: off"),
         choice("recipe", &O::recipe,
                "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
                "time (docs/guide.md); auto: frontier with a limit or a preset, else paper"),
@@ -278,6 +281,9 @@ std::vector<Option> densification_options() {
                "with adc: mean image-space gradient above which a Gaussian is cloned or split"),
         number("opacity-reset-interval", &O::opacity_reset_interval, {-1, kMaxIterations, "iterations"},
                "with adc: iterations between two opacity resets; -1: 3000 of 30000"),
+        choice("growth-by", &O::growth_by,
+               "with mcmc: which Gaussians are copied to grow; opacity = the more opaque the likelier, gradient = also "
+               "the larger the gradients of their colour"),
         number("noise-lr", &O::noise_lr, {0, 1e9}, "with mcmc: strength of the noise on the means, times their rate"),
     };
 }

@@ -40,6 +40,7 @@ struct TrainOptions {
     std::string size_limit;  ///< bytes of the exported file; empty = none
     SizeOf size_of = SizeOf::kWeb;
     std::string frame_limit;  ///< duration of a frame at 1280x720 on this device; empty = none
+    double target_psnr = 0;   ///< dB on training views held out for it; 0 = none
     Recipe recipe = Recipe::kAuto;
     ScheduleKind schedule = ScheduleKind::kProgress;
     std::uint64_t seed = 0;
@@ -90,6 +91,7 @@ struct TrainOptions {
     std::int64_t densification_interval = -1;                      ///< -1 = by schedule
     double densify_grad_threshold = 0.0002;
     std::int64_t opacity_reset_interval = -1;  ///< -1 = by schedule
+    GrowthBy growth_by = GrowthBy::kOpacity;
     double noise_lr = 5e5;
     // Logging
     bool quiet = false, verbose = false;

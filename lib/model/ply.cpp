@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -15,6 +16,7 @@
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
 #include "kernels/core/spherical_harmonics.h"
 #include "lib/core/choices.h"
 #include "lib/core/version.h"
@@ -32,7 +34,7 @@ constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"
 constexpr const char* kFrameComment = "gsapp frame ";
 
 /// The number of rows that are packed before they go to the stream.
-constexpr std::int64_t kRowsPerChunk = 4096;
+constexpr std::int64_t kRowsPerChunk = 1 << 16;
 
 bool is_plain_sh(const AppearanceSpec& a) { return appearance_model(a.model).plain_sh; }
 
@@ -208,8 +210,13 @@ void write_ply(const std::filesystem::path& path, const Gaussians& g, const PlyO
     std::vector<float> rows(std::size_t(std::min(kRowsPerChunk, g.count)) * width);
     for (std::int64_t first = 0; first < g.count; first += kRowsPerChunk) {
         const std::size_t n = std::size_t(std::min(kRowsPerChunk, g.count - first));
-        for (std::size_t r = 0; r < n; ++r) pack_row(g, first + std::int64_t(r), coordinates, rows.data() + r * width);
-        for (std::size_t k = 0; k < n * width; ++k) {
+        std::atomic<bool> broken = false;
+        parallel_for_rows(std::int64_t(n), [&](std::int64_t r) {
+            float* row = rows.data() + std::size_t(r) * width;
+            pack_row(g, first + r, coordinates, row);
+            if (!std::all_of(row, row + width, [](float value) { return gs_isfinite(value); })) broken = true;
+        });
+        for (std::size_t k = 0; broken && k < n * width; ++k) {
             if (!gs_isfinite(rows[k])) {
                 throw NumericError(fmt::format("cannot export '{}': Gaussian {} has {} = {}", path.string(),
                                                first + std::int64_t(k / width), header.properties[k % width].name,

@@ -285,9 +285,11 @@ void write_input_points(const RunFolder& folder, const PointCloud& points, const
     file.commit();
 }
 
+bool ends_by_iterations(const TrainOptions& options) { return options.time_limit.empty() && options.target_psnr == 0; }
+
 std::optional<std::int64_t> ended_at(const TrainOptions& options) {
     try {
-        const std::int64_t last = options.time_limit.empty() ? options.iterations : latest_point_cloud(options.model);
+        const std::int64_t last = ends_by_iterations(options) ? options.iterations : latest_point_cloud(options.model);
         if (path_exists(RunFolder{options.model}.point_cloud(last))) return last;
     } catch (const DataError&) {  // no point cloud yet
     }

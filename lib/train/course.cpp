@@ -14,8 +14,8 @@ namespace gs {
 namespace {
 
 /// The rounds through all views after which more steps help less than more Gaussians, and the most steps that this may
-/// ask for, half of the reference's (docs/results.md#the-frontier).
-constexpr double kWantedRounds = 60, kMostWantedSteps = 15000;
+/// ask for, two thirds of the reference's (docs/results.md#the-frontier).
+constexpr double kWantedRounds = 70, kMostWantedSteps = 20000;
 /// The reduction of images in the first part of a training.
 constexpr int kCoarse = 2;
 /// The time of a step over that of its frame, which has no backward pass and no update.
@@ -61,7 +61,32 @@ void Course::start(const TimeCosts& costs, std::int64_t count) {
     finished_ = position >= kReferenceIterations;
 }
 
+void Course::begin(const Stretch& stretch, std::int64_t count) {
+    stretch_ = stretch;
+    stretch_iteration_ = moment_.iteration;
+    stretch_start_ = budget_ ? budget_->elapsed() : 0;
+    moment_ = {moment_.iteration, stretch.from,
+               stretch.from - (kReferenceIterations - stretch.from) / double(std::max<std::int64_t>(1, stretch.steps))};
+    finished_ = stretch.steps <= 0 || (budget_ && stretch_start_ >= budget_->for_steps(count));
+}
+
+void Course::advance_stretch(std::int64_t count) {
+    const std::int64_t done = moment_.iteration + 1 - stretch_iteration_;
+    double progress = double(done) / double(stretch_->steps);
+    if (budget_) {
+        const double left = budget_->for_steps(count) - stretch_start_;
+        progress = std::max(progress, left > 0 ? (budget_->elapsed() - stretch_start_) / left : 1.0);
+    }
+    const double position = stretch_->from + (kReferenceIterations - stretch_->from) * std::min(progress, 1.0);
+    moment_ = {moment_.iteration + 1, std::max(moment_.position, position), moment_.position};
+    finished_ = progress >= 1;
+}
+
 void Course::advance(std::int64_t count) {
+    if (stretch_) {
+        advance_stretch(count);
+        return;
+    }
     if (!limits_time()) {
         moment_ = moment_at(options_, moment_.iteration + 1);
         finished_ = moment_.iteration >= options_.iterations;
@@ -73,6 +98,7 @@ void Course::advance(std::int64_t count) {
 }
 
 std::int64_t Course::expected_iterations() const {
+    if (stretch_) return stretch_iteration_ + stretch_->steps;
     if (!limits_time()) return options_.iterations;
     if (finished_ || moment_.position <= 0) return std::max<std::int64_t>(1, moment_.iteration);
     return std::max<std::int64_t>(moment_.iteration,
@@ -80,12 +106,13 @@ std::int64_t Course::expected_iterations() const {
 }
 
 int Course::reduction() const {
-    const double done = limits_time() ? moment_.position / kReferenceIterations
-                                      : double(moment_.iteration) / double(options_.iterations);
+    const double done = limits_time() || stretch_ ? moment_.position / kReferenceIterations
+                                                  : double(moment_.iteration) / double(options_.iterations);
     return done < options_.coarse_until ? kCoarse : 1;
 }
 
 std::int64_t Course::most_gaussians(std::int64_t count, std::int64_t cap) {
+    if (stretch_) return std::min(cap, std::max(count, stretch_->most_gaussians));
     if (!budget_) return cap;
     return std::min(cap, std::max(count, budget_->affordable(count, moment_.iteration, reduction() > 1)));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Leads a run from its first step to its last: through a number of iterations, or through a length of time.
+// Leads a run from its first step to its last: through a number of iterations, through a length of time, or through
+// stretches that are decided one after another.
 #pragma once
 
 #include <optional>
@@ -8,6 +9,13 @@
 #include "lib/train/timeline.h"
 
 namespace gs {
+
+/// A part of a run whose schedules go from some position to the end.
+struct Stretch {
+    std::int64_t steps = 0;
+    double from = 0;                  ///< position of its first step
+    std::int64_t most_gaussians = 0;  ///< the largest number that growth may lead to
+};
 
 class Course {
   public:
@@ -23,6 +31,9 @@ class Course {
     /// Begins to count the time of a run with a limit; the first step follows. Throws UsageError if saving alone would
     /// take longer than is left.
     void start(const TimeCosts& costs, std::int64_t count);
+    /// Goes on with a stretch. A time limit shortens it, and the schedules with it, to what is left for a model of
+    /// `count` Gaussians.
+    void begin(const Stretch& stretch, std::int64_t count);
 
     const Moment& moment() const { return moment_; }
     bool finished() const { return finished_; }
@@ -43,11 +54,16 @@ class Course {
     const std::optional<TimeBudget>& budget() const { return budget_; }
 
   private:
+    void advance_stretch(std::int64_t count);
+
     const TrainOptions& options_;
     const double limit_;  ///< seconds; 0 = none
     const std::int64_t wanted_steps_;
     double used_ = 0;
     std::optional<TimeBudget> budget_;
+    std::optional<Stretch> stretch_;
+    std::int64_t stretch_iteration_ = 0;  ///< steps before the stretch
+    double stretch_start_ = 0;            ///< seconds of the time limit before it
     Moment moment_;
     bool finished_ = false;
 };

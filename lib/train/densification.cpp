@@ -81,6 +81,7 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Momen
         static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, options_.seed});
     } else if (due) {
         McmcParams p;
+        p.by_gradient = options_.growth_by == GrowthBy::kGradient;
         p.cap = most ? most() : options_.cap_max;
         static_cast<DensifyStats&>(change) = backend.densify({p, moment.iteration, options_.seed});
     }

@@ -99,7 +99,7 @@ double ModelLimits::seconds_to_prune(Backend& backend) const {
     return kPruneRounds * (scores + frames) + frames;
 }
 
-void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* limit) const {
+void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* asks) const {
     const std::int64_t before = backend.count();
     // More than one round only where a hundredth, which always stays, is too much.
     for (std::int64_t count = before; count > most; count = backend.count()) {
@@ -108,7 +108,7 @@ void ModelLimits::prune_to(Backend& backend, std::int64_t most, const char* limi
         if (backend.prune(LowestScores{views(), ratio}).removed == 0) break;
     }
     if (before > backend.count())
-        log_info("{}: {} of {} Gaussians removed, those with the lowest scores", limit, before - backend.count(),
+        log_info("{}: {} of {} Gaussians removed, those with the lowest scores", asks, before - backend.count(),
                  before);
 }
 

@@ -42,10 +42,11 @@ class ModelLimits {
     double seconds_to_prune(Backend& backend) const;
     /// Removes those Gaussians that the training views depend on least, until the limits hold. Logs what it did.
     void prune(Backend& backend) const;
+    /// Removes those that the training views depend on least until `most` are left. Logs it under the name of what
+    /// `asks` for it.
+    void prune_to(Backend& backend, std::int64_t most, const char* asks) const;
 
   private:
-    void prune_to(Backend& backend, std::int64_t most, const char* limit) const;
-
     const TrainOptions& options_;
     const Scene& scene_;
     const Vec3<float> background_;

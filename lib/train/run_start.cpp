@@ -31,8 +31,8 @@ RunStart open_run(const TrainOptions& options) {
     const auto iteration = start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt;
     start.lock = std::make_shared<const RunLock>(start.folder.root);
     prepare_run_folder(start.folder, options.overwrite, iteration);
-    // With a time limit the end may come at an earlier iteration than in a part that was trained before.
-    const bool may_end_earlier = start.checkpoint && !options.time_limit.empty();
+    // The end may come at an earlier iteration than in a part that was trained before.
+    const bool may_end_earlier = start.checkpoint && !ends_by_iterations(options);
     if (options.overwrite || may_end_earlier) replace_earlier_run(start.folder, options_to_yaml(options), iteration);
     return start;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "kernels/core/clock.h"
+#include "kernels/densify/densify.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
@@ -13,8 +14,15 @@
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/scene/camera_params.h"
+#include "lib/train/time_budget.h"
 
 namespace gs {
+namespace {
+
+/// The Gaussians of a file whose time tells what larger ones take.
+constexpr std::int64_t kTimedRows = 300000;
+
+}  // namespace
 
 RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options,
                      const Scene& scene, const Photometric& photometric)
@@ -70,23 +78,31 @@ void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration, const
 
 void RunWriter::write_point_cloud(Backend& backend, std::int64_t iteration) const {
     check_folder();
-    save_points(folder_.point_cloud(iteration), backend, iteration);
+    save_points(folder_.point_cloud(iteration), backend.download(false), iteration);
     write_ppisp(backend, iteration);
 }
 
-void RunWriter::save_points(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const {
+void RunWriter::save_points(const std::filesystem::path& path, const Gaussians& gaussians,
+                            std::int64_t iteration) const {
     PlyOptions ply;
     ply.iteration = iteration;
     ply.frame = scene_.frame;
-    write_ply(path, backend.download(false), ply);
+    write_ply(path, gaussians, ply);
 }
 
-double RunWriter::time_saving(Backend& backend, std::int64_t iteration) const {
+double RunWriter::seconds_per_gaussian(Backend& backend) const {
     check_folder();
+    double start = seconds_now();
+    Gaussians model = backend.download(false);
+    const double reading = (seconds_now() - start) / double(model.count);
+    // A scene may begin with a few points, whose file tells nothing about a large one.
+    std::vector<std::uint32_t> rows(std::size_t(std::max(model.count, std::min(options_.cap_max, kTimedRows))));
+    for (std::size_t k = 0; k < rows.size(); ++k) rows[k] = std::uint32_t(k % std::size_t(model.count));
+    gather_rows(model, rows);
     const WorkFolder work(folder_.root / "timing");
-    const double start = seconds_now();
-    save_points(work.path() / "points.ply", backend, iteration);
-    return seconds_now() - start;
+    start = seconds_now();
+    save_points(work.path() / "points.ply", model, 0);
+    return reading + std::max(0.0, seconds_now() - start - kSavingOverhead) / double(model.count);
 }
 
 void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {

@@ -56,8 +56,9 @@ class RunWriter {
     /// earlier iterations. `time` is that of the training so far, if it is known.
     void write_checkpoint(Backend& backend, std::int64_t iteration, const std::optional<TrainingTime>& time,
                           bool automatic = false) const;
-    /// Returns the seconds that writing the point cloud takes now. Leaves no file.
-    double time_saving(Backend& backend, std::int64_t iteration) const;
+    /// Returns the seconds that reading the model back and writing its point cloud take for each Gaussian. Leaves no
+    /// file.
+    double seconds_per_gaussian(Backend& backend) const;
     /// Writes the point cloud as 3DGS viewers read it, and ppisp.json.
     void write_point_cloud(Backend& backend, std::int64_t iteration) const;
     void write_ppisp(Backend& backend, std::int64_t iteration) const {
@@ -68,7 +69,7 @@ class RunWriter {
     void write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
 
   private:
-    void save_points(const std::filesystem::path& path, Backend& backend, std::int64_t iteration) const;
+    void save_points(const std::filesystem::path& path, const Gaussians& gaussians, std::int64_t iteration) const;
 
     const RunFolder folder_;
     const std::shared_ptr<const RunLock> lock_;

@@ -25,6 +25,7 @@
 #include "lib/train/photometric.h"
 #include "lib/train/run_writer.h"
 #include "lib/train/step_composer.h"
+#include "lib/train/target_search.h"
 #include "lib/train/training_views.h"
 
 namespace gs {
@@ -61,6 +62,7 @@ class Run {
           views_(options_, scene),
           limits_(options_, scene, views_.fixed_background(), hooks.most_gaussians),
           course_(options_, scene.train.size()),
+          search_(options.target_psnr, options.iterations, limits_.cap()),
           schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
@@ -87,7 +89,10 @@ class Run {
         views_.prefetch(iteration_, last_iteration(), course_.reduction());
         const std::int64_t first = iteration_;
         try {
-            loop();
+            if (options_.target_psnr > 0)
+                search();
+            else
+                loop();
         } catch (const DeviceError& e) {
             throw DeviceError(e.what() + rescue(first));
         } catch (const std::bad_alloc&) {
@@ -108,15 +113,13 @@ class Run {
   private:
     /// Returns the end of the iterations for which images are decoded ahead.
     std::int64_t last_iteration() const {
-        return course_.limits_time() ? std::numeric_limits<std::int64_t>::max() : options_.iterations;
+        return ends_by_iterations(options_) ? options_.iterations : std::numeric_limits<std::int64_t>::max();
     }
 
     /// Measures what a time limit has to account for, and starts its clock.
     void begin_time() {
         const std::int64_t count = backend_->count();
-        TimeCosts costs{.saving_per_gaussian =
-                            std::max(0.0, writer_.time_saving(*backend_, iteration_) - kSavingOverhead) /
-                            double(count)};
+        TimeCosts costs{.saving_per_gaussian = writer_.seconds_per_gaussian(*backend_)};
         costs.pruning = limits_.seconds_to_prune(*backend_);
         if (course_.reduction() > 1)
             costs.coarse_ratio =
@@ -128,6 +131,52 @@ class Run {
             "time limit {}: saving takes about {:.2f} s for {} Gaussians; growth ends where fewer than {} steps would "
             "remain",
             options_.time_limit, costs.saving_per_gaussian * double(count), count, course_.wanted_steps());
+    }
+
+    /// Trains stretch after stretch until the search for options.target_psnr ends.
+    void search() {
+        Gaussians kept;  // the smallest model that reached the target
+        if (iteration_ == 0) {
+            course_.begin(search_.first(backend_->count()), backend_->count());
+            loop();
+        }
+        while (true) {
+            TargetStep step;
+            timed([&] {
+                step = search_.next(measure());
+                if (step.keep) kept = backend_->download(true);
+                if (step.restore) backend_->upload(kept);
+            });
+            if (step.stretch.steps == 0) break;
+            course_.begin(step.stretch, backend_->count());
+            if (course_.finished()) {
+                search_.stop("the time limit ends");
+                break;
+            }
+            if (step.prune_to > 0) timed([&] { limits_.prune_to(*backend_, step.prune_to, "target"); });
+            loop();
+        }
+        progress_.finish();
+        const TargetOutcome outcome = search_.outcome();
+        if (outcome.reached)
+            log_info("{}", outcome.verdict);
+        else
+            log_warning("{}", outcome.verdict);
+    }
+
+    /// Measures the model as it would be written now.
+    TargetSearch::Try measure() {
+        settle();
+        backend_->prune(InvisibleRows{});
+        limits_.prune(*backend_);
+        const TargetSearch::Try measured{iteration_, backend_->count(), hooks_.held_out_psnr(*backend_)};
+        log_info("iteration {}: {} Gaussians, {:.2f} dB on the held-out views", measured.steps, measured.count,
+                 measured.psnr);
+        writer_.log({{"event", "target"},
+                     {"iteration", measured.steps},
+                     {"num_gaussians", measured.count},
+                     {"psnr", measured.psnr}});
+        return measured;
     }
 
     void loop() {
@@ -246,7 +295,7 @@ class Run {
         backend_->upload(checkpoint.state);
         writer_.write_config();
         log_info("resuming at iteration {} with {} Gaussians", iteration_, backend_->count());
-        if (course_.finished())
+        if (course_.finished() && ends_by_iterations(options_))
             log_warning("the checkpoint already has {} iterations, --iterations is {}: nothing is trained", iteration_,
                         options_.iterations);
     }
@@ -390,7 +439,8 @@ class Run {
     }
 
     void save_what_is_due() {
-        const bool last = course_.finished();
+        // Whether a stretch of a search is the last one is known only when it has been measured.
+        const bool last = course_.finished() && options_.target_psnr == 0;
         if (options_.preview_every > 0 && iteration_ % options_.preview_every == 0)
             writer_.write_preview(*backend_, views_.fixed_background(), iteration_);
         if (contains(options_.save_iterations, iteration_) && !last) writer_.write_point_cloud(*backend_, iteration_);
@@ -478,6 +528,7 @@ class Run {
                 saving_seconds,
                 frame_seconds,
                 limited_seconds,
+                options_.target_psnr > 0 ? std::optional(search_.outcome()) : std::nullopt,
                 photometric_decision_,
                 earlier_time_.has_value()};
     }
@@ -490,6 +541,7 @@ class Run {
     TrainingViews views_;
     ModelLimits limits_;
     Course course_;
+    TargetSearch search_;
     DensificationSchedule schedule_;
     Photometric photometric_;
     const StepComposer composer_;

@@ -10,6 +10,7 @@
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
 #include "lib/train/run_start.h"
+#include "lib/train/target_search.h"
 
 namespace gs {
 
@@ -20,6 +21,8 @@ struct TrainHooks {
     /// The most Gaussians that the final model may have; 0 = no limit but options.cap_max. Training has a tenth more,
     /// of which those with the lowest scores go at the end.
     std::int64_t most_gaussians = 0;
+    /// With options.target_psnr: returns the mean PSNR of the views held out for it, dB.
+    std::function<double(Backend& backend)> held_out_psnr;
     /// Replaces choose_backend if set.
     std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const BackendOptions&)> make_backend;
 };
@@ -38,6 +41,7 @@ struct TrainSummary {
     double saving_seconds = 0;   ///< final pruning and saving
     double frame_seconds = 0;    ///< of the final model at 1280x720, with options.frame_limit; else 0
     double limited_seconds = 0;  ///< what a time limit counts: from the first step to the end of saving; 0 without one
+    std::optional<TargetOutcome> target;  ///< with options.target_psnr
     /// The decision of --ppisp auto, with its figure; empty if nothing was decided
     std::string photometric;
     /// False if the run was resumed from a checkpoint that does not say how long its iterations took: the two times

@@ -113,6 +113,7 @@ TEST_F(CudaDensification, McmcMovesTheRowsOfTheCpu) {
             McmcParams p;
             p.cap = cap;
             for (int k = 0; k < 4; ++k) {
+                p.by_gradient = k % 2 == 1;
                 expect_same(both.cpu->densify({p, 600 + 100 * k, 3}), both.gpu->densify({p, 600 + 100 * k, 3}));
                 both.expect_same(5e-7f, {Group::kScale, Group::kOpacity});
             }

@@ -62,6 +62,38 @@ TEST(Mcmc, WeightsAreIntegersThatSumExactly) {
     EXPECT_NEAR(double(sampling_weight(-5)) / 4294967296.0, sigmoid(-5.0), 1.2e-10);
 }
 
+TEST(Mcmc, WeightsByGradientAreOpacityTimesItsRoot) {
+    const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+    const float squares[] = {4e-8f, 9e-8f, 3e-8f};  // of gradients of 2e-4, 3e-4, 1.7e-4
+    EXPECT_NEAR(double(gradient_weight(0, squares)) / 4294967296.0, 0.5 * 0.02, 1e-9);
+    for (const float bad : {nan, -1.0f}) {
+        const float second_moment[] = {1, 2, bad * 5};
+        EXPECT_EQ(gradient_weight(0, second_moment), 0u);
+    }
+    const float none[] = {0, 0, 0}, large[] = {inf, 0, 0};
+    EXPECT_EQ(gradient_weight(10, none), 0u);
+    EXPECT_EQ(gradient_weight(10, large), std::uint64_t(1) << 32);
+    EXPECT_EQ(gradient_weight(nan, squares), 0u);
+    EXPECT_EQ(gradient_weight(-inf, squares), 0u);
+}
+
+TEST(Mcmc, GrowthByGradientCopiesWhatTheLossPullsAt) {
+    Gaussians s = numbered(100);
+    for (int i = 0; i < 100; ++i) s[Group::kRotation].param[4 * i] = 1;
+    const Gaussians before = s;
+    std::fill(s[Group::kBase].v.begin(), s[Group::kBase].v.end(), 0.0f);
+    for (int i = 40; i < 50; ++i) s[Group::kBase].v[3 * i] = 1e-8f;
+    McmcParams p;
+    p.growth = 1.3, p.by_gradient = true;
+    ASSERT_EQ(mcmc_densify(s, p, 600, 1).added, 30);
+    for (int i = 100; i < 130; ++i) {
+        const int source = int(std::lround(s[Group::kBase].param[3 * i] - before[Group::kBase].param[0]));
+        EXPECT_TRUE(source >= 40 && source < 50) << source;
+    }
+    std::fill(s[Group::kBase].v.begin(), s[Group::kBase].v.end(), 0.0f);
+    EXPECT_EQ(mcmc_densify(s, p, 700, 1).added, 0) << "no gradient, no reason to grow";
+}
+
 TEST(Mcmc, DrawsInProportionToTheWeightAndNeverTheWeightless) {
     const std::uint64_t weights[] = {0, 1000, 0, 3000, 6000, 0};
     std::uint64_t sums[6], total = 0;

@@ -2,6 +2,7 @@
 // Runs under a limit of time or size, from the first step to the saved model.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -222,6 +223,82 @@ TEST(CoarseImages, AreAveragesOverAreas) {
     for (const std::uint8_t v : a.u8) sum_a += v;
     for (const std::uint8_t v : b.u8) sum_b += v;
     EXPECT_NEAR(sum_a / double(a.u8.size()), sum_b / double(b.u8.size()), 0.6);
+}
+
+/// A quality that grows with the model: what a scene of this size can hold is not the matter here.
+double quality_of(Backend& backend) { return 10 + std::log2(double(backend.count())); }
+
+TEST(TargetPsnr, EndsWithTheSmallestModelThatReachesIt) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.iterations = 100, o.target_psnr = 19;
+    TrainHooks hooks;
+    hooks.held_out_psnr = quality_of;
+    const TrainSummary summary = run(o, hooks);
+    ASSERT_TRUE(summary.target);
+    EXPECT_TRUE(summary.target->reached) << summary.target->verdict;
+    EXPECT_GE(summary.target->psnr, 19);
+    EXPECT_EQ(summary.num_gaussians, summary.target->count);
+    EXPECT_GE(summary.num_gaussians, 512);
+    EXPECT_LE(summary.num_gaussians, 560);
+    EXPECT_EQ(read_ply(RunFolder{o.model}.point_cloud(summary.iterations)).count, summary.num_gaussians);
+    EXPECT_EQ(ended_at(o), summary.iterations);
+}
+
+TEST(TargetPsnr, SaysWhyItWasNotReached) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.target_psnr = 50;
+    TrainHooks hooks;
+    hooks.held_out_psnr = quality_of;
+    const TrainSummary summary = run(o, hooks);
+    ASSERT_TRUE(summary.target);
+    EXPECT_FALSE(summary.target->reached);
+    EXPECT_EQ(summary.iterations, 60) << "options.iterations is the most";
+    EXPECT_NE(summary.target->verdict.find("not reached"), std::string::npos);
+    EXPECT_TRUE(std::filesystem::exists(RunFolder{o.model}.checkpoint(60)));
+}
+
+TEST(TargetPsnr, ATimeLimitEndsTheSearch) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.iterations = 1000000, o.target_psnr = 50, o.time_limit = "0.5s";
+    TrainHooks hooks;
+    int measured = 0;
+    hooks.held_out_psnr = [&](Backend&) { return 20.0 + ++measured; };  // there is always hope
+    const TrainSummary summary = run(o, hooks);
+    EXPECT_FALSE(summary.target->reached);
+    EXPECT_NE(summary.target->verdict.find("time limit"), std::string::npos) << summary.target->verdict;
+    EXPECT_LT(summary.limited_seconds, 10) << "far above, for machines that are busy";
+}
+
+TEST(TargetPsnr, AResumedRunMeasuresFirst) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    run(o);
+    o.target_psnr = 10.5, o.resume = "latest";
+    TrainHooks hooks;
+    std::vector<std::int64_t> counts;
+    hooks.held_out_psnr = [&](Backend& backend) {
+        counts.push_back(backend.count());
+        return quality_of(backend);
+    };
+    const TrainSummary summary = run(o, hooks);
+    EXPECT_EQ(counts.front(), 5000) << "the built-in scene's points, before any step";
+    EXPECT_TRUE(summary.target->reached);
+    EXPECT_LT(summary.num_gaussians, 1000);
+}
+
+TEST(TargetPsnr, ContradictionsAreRefused) {
+    TrainOptions o;
+    o.source = "builtin:diffuse", o.target_psnr = 30;
+    TrainOptions fixed = o, adc = o;
+    fixed.schedule = ScheduleKind::kFixed;
+    EXPECT_THROW(validate(fixed), UsageError);
+    adc.strategy = Strategy::kAdc;
+    EXPECT_THROW(validate(adc), UsageError);
+    o.target_psnr = -1;
+    EXPECT_THROW(validate(o), UsageError);
 }
 
 }  // namespace

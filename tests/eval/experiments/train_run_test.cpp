@@ -4,6 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "eval/experiments/target_views.h"
+#include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "tests/core/temporary_folder.h"
 
@@ -45,6 +50,34 @@ TEST(TrainRun, HasNoRowWithoutEvaluation) {
     validate(options);
     EXPECT_FALSE(train_run(options, 0));
     EXPECT_FALSE(std::filesystem::exists(std::filesystem::path(options.model) / "results.json"));
+}
+
+TEST(TrainRun, TargetsAreMeasuredOnViewsThatAreNotTrainedOn) {
+    const test::TemporaryFolder tmp;
+    TrainOptions options = tiny(tmp);
+    options.eval = true, options.target_psnr = 5;
+    options.iterations = 40, options.init_points = 200, options.cap_max = 300;
+    validate(options);
+    ASSERT_TRUE(train_run(options, 0));
+    std::ifstream file(std::filesystem::path(options.model) / "results.json");
+    const auto results = nlohmann::json::parse(file);
+    const auto& plan = results.at("plan").begin().value();
+    const auto& target = plan.at("target");
+    EXPECT_EQ(target.at("psnr"), 5);
+    EXPECT_GT(target.at("held_out_views"), 0);
+    EXPECT_TRUE(target.at("reached")) << target.dump();
+    EXPECT_GE(target.at("held_out_psnr"), 5);
+    EXPECT_GE(target.at("standard_error"), 0);
+    EXPECT_EQ(plan.at("recipe"), "frontier");
+}
+
+TEST(TrainRun, ATargetNeedsEnoughViews) {
+    const test::TemporaryFolder tmp;
+    TrainOptions options = tiny(tmp);
+    options.target_psnr = 5;
+    validate(options);
+    Scene scene;
+    EXPECT_THROW(TargetViews(options, scene), UsageError) << "no view";
 }
 
 }  // namespace

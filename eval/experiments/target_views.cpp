@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Holds views out and measures them.
+#include "eval/experiments/target_views.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "eval/auto/held_out.h"
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+std::vector<Photograph> take_views(Scene& scene, const Vec3<float>& background) {
+    if (scene.train.size() < kFewestViews)
+        throw UsageError(fmt::format("option target-psnr: {} training views are too few to hold one out; {} are needed",
+                                     scene.train.size(), kFewestViews));
+    std::vector<View> held_out, rest;
+    for (std::size_t k = 0; k < scene.train.size(); ++k)
+        (is_held_out(k) ? held_out : rest).push_back(std::move(scene.train[k]));
+    scene.train = std::move(rest);
+    return load_photographs(held_out, background);
+}
+
+}  // namespace
+
+TargetViews::TargetViews(const TrainOptions& options, Scene& scene)
+    : aligned_(options.ppisp != PpispMode::kOff),
+      background_(options.background.color),
+      photographs_(take_views(scene, background_)) {
+    if (photographs_.empty())
+        throw UsageError("option target-psnr: masks leave no pixel of the views that were held out");
+}
+
+double TargetViews::psnr(Backend& backend) {
+    last_ = psnrs(backend, photographs_, background_, aligned_);
+    return std::accumulate(last_.begin(), last_.end(), 0.0) / double(last_.size());
+}
+
+double TargetViews::standard_error() const {
+    const double n = double(last_.size());
+    if (n < 2) return 0;
+    const double mean = std::accumulate(last_.begin(), last_.end(), 0.0) / n;
+    double squares = 0;
+    for (const double psnr : last_) squares += (psnr - mean) * (psnr - mean);
+    return std::sqrt(squares / (n - 1) / n);
+}
+
+}  // namespace gs

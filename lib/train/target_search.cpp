@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decides which model to train next.
+#include "lib/train/target_search.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace gs {
+namespace {
+
+/// The steps of the first training.
+constexpr std::int64_t kFirstSteps = 1000;
+/// The Gaussians that a training may have for each of its steps: about what bonsai and lego have after 15,000.
+constexpr std::int64_t kGaussiansPerStep = 50;
+/// Where rates begin again when a training becomes longer, and when a smaller model recovers.
+constexpr double kGrowFrom = 10000, kShrinkFrom = 20000;
+/// The share of the steps so far in which a smaller model recovers, and their bounds.
+constexpr double kRecovery = 0.125;
+constexpr std::int64_t kLeastRecovery = 200, kMostRecovery = 2000;
+/// What a doubling of the steps gives at most, relative to the doubling before it, and how much better than that a
+/// training may turn out, dB.
+constexpr double kNextGain = 0.8, kHope = 0.3;
+/// A model is small enough when it is this near above the target, dB.
+constexpr double kNear = 0.05;
+/// A smaller model that fell below says nothing if it is nearer in size than this: the other has had more steps.
+constexpr double kSameSize = 1.05;
+/// What halving a model is taken to cost, dB, while none has fallen below the target.
+constexpr double kHalving = 0.8;
+constexpr int kMostShrinks = 12;
+
+}  // namespace
+
+TargetSearch::TargetSearch(double target, std::int64_t most_steps, std::int64_t cap)
+    : target_(target), most_steps_(most_steps), cap_(cap) {}
+
+std::int64_t TargetSearch::most_gaussians(std::int64_t steps, std::int64_t count) const {
+    return std::max(count, std::min(cap_, kGaussiansPerStep * steps));
+}
+
+Stretch TargetSearch::first(std::int64_t count) const {
+    const std::int64_t steps = std::min(kFirstSteps, most_steps_);
+    return {.steps = steps, .from = 0, .most_gaussians = most_gaussians(steps, count)};
+}
+
+TargetStep TargetSearch::next(const Try& measured) {
+    tries_.push_back(measured);
+    if (!good_ && measured.psnr < target_) return grow(measured);
+    if (!good_) grown_steps_ = measured.steps;
+    return shrink(measured);
+}
+
+TargetStep TargetSearch::grow(const Try& measured) {
+    const double doublings = std::log2(double(most_steps_) / double(std::max<std::int64_t>(1, measured.steps)));
+    if (measured.steps >= most_steps_) {
+        why_ = fmt::format("{} iterations are all that --iterations allows", most_steps_);
+        return {};
+    }
+    if (tries_.size() > 1) {
+        const double gain = std::max(0.0, measured.psnr - tries_[tries_.size() - 2].psnr);
+        // A geometric series: every doubling gives kNextGain of what the one before it gave.
+        const double estimate =
+            measured.psnr + gain * kNextGain * (1 - std::pow(kNextGain, doublings)) / (1 - kNextGain);
+        if (estimate + kHope < target_) {
+            estimate_ = estimate;
+            why_ = fmt::format("{} iterations would reach about {:.1f} dB", most_steps_, estimate);
+            return {};
+        }
+    }
+    const std::int64_t steps = std::clamp<std::int64_t>(measured.steps, 1, most_steps_ - measured.steps);
+    return {.stretch = {.steps = steps,
+                        .from = kGrowFrom,
+                        .most_gaussians = most_gaussians(measured.steps + steps, measured.count)}};
+}
+
+TargetStep TargetSearch::shrink(const Try& measured) {
+    TargetStep step;
+    if (measured.psnr >= target_) {
+        good_ = measured;
+        step.keep = true;
+    } else {
+        bad_ = measured;
+        step.restore = true;
+    }
+    const double spare = good_->psnr - target_, count = double(good_->count);
+    if (bad_ && count < kSameSize * double(bad_->count)) bad_.reset();
+    const auto shrinks =
+        std::count_if(tries_.begin(), tries_.end(), [this](const Try& t) { return t.steps > grown_steps_; });
+    if (spare <= kNear || good_->count <= 1 || shrinks >= kMostShrinks) return step;
+    double smaller = std::exp2(-std::min(1.0, spare / kHalving));
+    if (bad_) {  // between the two, as if PSNR followed the logarithm of the size
+        const double share = std::clamp((spare - 0.5 * kNear) / (good_->psnr - bad_->psnr), 0.15, 0.85);
+        smaller = std::pow(double(bad_->count) / count, share);
+    }
+    step.prune_to = std::clamp<std::int64_t>(std::llround(count * smaller), 1, good_->count - 1);
+    step.stretch = {.steps = std::clamp(std::int64_t(kRecovery * double(grown_steps_)), kLeastRecovery, kMostRecovery),
+                    .from = kShrinkFrom,
+                    .most_gaussians = step.prune_to};
+    return step;
+}
+
+TargetOutcome TargetSearch::outcome() const {
+    TargetOutcome out;
+    out.reached = good_.has_value(), out.estimate = estimate_, out.measurements = std::int64_t(tries_.size());
+    const Try last = good_ ? *good_ : tries_.empty() ? Try{} : tries_.back();
+    out.count = last.count, out.psnr = last.psnr;
+    out.verdict = good_ ? fmt::format("target {:g} dB: reached with {} Gaussians, {:.2f} dB on the held-out views",
+                                      target_, last.count, last.psnr)
+                        : fmt::format("target {:g} dB: not reached, {:.2f} dB on the held-out views after {} "
+                                      "iterations: {}",
+                                      target_, last.psnr, last.steps, why_);
+    return out;
+}
+
+}  // namespace gs

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Leads a run to a PSNR: longer and larger trainings until it is reached, then smaller models until it would be lost
+// (docs/math/optimization.md#target).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lib/train/course.h"
+
+namespace gs {
+
+/// What follows a measurement of the held-out views.
+struct TargetStep {
+    bool restore = false;       ///< first goes back to the model that was kept last
+    bool keep = false;          ///< keeps the present model, to come back to
+    std::int64_t prune_to = 0;  ///< then removes the lowest scores until so many Gaussians are left; 0 = none
+    Stretch stretch;            ///< then trains; no steps: the search has ended
+};
+
+/// What came of a search.
+struct TargetOutcome {
+    bool reached = false;
+    std::int64_t count = 0;    ///< of the model that the run ends with
+    double psnr = 0;           ///< of the held-out views with it, dB
+    double estimate = 0;       ///< what all steps would have reached, where that was too little, dB; else 0
+    std::int64_t measurements = 0;
+    std::string verdict = {};       ///< a sentence for people
+};
+
+class TargetSearch {
+  public:
+    /// A model that was measured.
+    struct Try {
+        std::int64_t steps = 0;  ///< of the run, up to there
+        std::int64_t count = 0;
+        double psnr = 0;  ///< of the held-out views, dB
+    };
+
+    /// `target` is in dB; the run has `most_steps` at most while it grows, and `cap` Gaussians.
+    TargetSearch(double target, std::int64_t most_steps, std::int64_t cap);
+
+    /// Returns the first stretch of a new run, which begins with `count` Gaussians.
+    Stretch first(std::int64_t count) const;
+    /// Decides what follows from a measurement. A resumed run begins with one.
+    TargetStep next(const Try& measured);
+    /// Says why a search ends here that could have gone on.
+    void stop(const std::string& why) { why_ = why; }
+
+    TargetOutcome outcome() const;
+
+  private:
+    TargetStep grow(const Try& measured);
+    TargetStep shrink(const Try& measured);
+    std::int64_t most_gaussians(std::int64_t steps, std::int64_t count) const;
+
+    const double target_;
+    const std::int64_t most_steps_, cap_;
+    std::vector<Try> tries_;
+    std::optional<Try> good_, bad_;  ///< the smallest that reached the target, the largest after it that did not
+    std::int64_t grown_steps_ = 0;   ///< until the target was reached
+    double estimate_ = 0;            ///< TargetOutcome::estimate
+    std::string why_;                ///< why it was given up
+};
+
+}  // namespace gs
