@@ -49,11 +49,16 @@ bool needs_trials(const ResidualParts& parts, double tolerance);
 enum class Obstacle {
     kFewViews,  ///< there are fewer than kFewestViews training views, and none can be held out
     kMasks,     ///< masks leave nothing of the views that models would be compared on
+    kShort,     ///< the run is too short, or its time limit, for trials that tell anything
 };
+
+/// The iterations of a trial below which models are not compared: after a hundred they are 7 dB from where they end.
+inline constexpr std::int64_t kFewestTrialIterations = 500;
 
 /// Everything that the choice is made from, and what its description needs.
 struct AppearanceMeasurements {
-    std::optional<Obstacle> obstacle = {};        ///< if set, only num_views, plain_model and seconds are known
+    std::optional<Obstacle> obstacle =
+        {};  ///< if set, only num_views, plain_model, trial_iterations and seconds are known
     std::size_t num_views = 0, num_held_out = 0;  ///< training views, and those of them that were held out
     int image_width = 0, image_height = 0;        ///< size of the first image that was trained on, pixels
     std::int64_t warm_up_iterations = 0, trial_iterations = 0;
@@ -72,7 +77,10 @@ struct AppearanceDecision {
     std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty where no model was tried
 };
 
-/// Chooses among the trials as choose_appearance does; the plain model where none was tried.
+/// The model to train where trials would be too short: on no scene of docs/results.md is it far behind the best one.
+inline constexpr const char* kUntoldModel = "nasgabor";
+
+/// Chooses among the trials as choose_appearance does; the plain model where none was needed, or possible.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);
 
 }  // namespace gs

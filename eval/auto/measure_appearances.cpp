@@ -3,7 +3,6 @@
 #include "eval/auto/measure_appearances.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -13,8 +12,12 @@
 #include "eval/auto/held_out.h"
 #include "eval/auto/photograph.h"
 #include "eval/auto/residual_parts.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/parallel.h"
+#include "lib/core/duration.h"
 #include "lib/model/appearance_spec.h"
+#include "lib/model/initialize.h"
+#include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/rehearsal.h"
@@ -29,10 +32,11 @@ constexpr int kStageWidth = 400;
 /// The shares of options.iterations: the length of the training without view dependence that all trials begin from, and
 /// of each trial.
 constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
-/// The largest share of the time of the following run that the measurements may take.
-constexpr double kTimeShare = 0.5;
-
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+/// The largest share of the time of the following run that the measurements may take; and that of a time limit.
+constexpr double kTimeShare = 0.5, kLimitShare = 0.1;
+/// The time of a step over that of a frame of the first Gaussians, with what else is measured and room for growth.
+constexpr double kStepPerFrame = 4.5;
+constexpr std::size_t kTimedViews = 3;
 
 std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
@@ -99,23 +103,47 @@ double slowdown(const TrainOptions& run, const Stage& stage, std::int64_t gaussi
     return std::pow(std::max(1.0, growth) / stage.pixels, 0.25);
 }
 
-/// Trains and measures until all models had their trial or the time since `start` is up. That time is kTimeShare of a
-/// run of the model chosen so far, whose iterations take `slower` times as long as those of its trial.
+/// Returns how many iterations each training of the stage may have within `seconds`, judged by frames of its first
+/// Gaussians.
+std::int64_t affordable_iterations(const Stage& stage, double seconds) {
+    const AppearanceSpec plain = appearance_spec(stage.options);
+    const auto backend = make_backend(stage.options.device, plain, backend_options(stage.options));
+    backend->upload(initialize_gaussians(stage.scene, plain, init_options(stage.options)));
+    std::vector<RenderRequest> views;
+    for (std::size_t k = 0; k < std::min(kTimedViews, stage.scene.train.size()); ++k)
+        views.push_back({.camera = camera_params(stage.scene.train[k].camera)});
+    const double step = kStepPerFrame * backend->timer().time_frames(views, 1);
+    return std::int64_t(seconds / (step * double(1 + candidates(stage.options).size())));
+}
+
+/// When the measurements have to end, on the clock of seconds_now().
+struct Deadline {
+    double start = 0;
+    double limit = 0;   ///< the time under a limit, seconds; 0 = none
+    double slower = 1;  ///< how many times as long an iteration of the run takes as one of a trial
+
+    /// Returns the seconds left, given the run's iterations and the time of one in the trial of the model chosen so
+    /// far. Without a limit, and without a trial, they are unlimited: there is nothing to choose from then.
+    double left(std::int64_t iterations, std::optional<double> iteration) const {
+        if (limit > 0) return start + limit - seconds_now();
+        if (!iteration) return std::numeric_limits<double>::infinity();
+        return start + kTimeShare * double(iterations) * slower * *iteration - seconds_now();
+    }
+};
+
+/// Trains and measures until all models had their trial or the time is up.
 Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& stage,
-                  const std::vector<Photograph>& held_out, double start, double slower) {
+                  const std::vector<Photograph>& held_out, const Deadline& deadline) {
     const TrainOptions& options = stage.options;
     const std::int64_t iterations = iterations_of(options, kTrialShare);
     Trials trials;
     double last = 0;  // seconds that the previous trial took
     for (const AppearanceSpec& spec : candidates(options)) {
-        const double trial_start = now();
-        // The first trial ends in any case: without it there is nothing to choose from.
-        double left = std::numeric_limits<double>::infinity();
-        if (!trials.finished.empty()) {
-            const double iteration =
-                trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
-            left = start + kTimeShare * double(options.iterations) * slower * iteration - trial_start;
-        }
+        const double trial_start = seconds_now();
+        std::optional<double> iteration;
+        if (!trials.finished.empty())
+            iteration = trials.finished[choose_appearance(trials.finished, options.auto_tolerance).chosen].seconds;
+        const double left = deadline.left(options.iterations, iteration);
         std::optional<Rehearsed> r;
         if (last <= left) r = rehearsal.continue_with(begun, spec, iterations, left);  // later models are not faster
         if (!r) {
@@ -125,7 +153,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
         // Held-out views have no exposure of their own: what the correction will take care of is not counted.
         const double psnr = mean_psnr(*r->backend, held_out, rehearsal.background(), options.ppisp == PpispMode::kOn);
         trials.finished.push_back({spec.model, bytes_of(spec), r->seconds / double(iterations), psnr});
-        last = now() - trial_start;
+        last = seconds_now() - trial_start;
     }
     return trials;
 }
@@ -140,12 +168,23 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
         measured.obstacle = Obstacle::kFewViews;
         return measured;
     }
-    const double start = now();
+    Deadline deadline{seconds_now()};
     set_num_threads(options.threads);
-    const Stage stage = make_stage(options, scene);
+    Stage stage = make_stage(options, scene);
+    if (!options.time_limit.empty()) {
+        deadline.limit = kLimitShare * parse_duration(options.time_limit, "option time-limit");
+        stage.options.time_limit.clear();
+        stage.options.iterations =
+            std::llround(double(affordable_iterations(stage, deadline.left(0, {}))) / kTrialShare);
+    }
+    measured.warm_up_iterations = iterations_of(stage.options, kWarmUpShare),
+    measured.trial_iterations = iterations_of(stage.options, kTrialShare);
+    if (measured.trial_iterations < kFewestTrialIterations) {
+        measured.obstacle = Obstacle::kShort;
+        measured.seconds = seconds_now() - deadline.start;
+        return measured;
+    }
     Rehearsal rehearsal(stage.options, stage.scene);
-    measured.warm_up_iterations = iterations_of(options, kWarmUpShare),
-    measured.trial_iterations = iterations_of(options, kTrialShare);
     measured.plain_bytes = bytes_of(appearance_spec(stage.options));
     measured.image_width = stage.scene.train.front().camera.width,
     measured.image_height = stage.scene.train.front().camera.height;
@@ -156,17 +195,18 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     measured.num_held_out = held_out.size();
     if (seen.empty() || held_out.empty()) {
         measured.obstacle = Obstacle::kMasks;
-        measured.seconds = now() - start;
+        measured.seconds = seconds_now() - deadline.start;
         return measured;
     }
     const auto positions = make_backend(options.device, plain_sh_appearance(0), backend_options(options));
     measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, rehearsal.background());
     if (needs_trials(measured.parts, options.auto_tolerance)) {
-        Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, start,
-                                   slowdown(options, stage, plain.backend->count()));
+        deadline.slower = slowdown(options, stage, plain.backend->count());
+        Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, deadline);
         measured.trials = std::move(trials.finished), measured.unfinished = std::move(trials.unfinished);
+        if (measured.trials.empty()) measured.obstacle = Obstacle::kShort;
     }
-    measured.seconds = now() - start;
+    measured.seconds = seconds_now() - deadline.start;
     return measured;
 }
 

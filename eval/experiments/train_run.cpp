@@ -73,6 +73,7 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
     start.first_event = report.json;
     start.first_event["event"] = "appearance_choice";
     options.appearance = report.model;
+    start.used_seconds = report.json.value("seconds", 0.0);
 }
 
 /// Adds to auto.json how long the choice took compared with the training that followed.

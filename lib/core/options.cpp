@@ -129,12 +129,14 @@ struct RecipeValue {
     double value;
 };
 constexpr RecipeValue kFrontier[] = {
-    {"position-lr-init", &TrainOptions::position_lr_init, 3.2e-4},
-    {"position-lr-final", &TrainOptions::position_lr_final, 3.2e-6},
-    {"noise-lr", &TrainOptions::noise_lr, 1e5},
+    {"position-lr-init", &TrainOptions::position_lr_init, 2.24e-4},
+    {"position-lr-final", &TrainOptions::position_lr_final, 2.24e-6},
+    {"noise-lr", &TrainOptions::noise_lr, 3.5e5},      // times the rate of the means: the noise nearly stays
+    {"base-travel", &TrainOptions::base_travel, 3.5},  // that of sh in 5000 iterations
+    {"short-rates", &TrainOptions::short_rates, 0.7},
     {"residual-rate", &TrainOptions::residual_rate, 3},
     {"final-rate", &TrainOptions::final_rate, 0.1},
-    {"opacity-reg", &TrainOptions::opacity_reg, 0.006},
+    {"opacity-reg", &TrainOptions::opacity_reg, 0.005},
     {"scale-reg", &TrainOptions::scale_reg, 0.003},
     {"coarse-until", &TrainOptions::coarse_until, 0.2},
 };
@@ -295,10 +297,6 @@ void validate(TrainOptions& options) {
     if (options.target_psnr > 0 && options.strategy != Strategy::kMcmc)
         throw UsageError(
             fmt::format("option target-psnr: goes with strategy mcmc, not with {}", word(options.strategy)));
-    if (!options.time_limit.empty() && options.appearance == kAutoAppearance)
-        throw UsageError(
-            "option appearance: auto compares short trainings, whose time would not be within time-limit; let a run "
-            "without a limit choose, or name a model");
     // A .splat file holds one colour for all directions.
     if (!options.size_limit.empty() && options.size_of == SizeOf::kSplat && !options.named.contains("appearance"))
         options.appearance = "none";

@@ -247,6 +247,12 @@ std::vector<Option> rate_options() {
                "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
                "0.05, the higher the farther apart the cameras are")
             .or_word("auto"),
+        number(
+            "base-travel", &O::base_travel, {0, 1000},
+            "least product of the first rate of base colours and the iterations, so that in short runs they get where "
+            "they belong"),
+        number("short-rates", &O::short_rates, {0, 2},
+               "in runs of fewer than 10000 iterations all rates are higher, by this power of 10000/iterations"),
         number("residual-rate", &O::residual_rate, {0, 1000},
                "factor on the rates of what makes colours depend on the view"),
         number("final-rate", &O::final_rate, {0, 1},

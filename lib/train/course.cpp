@@ -20,6 +20,8 @@ constexpr double kWantedRounds = 70, kMostWantedSteps = 20000;
 constexpr int kCoarse = 2;
 /// The time of a step over that of its frame, which has no backward pass and no update.
 constexpr double kStepPerFrame = 3;
+/// The first steps, whose time does not tell how long the others take.
+constexpr std::int64_t kWarmUpSteps = 10;
 /// The least seconds of steps that a time limit must leave.
 constexpr double kLeastSeconds = 0.1;
 
@@ -56,6 +58,7 @@ void Course::start(const TimeCosts& costs, std::int64_t count) {
             fmt::format("option time-limit: {} is too short: saving {} Gaussians alone takes {:.2f} s here; the "
                         "shortest limit is {:g}s",
                         options_.time_limit, count, limit_ - budget_->for_steps(count), std::ceil(20 * least) / 20));
+    first_iteration_ = moment_.iteration;
     const double position = kReferenceIterations * budget_->progress(count);
     moment_ = {moment_.iteration, position, position - 1};
     finished_ = position >= kReferenceIterations;
@@ -65,8 +68,8 @@ void Course::begin(const Stretch& stretch, std::int64_t count) {
     stretch_ = stretch;
     stretch_iteration_ = moment_.iteration;
     stretch_start_ = budget_ ? budget_->elapsed() : 0;
-    moment_ = {moment_.iteration, stretch.from,
-               stretch.from - (kReferenceIterations - stretch.from) / double(std::max<std::int64_t>(1, stretch.steps))};
+    const double pace = (kReferenceIterations - stretch.from) / double(std::max<std::int64_t>(1, stretch.steps));
+    moment_ = {moment_.iteration, stretch.from, stretch.from - pace, pace};
     finished_ = stretch.steps <= 0 || (budget_ && stretch_start_ >= budget_->for_steps(count));
 }
 
@@ -78,7 +81,7 @@ void Course::advance_stretch(std::int64_t count) {
         progress = std::max(progress, left > 0 ? (budget_->elapsed() - stretch_start_) / left : 1.0);
     }
     const double position = stretch_->from + (kReferenceIterations - stretch_->from) * std::min(progress, 1.0);
-    moment_ = {moment_.iteration + 1, std::max(moment_.position, position), moment_.position};
+    moment_ = {moment_.iteration + 1, std::max(moment_.position, position), moment_.position, moment_.pace};
     finished_ = progress >= 1;
 }
 
@@ -93,6 +96,9 @@ void Course::advance(std::int64_t count) {
         return;
     }
     moment_ = next_moment(moment_, budget_->progress(count));
+    const std::int64_t steps = moment_.iteration - first_iteration_;
+    if (steps == kWarmUpSteps) warm_position_ = moment_.position;
+    if (steps >= 2 * kWarmUpSteps) moment_.pace = (moment_.position - warm_position_) / double(steps - kWarmUpSteps);
     // The time of a step may be long on a CPU: stop where the end is nearest.
     finished_ = moment_.position + 0.5 * moment_.stride() >= kReferenceIterations;
 }

@@ -61,6 +61,8 @@ class Course {
     const std::int64_t wanted_steps_;
     double used_ = 0;
     std::optional<TimeBudget> budget_;
+    std::int64_t first_iteration_ = 0;  ///< steps before start()
+    double warm_position_ = 0;          ///< after the first steps under a time limit
     std::optional<Stretch> stretch_;
     std::int64_t stretch_iteration_ = 0;  ///< steps before the stretch
     double stretch_start_ = 0;            ///< seconds of the time limit before it

@@ -16,6 +16,9 @@ constexpr double kNeutral = 0.3536;
 /// The position from which rates fall to their last share, along a half cosine.
 constexpr double kFallFrom = 20000;
 
+/// The pace from which a run counts as short, that of 10,000 iterations.
+constexpr double kShortPace = 3;
+
 double fall_at(double position, double last) {
     if (position < kFallFrom) return 1;
     const double t = std::min(1.0, (position - kFallFrom) / (kReferenceIterations - kFallFrom));
@@ -32,7 +35,9 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       rotations_(Schedule::constant(options.rotation_lr)),
       noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0),
       residual_factor_(options.residual_rate),
-      final_rate_(options.final_rate) {
+      final_rate_(options.final_rate),
+      short_rates_(options.short_rates),
+      base_travel_(options.base_travel) {
     spacing_ = camera_spacing(scene.train);
     opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
     appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.model_options});
@@ -45,14 +50,15 @@ void LearningRates::log(const TrainOptions& options) const {
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
         log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}",
-                 options.appearance, appearance_.base.initial, residual,
+                 options.appearance, appearance_.base.initial, residual_factor_ * residual,
                  appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
     }
 }
 
 void LearningRates::apply(const Moment& moment, StepRequest& request) const {
-    const double t = moment.position + 1, means = means_.at(means_end_.now(moment) + 1);
-    const double fall = fall_at(moment.position, final_rate_);
+    const double gain = moment.pace > kShortPace ? std::pow(moment.pace / kShortPace, short_rates_) : 1;
+    const double t = moment.position + 1, means = gain * means_.at(means_end_.now(moment) + 1);
+    const double fall = gain * fall_at(moment.position, final_rate_);
     const auto set = [&](Group group, const Schedule& schedule, double factor = 1) {
         request.rates[static_cast<int>(group)] = fall * factor * schedule.at(t);
     };
@@ -60,7 +66,8 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);
     set(Group::kOpacity, opacities_);
-    set(Group::kBase, appearance_.base);
+    const double base_rate = gain * appearance_.base.initial, least = base_travel_ * moment.pace / kReferenceIterations;
+    set(Group::kBase, appearance_.base, base_rate > 0 ? std::max(1.0, least / base_rate) : 1);
     request.residual_rates.clear();
     if (appearance_.residual.size() == 1) {
         set(Group::kResidual, appearance_.residual[0], residual_factor_);
@@ -69,7 +76,7 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
             request.residual_rates.push_back(fall * residual_factor_ * column.at(t));
     }
     request.shared_rate = fall * appearance_.shared.at(t);
-    request.noise = float(noise_ * means);
+    request.noise = float(noise_ * means / gain);
 }
 
 double opacity_rate(double opacity_lr, double camera_spacing) {

@@ -27,7 +27,7 @@ class LearningRates {
     Schedule means_, scales_, rotations_, opacities_;
     AppearanceRates appearance_;
     double noise_ = 0, spacing_ = 0;
-    double residual_factor_, final_rate_;
+    double residual_factor_, final_rate_, short_rates_, base_travel_;
 };
 
 /// Returns the rate of the opacity logits: `opacity_lr`, or if that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras

@@ -23,11 +23,11 @@ constexpr std::int64_t kLeastRecovery = 200, kMostRecovery = 2000;
 /// training may turn out, dB.
 constexpr double kNextGain = 0.8, kHope = 0.3;
 /// A model is small enough when it is this near above the target, dB.
-constexpr double kNear = 0.05;
+constexpr double kNear = 0.1;
 /// A smaller model that fell below says nothing if it is nearer in size than this: the other has had more steps.
 constexpr double kSameSize = 1.05;
-/// What halving a model is taken to cost, dB, while none has fallen below the target.
-constexpr double kHalving = 0.8;
+/// What halving a model costs at least, dB, and is taken to cost while none has fallen below the target.
+constexpr double kLeastHalving = 0.3, kHalving = 0.8;
 constexpr int kMostShrinks = 12;
 
 }  // namespace
@@ -85,10 +85,11 @@ TargetStep TargetSearch::shrink(const Try& measured) {
     }
     const double spare = good_->psnr - target_, count = double(good_->count);
     if (bad_ && count < kSameSize * double(bad_->count)) bad_.reset();
+    if (bad_) halving_ = std::max(kLeastHalving, (good_->psnr - bad_->psnr) / std::log2(count / double(bad_->count)));
     const auto shrinks =
         std::count_if(tries_.begin(), tries_.end(), [this](const Try& t) { return t.steps > grown_steps_; });
     if (spare <= kNear || good_->count <= 1 || shrinks >= kMostShrinks) return step;
-    double smaller = std::exp2(-std::min(1.0, spare / kHalving));
+    double smaller = std::exp2(-std::min(1.0, spare / halving_.value_or(kHalving)));
     if (bad_) {  // between the two, as if PSNR followed the logarithm of the size
         const double share = std::clamp((spare - 0.5 * kNear) / (good_->psnr - bad_->psnr), 0.15, 0.85);
         smaller = std::pow(double(bad_->count) / count, share);
@@ -107,9 +108,10 @@ TargetOutcome TargetSearch::outcome() const {
     out.count = last.count, out.psnr = last.psnr;
     out.verdict = good_ ? fmt::format("target {:g} dB: reached with {} Gaussians, {:.2f} dB on the held-out views",
                                       target_, last.count, last.psnr)
-                        : fmt::format("target {:g} dB: not reached, {:.2f} dB on the held-out views after {} "
-                                      "iterations: {}",
-                                      target_, last.psnr, last.steps, why_);
+                        : fmt::format(
+                              "target {:g} dB: not reached, {:.2f} dB on the held-out views after {} "
+                              "iterations: {}",
+                              target_, last.psnr, last.steps, why_);
     return out;
 }
 

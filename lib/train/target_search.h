@@ -23,11 +23,11 @@ struct TargetStep {
 /// What came of a search.
 struct TargetOutcome {
     bool reached = false;
-    std::int64_t count = 0;    ///< of the model that the run ends with
-    double psnr = 0;           ///< of the held-out views with it, dB
-    double estimate = 0;       ///< what all steps would have reached, where that was too little, dB; else 0
+    std::int64_t count = 0;  ///< of the model that the run ends with
+    double psnr = 0;         ///< of the held-out views with it, dB
+    double estimate = 0;     ///< what all steps would have reached, where that was too little, dB; else 0
     std::int64_t measurements = 0;
-    std::string verdict = {};       ///< a sentence for people
+    std::string verdict = {};  ///< a sentence for people
 };
 
 class TargetSearch {
@@ -60,6 +60,7 @@ class TargetSearch {
     const std::int64_t most_steps_, cap_;
     std::vector<Try> tries_;
     std::optional<Try> good_, bad_;  ///< the smallest that reached the target, the largest after it that did not
+    std::optional<double> halving_;  ///< what halving the model costs, dB, once that is known
     std::int64_t grown_steps_ = 0;   ///< until the target was reached
     double estimate_ = 0;            ///< TargetOutcome::estimate
     std::string why_;                ///< why it was given up

@@ -9,12 +9,12 @@ namespace gs {
 Moment moment_at(const TrainOptions& options, std::int64_t iteration) {
     const double stride =
         options.schedule == ScheduleKind::kFixed ? 1 : kReferenceIterations / double(options.iterations);
-    return {iteration, double(iteration) * stride, double(iteration - 1) * stride};
+    return {iteration, double(iteration) * stride, double(iteration - 1) * stride, stride};
 }
 
 Moment next_moment(const Moment& last, double progress) {
     // Time passes, but a model that has grown takes longer to save, so that progress may fall behind.
-    return {last.iteration + 1, std::max(last.position, kReferenceIterations * progress), last.position};
+    return {last.iteration + 1, std::max(last.position, kReferenceIterations * progress), last.position, last.pace};
 }
 
 }  // namespace gs

@@ -18,6 +18,7 @@ struct Moment {
     std::int64_t iteration = 0;  ///< steps done
     double position = 0;         ///< of the step to come, 0..30000; in a run of 30,000 the iteration itself
     double before = -1;          ///< position of the step before it; -1 before the first
+    double pace = 1;             ///< positions that a step takes on average
 
     /// Returns how far one step goes: 1 in a run of 30,000, 4 in one of 7,500.
     double stride() const { return position - before; }
@@ -52,6 +53,7 @@ Moment moment_at(const TrainOptions& options, std::int64_t iteration);
 
 /// Returns the moment of the next step in a run through time. `last` is that of the step before, of which 0 is the
 /// iteration in a new run; `progress` (0..1) is the share of the time that has passed.
+/// The pace is that of `last`.
 Moment next_moment(const Moment& last, double progress);
 
 }  // namespace gs

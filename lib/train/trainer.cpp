@@ -72,7 +72,7 @@ class Run {
         if (start.checkpoint)
             resume(std::move(*start.checkpoint));
         else
-            begin();
+            begin(start.used_seconds);
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         writer_.open_log(iteration_);
         photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
@@ -244,7 +244,8 @@ class Run {
                                    : choose_backend(options_.device, appearance_, options);
     }
 
-    void begin() {
+    void begin(double used_seconds) {
+        if (course_.limits_time()) course_.resume(0, used_seconds);
         InitOptions init = init_options(options_);
         init.most_points = limits_.most_first_points();
         Gaussians state = initialize_gaussians(scene_, appearance_, init);

@@ -41,7 +41,7 @@ struct TrainSummary {
     double saving_seconds = 0;   ///< final pruning and saving
     double frame_seconds = 0;    ///< of the final model at 1280x720, with options.frame_limit; else 0
     double limited_seconds = 0;  ///< what a time limit counts: from the first step to the end of saving; 0 without one
-    std::optional<TargetOutcome> target;  ///< with options.target_psnr
+    std::optional<TargetOutcome> target = {};  ///< with options.target_psnr
     /// The decision of --ppisp auto, with its figure; empty if nothing was decided
     std::string photometric;
     /// False if the run was resumed from a checkpoint that does not say how long its iterations took: the two times

@@ -251,7 +251,6 @@ TEST(Options, ContradictionsWithATimeLimitAreRefused) {
     };
     refused([](TrainOptions& o) { o.preset = Preset::kBest; });
     refused([](TrainOptions& o) { o.schedule = ScheduleKind::kFixed; });
-    refused([](TrainOptions& o) { o.appearance = kAutoAppearance; });
 }
 
 TEST(Options, ValidationResolvesWhatDependsOnTheStrategy) {

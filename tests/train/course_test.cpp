@@ -132,6 +132,28 @@ TEST(Schedules, RatesFallToTheirLastValueInARunOfAnyLength) {
     }
 }
 
+TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
+    Scene scene;
+    scene.train.resize(1);
+    const auto first_step = [&](std::int64_t iterations, double exponent, double travel) {
+        TrainOptions o = options_of(iterations);
+        o.short_rates = exponent, o.base_travel = travel;
+        StepRequest request;
+        LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), request);
+        return request;
+    };
+    const StepRequest plain = first_step(1000, 0, 0), higher = first_step(1000, 0.5, 0),
+                      longer = first_step(10000, 0.5, 0);
+    for (int g = 0; g < kNumGroups; ++g) {
+        // The means' rate falls with the position of the step's end, which is the same.
+        EXPECT_NEAR(higher.rates[g] / plain.rates[g], std::sqrt(10.0), 1e-6) << kGroupNames[g];
+        EXPECT_NEAR(longer.rates[g] / first_step(10000, 0, 0).rates[g], 1, 1e-12) << kGroupNames[g];
+    }
+    EXPECT_NEAR(higher.noise, plain.noise, 1e-6 * plain.noise) << "noise stays";
+    EXPECT_NEAR(first_step(1000, 0, 3.5).rates[int(Group::kBase)], 3.5e-3, 1e-9);
+    EXPECT_EQ(first_step(30000, 0, 3.5).rates[int(Group::kBase)], first_step(30000, 0, 0).rates[int(Group::kBase)]);
+}
+
 double fake_time = 0;
 double fake_clock() { return fake_time; }
 
@@ -205,6 +227,46 @@ TEST(Course, RunsThroughTime) {
     EXPECT_GT(seconds, 0.3);
     EXPECT_GT(course.moment().iteration, 100);
     EXPECT_EQ(course.expected_iterations(), course.moment().iteration);
+    const double pace = kReferenceIterations / double(course.moment().iteration);
+    EXPECT_GT(course.moment().pace, pace / 3);
+    EXPECT_LT(course.moment().pace, pace * 3);
+}
+
+TEST(Course, StretchesGoFromTheirPositionToTheEnd) {
+    TrainOptions o = options_of(30000);
+    o.target_psnr = 30, o.coarse_until = 0.2;
+    Course course(o, 10);
+    course.begin({.steps = 4, .from = 0, .most_gaussians = 500}, 100);
+    EXPECT_EQ(course.reduction(), 2);
+    EXPECT_EQ(course.most_gaussians(100, 1000), 500);
+    EXPECT_EQ(course.most_gaussians(600, 1000), 600) << "nothing is removed";
+    EXPECT_EQ(course.most_gaussians(100, 300), 300);
+    while (!course.finished()) course.advance(100);
+    EXPECT_EQ(course.moment().iteration, 4);
+    course.begin({.steps = 2, .from = 20000, .most_gaussians = 50}, 100);
+    EXPECT_FALSE(course.finished());
+    EXPECT_EQ(course.moment().position, 20000);
+    EXPECT_EQ(course.moment().stride(), 5000);
+    EXPECT_EQ(course.reduction(), 1);
+    EXPECT_EQ(course.expected_iterations(), 6);
+    course.advance(100);
+    EXPECT_EQ(course.moment().position, 25000);
+    course.advance(100);
+    EXPECT_TRUE(course.finished());
+    EXPECT_EQ(course.moment().iteration, 6);
+}
+
+TEST(Course, ATimeLimitShortensAStretch) {
+    TrainOptions o = limited("0.3s");
+    o.target_psnr = 30;
+    Course course(o, 10);
+    course.start({}, 100);
+    course.begin({.steps = 1000000000, .from = 10000, .most_gaussians = 100}, 100);
+    while (!course.finished()) course.advance(100);
+    EXPECT_LT(course.moment().iteration, 1000000000);
+    EXPECT_EQ(course.moment().position, kReferenceIterations) << "rates have fallen all the same";
+    course.begin({.steps = 10, .from = 10000, .most_gaussians = 100}, 100);
+    EXPECT_TRUE(course.finished()) << "no time is left";
 }
 
 TEST(Course, ALimitThatSavingUsesUpIsRefusedWithTheShortest) {

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "eval/auto/find_appearance.h"
+#include "kernels/core/clock.h"
 #include "lib/core/options.h"
 #include "lib/train/rehearsal.h"
 #include "lib/train/scene_options.h"
@@ -74,6 +75,8 @@ TEST(AppearanceChoice, DecidesFromMeasurementsAlone) {
     EXPECT_EQ(decision.choice->best, 2u);
     measured.obstacle = Obstacle::kMasks;
     EXPECT_EQ(decide_appearance(measured, 0.1).model, "none") << "nothing was measured";
+    measured.obstacle = Obstacle::kShort;
+    EXPECT_EQ(decide_appearance(measured, 0.1).model, kUntoldModel);
 }
 
 TrainOptions glossy(int width, std::int64_t iterations) {
@@ -87,14 +90,14 @@ TrainOptions glossy(int width, std::int64_t iterations) {
 }
 
 TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
-    TrainOptions options = glossy(32, 300);
+    TrainOptions options = glossy(16, 7500);
     options.auto_tolerance = 0;
     Scene scene = load_scene(scene_options(options));
     const AppearanceReport report = find_appearance(options, scene);
     EXPECT_EQ(report.lines.size(), 5u);
     EXPECT_EQ(report.json.at("model"), report.model);
-    EXPECT_EQ(report.json.at("warm_up_iterations"), 20);
-    EXPECT_EQ(report.lines[3].find("held out after 20 iterations of each: none "), 0u) << report.lines[3];
+    EXPECT_EQ(report.json.at("warm_up_iterations"), 500);
+    EXPECT_EQ(report.lines[3].find("held out after 500 iterations of each: none "), 0u) << report.lines[3];
     EXPECT_EQ(report.json.at("trials").at(0).at("model"), "none");
     EXPECT_TRUE(std::isfinite(report.json.at("trials").at(0).at("PSNR").get<double>()));
     options.auto_tolerance = 100;
@@ -107,8 +110,27 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
     EXPECT_EQ(few.json.at("lines"), few.lines);
 }
 
+TEST(FindAppearance, DoesNotRankAfterAFewIterations) {
+    const TrainOptions options = glossy(16, 1500);
+    const AppearanceReport report = find_appearance(options, load_scene(scene_options(options)));
+    EXPECT_EQ(report.model, kUntoldModel);
+    ASSERT_EQ(report.lines.size(), 1u);
+    EXPECT_NE(report.lines[0].find("too short to tell"), std::string::npos) << report.lines[0];
+}
+
+TEST(FindAppearance, TakesATenthOfATimeLimit) {
+    TrainOptions options = glossy(16, 30000);
+    options.time_limit = "0.5s";
+    const Scene scene = load_scene(scene_options(options));
+    EXPECT_EQ(find_appearance(options, scene).model, kUntoldModel) << "50 ms are too short";
+    options.time_limit = "20s";
+    const double start = seconds_now();
+    find_appearance(options, scene);
+    EXPECT_LT(seconds_now() - start, 2 + 3) << "with slack for machines that are busy";
+}
+
 TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
-    TrainOptions options = glossy(16, 60);
+    TrainOptions options = glossy(16, 7500);
     options.auto_tolerance = 0;
     Scene scene = load_scene(scene_options(options));
     View& away = scene.train[4];  // one that is held out
@@ -124,7 +146,7 @@ TEST(FindAppearance, AViewPastEverythingDecidesNothing) {
 }
 
 TEST(FindAppearance, TakesNoneWhereMasksLeaveNothing) {
-    const TrainOptions options = glossy(16, 15);
+    const TrainOptions options = glossy(16, 7500);
     Scene scene = load_scene(scene_options(options));
     for (View& view : scene.train)
         view.load = [load = view.load] {

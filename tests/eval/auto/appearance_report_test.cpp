@@ -74,6 +74,9 @@ TEST(AppearanceReport, SaysInOneLineWhyNothingWasMeasured) {
     EXPECT_EQ(r.json["model"], "none");
     EXPECT_EQ(r.json["lines"], r.lines);
     EXPECT_FALSE(r.json.contains("trials"));
+    m.obstacle = Obstacle::kShort, m.trial_iterations = 20;
+    EXPECT_EQ(report(m, 0.1).lines.front(),
+              "nasgabor: too short to tell: a trial would have 20 iterations, and 500 are needed");
 }
 
 }  // namespace
