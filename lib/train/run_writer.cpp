@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "kernels/core/clock.h"
-#include "kernels/densify/densify.h"
 #include "lib/core/options.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/image.h"
@@ -21,6 +20,16 @@ namespace {
 
 /// The Gaussians of a file whose time tells what larger ones take.
 constexpr std::int64_t kTimedRows = 300000;
+
+/// Repeats the rows of a model without moments until there are `count`.
+void repeat_rows(Gaussians& model, std::int64_t count) {
+    for (auto& group : model.groups) {
+        const std::size_t rows = group.param.size();
+        group.param.resize(std::size_t(count) * std::size_t(group.width));
+        for (std::size_t k = rows; k < group.param.size(); ++k) group.param[k] = group.param[k - rows];
+    }
+    model.count = count;
+}
 
 }  // namespace
 
@@ -96,9 +105,7 @@ double RunWriter::seconds_per_gaussian(Backend& backend) const {
     Gaussians model = backend.download(false);
     const double reading = (seconds_now() - start) / double(model.count);
     // A scene may begin with a few points, whose file tells nothing about a large one.
-    std::vector<std::uint32_t> rows(std::size_t(std::max(model.count, std::min(options_.cap_max, kTimedRows))));
-    for (std::size_t k = 0; k < rows.size(); ++k) rows[k] = std::uint32_t(k % std::size_t(model.count));
-    gather_rows(model, rows);
+    repeat_rows(model, std::max(model.count, std::min(options_.cap_max, kTimedRows)));
     const WorkFolder work(folder_.root / "timing");
     start = seconds_now();
     save_points(work.path() / "points.ply", model, 0);

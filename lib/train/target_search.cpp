@@ -91,7 +91,7 @@ TargetStep TargetSearch::shrink(const Try& measured) {
     if (spare <= kNear || good_->count <= 1 || shrinks >= kMostShrinks) return step;
     double smaller = std::exp2(-std::min(1.0, spare / halving_.value_or(kHalving)));
     if (bad_) {  // between the two, as if PSNR followed the logarithm of the size
-        const double share = std::clamp((spare - 0.5 * kNear) / (good_->psnr - bad_->psnr), 0.15, 0.85);
+        const double share = std::clamp((spare - 0.5 * kNear) / (good_->psnr - bad_->psnr), 0.3, 0.85);
         smaller = std::pow(double(bad_->count) / count, share);
     }
     step.prune_to = std::clamp<std::int64_t>(std::llround(count * smaller), 1, good_->count - 1);
