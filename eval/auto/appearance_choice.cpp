@@ -51,7 +51,8 @@ bool needs_trials(const ResidualParts& parts, double tolerance) {
 }
 
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance) {
-    AppearanceDecision decision{measured.obstacle == Obstacle::kShort ? kUntoldModel : measured.plain_model};
+    const bool untold = measured.obstacle == Obstacle::kShort || measured.obstacle == Obstacle::kLate;
+    AppearanceDecision decision{untold ? kUntoldModel : measured.plain_model};
     if (measured.obstacle) return decision;
     decision.remaining = classify_remaining_error(measured.parts, tolerance);
     if (measured.trials.empty()) return decision;

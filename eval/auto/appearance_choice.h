@@ -50,6 +50,7 @@ enum class Obstacle {
     kFewViews,  ///< there are fewer than kFewestViews training views, and none can be held out
     kMasks,     ///< masks leave nothing of the views that models would be compared on
     kShort,     ///< the run is too short, or its time limit, for trials that tell anything
+    kLate,      ///< no trial ended in its part of the time limit
 };
 
 /// The iterations of a trial below which models are not compared: after a hundred they are 7 dB from where they end.

@@ -50,6 +50,7 @@ Explained explained(const ResidualParts& parts) {
 
 std::string obstacle_text(const AppearanceMeasurements& m) {
     if (*m.obstacle == Obstacle::kMasks) return "masks leave nothing of the views that models would be compared on";
+    if (*m.obstacle == Obstacle::kLate) return "too short to tell: no trial ended within a tenth of the time limit";
     if (*m.obstacle == Obstacle::kShort)
         return fmt::format("too short to tell: a trial would have {} iterations, and {} are needed", m.trial_iterations,
                            kFewestTrialIterations);

@@ -204,7 +204,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
         deadline.slower = slowdown(options, stage, plain.backend->count());
         Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, deadline);
         measured.trials = std::move(trials.finished), measured.unfinished = std::move(trials.unfinished);
-        if (measured.trials.empty()) measured.obstacle = Obstacle::kShort;
+        if (measured.trials.empty()) measured.obstacle = Obstacle::kLate;
     }
     measured.seconds = seconds_now() - deadline.start;
     return measured;

@@ -89,7 +89,9 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         const double use = double(bytes) / double(plan.size->limit);
         log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit, summary.num_gaussians,
                  megabytes(bytes), 100 * use);
-        if (summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) && use < kLeastUse)
+        const bool small_enough = summary.target && summary.target->reached;  // on purpose
+        if (!small_enough && summary.num_gaussians < std::min(plan.size->most_gaussians, options.cap_max) &&
+            use < kLeastUse)
             log_warning("size limit {}: only {:.0f} % of it are used{}", options.size_limit, 100 * use,
                         options.time_limit.empty() ? ": in these --iterations the model did not grow further"
                                                    : ": the time limit does not afford more Gaussians");
@@ -99,9 +101,13 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         nlohmann::ordered_json& json = plan.json["target"];
         json["reached"] = summary.target->reached;
         json["held_out_psnr"] = summary.target->psnr;
+        json["standard_error"] = summary.target->standard_error;
         json["measurements"] = summary.target->measurements;
         if (summary.target->estimate > 0) json["estimate"] = summary.target->estimate;
         json["verdict"] = summary.target->verdict;
+        // What the mean over few views cannot tell about others.
+        log_info("target {:g} dB: another choice of views may have a mean that differs by {:.2f} dB (standard error)",
+                 options.target_psnr, summary.target->standard_error);
     }
     if (summary.frame_seconds > 0) {
         log_info("frame limit {}: frames take {:.3g} ms", options.frame_limit, 1e3 * summary.frame_seconds);

@@ -19,9 +19,8 @@ struct Plan {
     std::optional<SizePlan> size;    ///< with --size-limit
 };
 
-/// Returns the plan of a run; empty if `options` name neither limit nor preset. Throws UsageError for a limit that
-/// cannot be met.
-/// `held_out` is the number of views held out for --target-psnr.
+/// Returns the plan of a run; empty if `options` name neither limit, target nor preset. Throws UsageError for a limit
+/// that cannot be met. `held_out` is the number of views held out for --target-psnr.
 Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out = 0);
 
 /// Adds what came of it to the plan's json and to the log.

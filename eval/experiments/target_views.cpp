@@ -28,25 +28,17 @@ std::vector<Photograph> take_views(Scene& scene, const Vec3<float>& background) 
 }  // namespace
 
 TargetViews::TargetViews(const TrainOptions& options, Scene& scene)
-    : aligned_(options.ppisp != PpispMode::kOff),
-      background_(options.background.color),
-      photographs_(take_views(scene, background_)) {
+    : background_(options.background.color), photographs_(take_views(scene, background_)) {
     if (photographs_.empty())
         throw UsageError("option target-psnr: masks leave no pixel of the views that were held out");
 }
 
-double TargetViews::psnr(Backend& backend) {
-    last_ = psnrs(backend, photographs_, background_, aligned_);
-    return std::accumulate(last_.begin(), last_.end(), 0.0) / double(last_.size());
-}
-
-double TargetViews::standard_error() const {
-    const double n = double(last_.size());
-    if (n < 2) return 0;
-    const double mean = std::accumulate(last_.begin(), last_.end(), 0.0) / n;
+HeldOutPsnr TargetViews::psnr(Backend& backend) const {
+    const std::vector<double> all = psnrs(backend, photographs_, background_, backend.download_ppisp().active());
+    const double n = double(all.size()), mean = std::accumulate(all.begin(), all.end(), 0.0) / n;
     double squares = 0;
-    for (const double psnr : last_) squares += (psnr - mean) * (psnr - mean);
-    return std::sqrt(squares / (n - 1) / n);
+    for (const double psnr : all) squares += (psnr - mean) * (psnr - mean);
+    return {mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0};
 }
 
 }  // namespace gs

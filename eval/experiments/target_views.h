@@ -7,6 +7,7 @@
 #include "eval/auto/photograph.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
+#include "lib/train/trainer.h"
 
 namespace gs {
 
@@ -15,17 +16,13 @@ class TargetViews {
     /// Takes every 8th view out of scene.train. Throws UsageError if there are too few, or if masks leave none.
     TargetViews(const TrainOptions& options, Scene& scene);
 
-    /// Returns their mean PSNR, dB, with colours aligned where PPISP corrects exposures.
-    double psnr(Backend& backend);
+    /// Measures them, with colours aligned where PPISP corrects exposures.
+    HeldOutPsnr psnr(Backend& backend) const;
     std::size_t count() const { return photographs_.size(); }
-    /// Returns how far the last mean may be off by the choice of views, dB: its standard error.
-    double standard_error() const;
 
   private:
-    const bool aligned_;
     const Vec3<float> background_;
-    std::vector<Photograph> photographs_;
-    std::vector<double> last_;
+    const std::vector<Photograph> photographs_;
 };
 
 }  // namespace gs

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "lib/core/duration.h"
+#include "lib/core/options.h"
 
 namespace gs {
 
@@ -20,7 +21,7 @@ std::optional<double> TimePlan::seconds(const TrainOptions& options) const {
     std::optional<double> expected;
     double least = std::numeric_limits<double>::infinity();
     for (const Ended& run : ended_) {
-        if (!run.options.time_limit.empty()) continue;
+        if (!ends_by_iterations(run.options)) continue;
         const double iterations = double(options.iterations) / double(run.options.iterations);
         const double gaussians = double(options.cap_max) / double(run.options.cap_max);
         // A step of 1 % in size weighs more than another appearance: these differ by less than a factor of two.

@@ -3,6 +3,7 @@
 #include "eval/experiments/train_run.h"
 
 #include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
 
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -116,6 +117,15 @@ void require_same_test_views(const Checkpoint& checkpoint, const Scene& scene, c
         scene.source, scene.test.size(), checkpoint.test_views.substr(0, checkpoint.test_views.find(' '))));
 }
 
+/// Throws UsageError if views that a target would be measured on were trained on, or the other way round.
+void require_same_training_views(const Checkpoint& checkpoint, const TrainOptions& options) {
+    const auto earlier = YAML::Load(checkpoint.options_yaml)["target-psnr"];
+    if ((earlier && earlier.as<double>() > 0) != (options.target_psnr > 0))
+        throw UsageError(
+            "option target-psnr: it holds training views out from the first step on; a run that was begun without it "
+            "cannot be resumed with it, nor the other way round");
+}
+
 }  // namespace
 
 std::string free_run_folder(const fs::path& parent, const TrainOptions& options, const std::string& suffix) {
@@ -147,7 +157,10 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     const std::size_t held_out = target ? target->count() : 0;
     if (options.appearance != kAutoAppearance) plan = make_plan(options, scene, held_out);
     RunStart start = open_run(options);
-    if (start.checkpoint) require_same_test_views(*start.checkpoint, scene, options);
+    if (start.checkpoint) {
+        require_same_test_views(*start.checkpoint, scene, options);
+        require_same_training_views(*start.checkpoint, options);
+    }
     add_log_file(fs::path(options.model) / "gsapp.log");
     log_info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
@@ -171,13 +184,6 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     lock->check_folder();
     describe_training(summary);
     note_outcome(plan, options, summary);
-    if (target) {
-        // What the mean over few views cannot tell about others.
-        log_info(
-            "target {:g} dB: another choice of {} views may have a mean that differs by {:.2f} dB (standard error)",
-            options.target_psnr, held_out, target->standard_error());
-        plan.json["target"]["standard_error"] = target->standard_error();
-    }
     add_share_of_training(options, summary);
     std::optional<TableRow> row;
     if (measure) {

@@ -97,6 +97,11 @@ TrainOptions load_options_yaml(const std::filesystem::path& path);
 /// back to equal options.
 std::string options_to_yaml(const TrainOptions& options);
 
+/// Returns whether a run of these options ends after options.iterations steps; if not, time or quality ends it.
+inline bool ends_by_iterations(const TrainOptions& options) {
+    return options.time_limit.empty() && options.target_psnr == 0;
+}
+
 /// Loads the options of a finished or running run: config.yaml in its folder. Throws DataError when the folder holds no
 /// run.
 TrainOptions load_run_options(const std::filesystem::path& run_folder);

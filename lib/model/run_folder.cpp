@@ -14,6 +14,7 @@
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 #include "lib/core/utf8.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
@@ -284,8 +285,6 @@ void write_input_points(const RunFolder& folder, const PointCloud& points, const
     }
     file.commit();
 }
-
-bool ends_by_iterations(const TrainOptions& options) { return options.time_limit.empty() && options.target_psnr == 0; }
 
 std::optional<std::int64_t> ended_at(const TrainOptions& options) {
     try {

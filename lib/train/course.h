@@ -24,6 +24,13 @@ class Course {
 
     /// Continues after `iteration` steps, which took `used` seconds of a time limit.
     void resume(std::int64_t iteration, double used);
+    /// Takes from a time limit what went by before the first step of a new run. Progress does not count it.
+    void charge(double seconds) {
+        limit_ -= seconds;
+        charged_ += seconds;
+    }
+    /// Returns the seconds of the time limit that have passed; 0 without one.
+    double used_seconds() const { return budget_ ? charged_ + budget_->elapsed() : 0; }
     bool limits_time() const { return limit_ > 0; }
     /// Returns the number of Gaussians with which a time limit leaves enough steps, where a frame of `count` takes
     /// `frame_seconds`.
@@ -57,9 +64,9 @@ class Course {
     void advance_stretch(std::int64_t count);
 
     const TrainOptions& options_;
-    const double limit_;  ///< seconds; 0 = none
+    double limit_;  ///< seconds; 0 = none
     const std::int64_t wanted_steps_;
-    double used_ = 0;
+    double charged_ = 0, used_ = 0;
     std::optional<TimeBudget> budget_;
     std::int64_t first_iteration_ = 0;  ///< steps before start()
     double warm_position_ = 0;          ///< after the first steps under a time limit

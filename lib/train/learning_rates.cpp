@@ -18,6 +18,8 @@ constexpr double kFallFrom = 20000;
 
 /// The pace from which a run counts as short, that of 10,000 iterations.
 constexpr double kShortPace = 3;
+/// The pace beyond which rates do not rise, that of 100 iterations.
+constexpr double kLongestPace = 300;
 
 double fall_at(double position, double last) {
     if (position < kFallFrom) return 1;
@@ -56,7 +58,8 @@ void LearningRates::log(const TrainOptions& options) const {
 }
 
 void LearningRates::apply(const Moment& moment, StepRequest& request) const {
-    const double gain = moment.pace > kShortPace ? std::pow(moment.pace / kShortPace, short_rates_) : 1;
+    const double pace = std::min(moment.pace, kLongestPace);
+    const double gain = pace > kShortPace ? std::pow(pace / kShortPace, short_rates_) : 1;
     const double t = moment.position + 1, means = gain * means_.at(means_end_.now(moment) + 1);
     const double fall = gain * fall_at(moment.position, final_rate_);
     const auto set = [&](Group group, const Schedule& schedule, double factor = 1) {
@@ -66,7 +69,7 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);
     set(Group::kOpacity, opacities_);
-    const double base_rate = gain * appearance_.base.initial, least = base_travel_ * moment.pace / kReferenceIterations;
+    const double base_rate = gain * appearance_.base.initial, least = base_travel_ * pace / kReferenceIterations;
     set(Group::kBase, appearance_.base, base_rate > 0 ? std::max(1.0, least / base_rate) : 1);
     request.residual_rates.clear();
     if (appearance_.residual.size() == 1) {

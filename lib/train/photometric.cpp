@@ -10,6 +10,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 
 namespace gs {
 namespace {
@@ -47,7 +48,7 @@ Photometric::Photometric(const TrainOptions& options, const Scene& scene) : opti
         initial_ = begin();
     active_ = initial_.active();
     const Moment last = moment_at(options, options.iterations - 1);
-    if (options.ppisp == PpispMode::kAuto && options.time_limit.empty() && !may_decide(last.position, last.iteration))
+    if (options.ppisp == PpispMode::kAuto && ends_by_iterations(options) && !may_decide(last.position, last.iteration))
         log_warning("--ppisp auto needs {} iterations to decide, but this run has {}: PPISP stays off",
                     1 + std::max(kLeastIterations, std::int64_t(kPhotometricDecision / last.stride())),
                     options.iterations);
@@ -164,7 +165,7 @@ void Photometric::apply(std::size_t view, const Moment& moment, StepRequest& req
                    .frame = int(view),
                    .camera = scene_.train[view].camera_id,
                    .prior_exposure = prior(view)};
-    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, moment.position - first_);
+    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, std::max(0.0, moment.position - first_));
 }
 
 void Photometric::add_controllers(Backend& backend) const {

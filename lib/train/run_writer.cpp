@@ -71,10 +71,10 @@ void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration
              {"num_gaussians", change.count}});
 }
 
-void RunWriter::write_checkpoint(Backend& backend, std::int64_t iteration, const std::optional<TrainingTime>& time,
+void RunWriter::write_checkpoint(Gaussians state, std::int64_t iteration, const std::optional<TrainingTime>& time,
                                  bool automatic) const {
     check_folder();
-    gs::write_checkpoint(folder_.checkpoint(iteration), {.state = backend.download(true),
+    gs::write_checkpoint(folder_.checkpoint(iteration), {.state = std::move(state),
                                                          .iteration = iteration,
                                                          .seed = options_.seed,
                                                          .options_yaml = options_to_yaml(options_),
@@ -101,15 +101,14 @@ void RunWriter::save_points(const std::filesystem::path& path, const Gaussians& 
 
 double RunWriter::seconds_per_gaussian(Backend& backend) const {
     check_folder();
-    double start = seconds_now();
+    const double start = seconds_now();
     Gaussians model = backend.download(false);
-    const double reading = (seconds_now() - start) / double(model.count);
-    // A scene may begin with a few points, whose file tells nothing about a large one.
+    // A scene may begin with a few points, whose file tells nothing about a large one. Copying them to many takes about
+    // as long as reading so many back.
     repeat_rows(model, std::max(model.count, std::min(options_.cap_max, kTimedRows)));
     const WorkFolder work(folder_.root / "timing");
-    start = seconds_now();
     save_points(work.path() / "points.ply", model, 0);
-    return reading + std::max(0.0, seconds_now() - start - kSavingOverhead) / double(model.count);
+    return std::max(0.0, seconds_now() - start - kSavingOverhead) / double(model.count);
 }
 
 void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {

@@ -54,7 +54,7 @@ class RunWriter {
 
     /// Writes everything that the run needs to continue, moments included, and removes automatic checkpoints of
     /// earlier iterations. `time` is that of the training so far, if it is known.
-    void write_checkpoint(Backend& backend, std::int64_t iteration, const std::optional<TrainingTime>& time,
+    void write_checkpoint(Gaussians state, std::int64_t iteration, const std::optional<TrainingTime>& time,
                           bool automatic = false) const;
     /// Returns the seconds that reading the model back and writing its point cloud take for each Gaussian. Leaves no
     /// file.

@@ -39,9 +39,11 @@ std::int64_t TargetSearch::most_gaussians(std::int64_t steps, std::int64_t count
     return std::max(count, std::min(cap_, kGaussiansPerStep * steps));
 }
 
-Stretch TargetSearch::first(std::int64_t count) const {
-    const std::int64_t steps = std::min(kFirstSteps, most_steps_);
-    return {.steps = steps, .from = 0, .most_gaussians = most_gaussians(steps, count)};
+Stretch TargetSearch::first(std::int64_t steps, std::int64_t count) const {
+    const std::int64_t all = std::min(kFirstSteps, most_steps_);
+    return {.steps = std::max<std::int64_t>(0, all - steps),
+            .from = kReferenceIterations * double(std::min(steps, all)) / double(all),
+            .most_gaussians = most_gaussians(all, count)};
 }
 
 TargetStep TargetSearch::next(const Try& measured) {
@@ -105,7 +107,7 @@ TargetOutcome TargetSearch::outcome() const {
     TargetOutcome out;
     out.reached = good_.has_value(), out.estimate = estimate_, out.measurements = std::int64_t(tries_.size());
     const Try last = good_ ? *good_ : tries_.empty() ? Try{} : tries_.back();
-    out.count = last.count, out.psnr = last.psnr;
+    out.count = last.count, out.psnr = last.psnr, out.standard_error = last.standard_error;
     out.verdict = good_ ? fmt::format("target {:g} dB: reached with {} Gaussians, {:.2f} dB on the held-out views",
                                       target_, last.count, last.psnr)
                         : fmt::format(

@@ -23,9 +23,10 @@ struct TargetStep {
 /// What came of a search.
 struct TargetOutcome {
     bool reached = false;
-    std::int64_t count = 0;  ///< of the model that the run ends with
-    double psnr = 0;         ///< of the held-out views with it, dB
-    double estimate = 0;     ///< what all steps would have reached, where that was too little, dB; else 0
+    double standard_error = 0;  ///< of psnr, dB
+    std::int64_t count = 0;     ///< of the model that the run ends with
+    double psnr = 0;            ///< of the held-out views with it, dB
+    double estimate = 0;        ///< what all steps would have reached, where that was too little, dB; else 0
     std::int64_t measurements = 0;
     std::string verdict = {};  ///< a sentence for people
 };
@@ -36,15 +37,17 @@ class TargetSearch {
     struct Try {
         std::int64_t steps = 0;  ///< of the run, up to there
         std::int64_t count = 0;
-        double psnr = 0;  ///< of the held-out views, dB
+        double psnr = 0;            ///< of the held-out views, dB
+        double standard_error = 0;  ///< of that mean, dB
     };
 
     /// `target` is in dB; the run has `most_steps` at most while it grows, and `cap` Gaussians.
     TargetSearch(double target, std::int64_t most_steps, std::int64_t cap);
 
-    /// Returns the first stretch of a new run, which begins with `count` Gaussians.
-    Stretch first(std::int64_t count) const;
-    /// Decides what follows from a measurement. A resumed run begins with one.
+    /// Returns what is left of the first stretch of a run that has done `steps` and has `count` Gaussians; no steps if
+    /// nothing is.
+    Stretch first(std::int64_t steps, std::int64_t count) const;
+    /// Decides what follows from a measurement. A run that was resumed after the first stretch begins with one.
     TargetStep next(const Try& measured);
     /// Says why a search ends here that could have gone on.
     void stop(const std::string& why) { why_ = why; }

@@ -19,7 +19,7 @@ void TimeBudget::start(const TimeCosts& costs, std::int64_t iteration) {
 }
 
 double TimeBudget::for_steps(std::int64_t count) const {
-    return limit_ - kept_back_ - costs_.pruning - kSavingOverhead - costs_.saving_per_gaussian * double(count);
+    return limit_ - kept_back_ - costs_.at_end - kSavingOverhead - costs_.saving_per_gaussian * double(count);
 }
 
 double TimeBudget::progress(std::int64_t count) const {

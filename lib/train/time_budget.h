@@ -15,7 +15,7 @@ inline constexpr double kSavingOverhead = 0.02;
 /// What is measured before the first step.
 struct TimeCosts {
     double saving_per_gaussian = 0;  ///< seconds that a Gaussian takes in the final pruning and saving
-    double pruning = 0;              ///< seconds of the final pruning by score
+    double at_end = 0;               ///< seconds of the final pruning by score, and of measuring for a target
     double coarse_ratio = 1;         ///< time of a full image over that of a coarse one
 };
 

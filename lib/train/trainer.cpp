@@ -13,6 +13,7 @@
 #include "kernels/core/parallel.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
@@ -116,11 +117,22 @@ class Run {
         return ends_by_iterations(options_) ? options_.iterations : std::numeric_limits<std::int64_t>::max();
     }
 
+    /// Writes what a resumed run continues with: in the search for a target the smallest model that reached it, since a
+    /// smaller one that is still recovering would seem to be below.
+    void write_checkpoint(bool automatic = false) {
+        writer_.write_checkpoint(kept_ ? *kept_ : backend_->download(true), iteration_, time(), automatic);
+    }
+
     /// Measures what a time limit has to account for, and starts its clock.
     void begin_time() {
         const std::int64_t count = backend_->count();
         TimeCosts costs{.saving_per_gaussian = writer_.seconds_per_gaussian(*backend_)};
-        costs.pruning = limits_.seconds_to_prune(*backend_);
+        costs.at_end = limits_.seconds_to_prune(*backend_);
+        if (options_.target_psnr > 0) {
+            const double start = seconds_now();
+            hooks_.held_out_psnr(*backend_);
+            costs.at_end += seconds_now() - start;
+        }
         if (course_.reduction() > 1)
             costs.coarse_ratio =
                 std::max(1.0, limits_.view_seconds(*backend_) / limits_.view_seconds(*backend_, course_.reduction()));
@@ -135,18 +147,14 @@ class Run {
 
     /// Trains stretch after stretch until the search for options.target_psnr ends.
     void search() {
-        Gaussians kept;  // the smallest model that reached the target
-        if (iteration_ == 0) {
-            course_.begin(search_.first(backend_->count()), backend_->count());
+        if (const Stretch first = search_.first(iteration_, backend_->count()); first.steps > 0) {
+            course_.begin(first, backend_->count());
             loop();
         }
         while (true) {
-            TargetStep step;
-            timed([&] {
-                step = search_.next(measure());
-                if (step.keep) kept = backend_->download(true);
-                if (step.restore) backend_->upload(kept);
-            });
+            const TargetStep step = search_.next(measure());
+            if (step.keep) kept_ = backend_->download(true);
+            if (step.restore) backend_->upload(*kept_);
             if (step.stretch.steps == 0) break;
             course_.begin(step.stretch, backend_->count());
             if (course_.finished()) {
@@ -156,6 +164,7 @@ class Run {
             if (step.prune_to > 0) timed([&] { limits_.prune_to(*backend_, step.prune_to, "target"); });
             loop();
         }
+        kept_.reset();
         progress_.finish();
         const TargetOutcome outcome = search_.outcome();
         if (outcome.reached)
@@ -166,10 +175,13 @@ class Run {
 
     /// Measures the model as it would be written now.
     TargetSearch::Try measure() {
-        settle();
-        backend_->prune(InvisibleRows{});
-        limits_.prune(*backend_);
-        const TargetSearch::Try measured{iteration_, backend_->count(), hooks_.held_out_psnr(*backend_)};
+        timed([&] {
+            settle();
+            backend_->prune(InvisibleRows{});
+            limits_.prune(*backend_);
+        });
+        const HeldOutPsnr psnr = hooks_.held_out_psnr(*backend_);
+        const TargetSearch::Try measured{iteration_, backend_->count(), psnr.mean, psnr.standard_error};
         log_info("iteration {}: {} Gaussians, {:.2f} dB on the held-out views", measured.steps, measured.count,
                  measured.psnr);
         writer_.log({{"event", "target"},
@@ -197,7 +209,7 @@ class Run {
             }
             save_what_is_due();
             if (stop) {
-                writer_.write_checkpoint(*backend_, iteration_, time());
+                write_checkpoint();
                 progress_.finish();
                 throw Interrupted("interrupted after " + std::to_string(iteration_) + " iterations; " +
                                   how_to_continue());
@@ -215,7 +227,7 @@ class Run {
     std::optional<TrainingTime> time() const {
         if (!earlier_time_) return std::nullopt;
         return TrainingTime{train_seconds_, earlier_time_->data_wait_seconds + views_.wait_seconds(),
-                            course_.budget() ? course_.budget()->elapsed() : 0};
+                            course_.used_seconds()};
     }
 
     /// After an error: saves the model as the last finished step left it, if there is one and the device still gives it
@@ -229,7 +241,7 @@ class Run {
         } catch (const std::exception&) {
         }
         try {
-            writer_.write_checkpoint(*backend_, iteration_, time());
+            write_checkpoint();
         } catch (const std::exception& e) {  // the error that brought us here is the one to report
             log_warning("no checkpoint could be written: {}", e.what());
             return "";
@@ -245,7 +257,7 @@ class Run {
     }
 
     void begin(double used_seconds) {
-        if (course_.limits_time()) course_.resume(0, used_seconds);
+        if (course_.limits_time()) course_.charge(used_seconds);
         InitOptions init = init_options(options_);
         init.most_points = limits_.most_first_points();
         Gaussians state = initialize_gaussians(scene_, appearance_, init);
@@ -454,7 +466,7 @@ class Run {
         }
         // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
         if (contains(options_.checkpoint_iterations, iteration_) && !last) {
-            writer_.write_checkpoint(*backend_, iteration_, time());
+            write_checkpoint();
             checkpoint_seconds_ = train_seconds_;
         }
         save_automatically();
@@ -472,7 +484,7 @@ class Run {
         writer_.check_folder();
         const double start = seconds_now();
         try {
-            writer_.write_checkpoint(*backend_, iteration_, time(), true);
+            write_checkpoint(true);
         } catch (const DataError& e) {
             log_warning("iteration {}: no checkpoint was written: {}", iteration_, e.what());
             return;
@@ -496,7 +508,7 @@ class Run {
         prune_nonfinite();
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.
-        if (!course_.limits_time()) writer_.write_checkpoint(*backend_, iteration_, time());
+        if (!course_.limits_time()) write_checkpoint();
         backend_->prune(InvisibleRows{});
         limits_.prune(*backend_);
         backend_->morton_sort();
@@ -508,7 +520,7 @@ class Run {
         train_controllers();
         const double controller_seconds = photometric_.trains_controllers() ? seconds_now() - controllers_start : 0;
         if (controller_seconds > 0) writer_.write_ppisp(*backend_, iteration_);
-        const double limited_seconds = course_.budget() ? course_.budget()->elapsed() : 0;
+        const double limited_seconds = course_.used_seconds();
         const double frame_seconds = options_.frame_limit.empty() ? 0 : limits_.frame_seconds(*backend_);
         photometric_.report(*backend_);
         if (nonfinite_gradients_)
@@ -548,7 +560,8 @@ class Run {
     const StepComposer composer_;
     RunWriter writer_;
     std::unique_ptr<Backend> backend_;
-    std::int64_t iteration_ = 0;  ///< finished iterations
+    std::optional<Gaussians> kept_;  ///< in the search for a target: the smallest model that reached it
+    std::int64_t iteration_ = 0;     ///< finished iterations
     StepStats last_;
     double train_seconds_ = 0, logged_wait_ = 0;
     std::optional<TrainingTime> earlier_time_ = TrainingTime{};  ///< of the parts before a resume; empty = unknown

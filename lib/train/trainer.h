@@ -14,6 +14,11 @@
 
 namespace gs {
 
+/// The mean PSNR of held-out views and its standard error, dB.
+struct HeldOutPsnr {
+    double mean = 0, standard_error = 0;
+};
+
 struct TrainHooks {
     /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
     /// and `last`. Its time does not count as training time.
@@ -21,8 +26,8 @@ struct TrainHooks {
     /// The most Gaussians that the final model may have; 0 = no limit but options.cap_max. Training has a tenth more,
     /// of which those with the lowest scores go at the end.
     std::int64_t most_gaussians = 0;
-    /// With options.target_psnr: returns the mean PSNR of the views held out for it, dB.
-    std::function<double(Backend& backend)> held_out_psnr;
+    /// With options.target_psnr: measures the views held out for it.
+    std::function<HeldOutPsnr(Backend& backend)> held_out_psnr;
     /// Replaces choose_backend if set.
     std::function<std::unique_ptr<Backend>(const AppearanceSpec&, const BackendOptions&)> make_backend;
 };
@@ -49,14 +54,15 @@ struct TrainSummary {
     bool whole_time = true;
 };
 
-/// Trains until options.iterations or for options.time_limit, then trains the PPISP controllers, and writes
-/// config.yaml, cfg_args, cameras.json, input.ply, stats/train.jsonl, ppisp.json, checkpoints and point clouds. On the
-/// CPU, and with options.deterministic on one GPU, the result is bitwise reproducible for equal options, also across a
-/// resume and for any number of threads. Throws NumericError when parameters or losses stay non-finite, Interrupted
-/// after the checkpoint that Ctrl-C asked for, DeviceError when memory ran out, and DataError when an image cannot be
-/// read any more or a file cannot be written. In the last two cases it first writes a checkpoint, which the message
-/// names, if an iteration was done and the model can still be read. (If the failed iteration had already densified, the
-/// resumed run densifies once more; an image is asked for before that.)
+/// Trains until options.iterations, for options.time_limit or until options.target_psnr is reached, then trains the
+/// PPISP controllers, and writes config.yaml, cfg_args, cameras.json, input.ply, stats/train.jsonl, ppisp.json,
+/// checkpoints and point clouds. On the CPU, and with options.deterministic on one GPU, the result is bitwise
+/// reproducible for equal options, also across a resume and for any number of threads. Throws NumericError when
+/// parameters or losses stay non-finite, Interrupted after the checkpoint that Ctrl-C asked for, DeviceError when
+/// memory ran out, and DataError when an image cannot be read any more or a file cannot be written. In the last two
+/// cases it first writes a checkpoint, which the message names, if an iteration was done and the model can still be
+/// read. (If the failed iteration had already densified, the resumed run densifies once more; an image is asked for
+/// before that.)
 TrainSummary train(const TrainOptions& options, const Scene& scene, RunStart start, Progress& progress,
                    const TrainHooks& hooks);
 

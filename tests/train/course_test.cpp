@@ -149,6 +149,8 @@ TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
         EXPECT_NEAR(higher.rates[g] / plain.rates[g], std::sqrt(10.0), 1e-6) << kGroupNames[g];
         EXPECT_NEAR(longer.rates[g] / first_step(10000, 0, 0).rates[g], 1, 1e-12) << kGroupNames[g];
     }
+    EXPECT_EQ(first_step(1, 0.5, 3.5).rates[int(Group::kScale)], first_step(50, 0.5, 3.5).rates[int(Group::kScale)])
+        << "rates of 100 iterations are the highest";
     EXPECT_NEAR(higher.noise, plain.noise, 1e-6 * plain.noise) << "noise stays";
     EXPECT_NEAR(first_step(1000, 0, 3.5).rates[int(Group::kBase)], 3.5e-3, 1e-9);
     EXPECT_EQ(first_step(30000, 0, 3.5).rates[int(Group::kBase)], first_step(30000, 0, 0).rates[int(Group::kBase)]);

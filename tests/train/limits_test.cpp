@@ -226,7 +226,7 @@ TEST(CoarseImages, AreAveragesOverAreas) {
 }
 
 /// A quality that grows with the model: what a scene of this size can hold is not the matter here.
-double quality_of(Backend& backend) { return 10 + std::log2(double(backend.count())); }
+HeldOutPsnr quality_of(Backend& backend) { return {10 + std::log2(double(backend.count())), 0.5}; }
 
 TEST(TargetPsnr, EndsWithTheSmallestModelThatReachesIt) {
     const test::TemporaryFolder tmp;
@@ -238,6 +238,7 @@ TEST(TargetPsnr, EndsWithTheSmallestModelThatReachesIt) {
     ASSERT_TRUE(summary.target);
     EXPECT_TRUE(summary.target->reached) << summary.target->verdict;
     EXPECT_GE(summary.target->psnr, 19);
+    EXPECT_EQ(summary.target->standard_error, 0.5);
     EXPECT_EQ(summary.num_gaussians, summary.target->count);
     EXPECT_GE(summary.num_gaussians, 512);
     EXPECT_LE(summary.num_gaussians, 560);
@@ -265,7 +266,7 @@ TEST(TargetPsnr, ATimeLimitEndsTheSearch) {
     o.iterations = 1000000, o.target_psnr = 50, o.time_limit = "0.5s";
     TrainHooks hooks;
     int measured = 0;
-    hooks.held_out_psnr = [&](Backend&) { return 20.0 + ++measured; };  // there is always hope
+    hooks.held_out_psnr = [&](Backend&) { return HeldOutPsnr{20.0 + ++measured}; };  // there is always hope
     const TrainSummary summary = run(o, hooks);
     EXPECT_FALSE(summary.target->reached);
     EXPECT_NE(summary.target->verdict.find("time limit"), std::string::npos) << summary.target->verdict;
@@ -287,6 +288,48 @@ TEST(TargetPsnr, AResumedRunMeasuresFirst) {
     EXPECT_EQ(counts.front(), 5000) << "the built-in scene's points, before any step";
     EXPECT_TRUE(summary.target->reached);
     EXPECT_LT(summary.num_gaussians, 1000);
+}
+
+TEST(TargetPsnr, ARunThatStoppedWhileItShrankKeepsWhatItHad) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.target_psnr = 19;
+    TrainHooks hooks;
+    hooks.held_out_psnr = quality_of;
+    o.checkpoint_iterations = {100};  // 60 steps of growth, then 200 for a model of half the size
+    run(o, hooks);
+    EXPECT_GT(read_checkpoint(RunFolder{o.model}.checkpoint(100)).state.count, 3000) << "the one that reached it";
+    o.overwrite = true, o.resume = RunFolder{o.model}.checkpoint(100).string();
+    EXPECT_TRUE(run(o, hooks).target->reached);
+}
+
+TEST(TargetPsnr, ARunThatStoppedInItsFirstTrainingEndsIt) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.target_psnr = 50;
+    o.checkpoint_iterations = {20};
+    TrainHooks hooks;
+    hooks.held_out_psnr = quality_of;
+    run(o, hooks);
+    o.overwrite = true, o.resume = RunFolder{o.model}.checkpoint(20).string();
+    const TrainSummary rest = run(o, hooks);
+    EXPECT_EQ(rest.iterations, 60);
+    EXPECT_EQ(rest.target->measurements, 1) << "not before the end of the first training";
+}
+
+TEST(TimeLimit, TimeBeforeTheFirstStepCountsButIsNoProgress) {
+    const test::TemporaryFolder tmp;
+    TrainOptions o = options_for(tmp.path() / "run");
+    o.time_limit = "1s";
+    validate(o);
+    Progress progress(ProgressStyle::kSilent);
+    RunStart start = open_run(o);
+    start.used_seconds = 0.5;
+    const double begin = seconds_now();
+    const TrainSummary summary = train(o, scene(), std::move(start), progress, {});
+    EXPECT_LT(seconds_now() - begin, 10);
+    EXPECT_GT(summary.limited_seconds, 0.8);
+    EXPECT_LT(summary.train_seconds, summary.limited_seconds - 0.4);
 }
 
 TEST(TargetPsnr, ContradictionsAreRefused) {

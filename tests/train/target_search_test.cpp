@@ -27,7 +27,7 @@ struct Played {
             EXPECT_LE(count, std::max(first, cap));
             most_count = std::max(most_count, count);
         };
-        follow(search.first(count));
+        follow(search.first(0, count));
         while (stretches < 40) {
             const TargetStep step = search.next({steps, count, psnr()});
             if (step.keep) kept_count = count;
@@ -111,6 +111,12 @@ TEST(TargetSearch, AModelThatRecoversLateIsTriedAgain) {
 
 TEST(TargetSearch, AResumedRunGoesOnFromWhatItHas) {
     TargetSearch search(30, 30000, 100000);
+    EXPECT_EQ(search.first(0, 100).from, 0);
+    EXPECT_EQ(search.first(250, 100).steps, 750) << "what is left of the first training";
+    EXPECT_EQ(search.first(250, 100).from, 7500);
+    EXPECT_EQ(search.first(250, 100).most_gaussians, search.first(0, 100).most_gaussians);
+    EXPECT_EQ(search.first(1000, 100).steps, 0);
+    EXPECT_EQ(search.first(7000, 100).steps, 0);
     const TargetStep below = search.next({7000, 50000, 28});
     EXPECT_EQ(below.stretch.steps, 7000);
     EXPECT_EQ(below.prune_to, 0);

@@ -71,6 +71,16 @@ TEST(TrainRun, TargetsAreMeasuredOnViewsThatAreNotTrainedOn) {
     EXPECT_EQ(plan.at("recipe"), "frontier");
 }
 
+TEST(TrainRun, ARunIsResumedWithATargetOnlyIfItBeganWithOne) {
+    const test::TemporaryFolder tmp;
+    TrainOptions options = tiny(tmp);
+    validate(options);
+    train_run(options, 0);
+    options.resume = "latest", options.iterations = 4, options.target_psnr = 5;
+    validate(options);
+    EXPECT_THROW(train_run(options, 0), UsageError);
+}
+
 TEST(TrainRun, ATargetNeedsEnoughViews) {
     const test::TemporaryFolder tmp;
     TrainOptions options = tiny(tmp);
