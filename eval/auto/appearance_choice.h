@@ -53,13 +53,13 @@ enum class Obstacle {
     kLate,      ///< no trial ended in its part of the time limit
 };
 
-/// The iterations of a trial below which models are not compared: after a hundred they are 7 dB from where they end.
+/// The iterations of a trial below which models are not compared: shorter ones rank how fast models begin.
 inline constexpr std::int64_t kFewestTrialIterations = 500;
 
 /// Everything that the choice is made from, and what its description needs.
 struct AppearanceMeasurements {
-    std::optional<Obstacle> obstacle =
-        {};  ///< if set, only num_views, plain_model, trial_iterations and seconds are known
+    /// If set, only num_views, plain_model, trial_iterations and seconds are known
+    std::optional<Obstacle> obstacle = {};
     std::size_t num_views = 0, num_held_out = 0;  ///< training views, and those of them that were held out
     int image_width = 0, image_height = 0;        ///< size of the first image that was trained on, pixels
     std::int64_t warm_up_iterations = 0, trial_iterations = 0;
@@ -78,8 +78,8 @@ struct AppearanceDecision {
     std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty where no model was tried
 };
 
-/// The model to train where trials would be too short: on no scene of docs/results.md is it far behind the best one.
-inline constexpr const char* kUntoldModel = "nasgabor";
+/// The model to train where trials would be too short: the best of six on lego and on bonsai (docs/results.md).
+inline constexpr const char* kUntoldModel = "sv";
 
 /// Chooses among the trials as choose_appearance does; the plain model where none was needed, or possible.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);

@@ -13,9 +13,7 @@ namespace {
 using test::Outcome;
 using test::Program;
 
-/// No tolerance: the best on held-out views, which on a glossy scene is none that looks the same from everywhere.
-constexpr const char* kTrain =
-    "train -s builtin:glossy --device cpu -r 16 --eval --init-points 500 --cap-max 500 --auto-tolerance 0 ";
+constexpr const char* kTrain = "train -s builtin:glossy --device cpu -r 16 --eval --init-points 500 --cap-max 500 ";
 
 TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
     const Program program;
@@ -23,10 +21,10 @@ TEST(AutoAppearance, TrainsTheChosenModelAsIfItHadBeenNamed) {
     ASSERT_EQ(chosen.exit_code, 0) << chosen.err;
     const auto choice = parse_json(program.read("chosen/auto.json"));
     const std::string model = choice["model"];
-    if (choice["no_time_for"].empty()) {  // on a busy machine trials may be cut off
-        EXPECT_NE(model, "none") << chosen.err;
-    }
-    EXPECT_EQ(choice["lines"].size(), 5u);
+    // So short a run ranks nothing; tests/eval/auto has what longer ones do.
+    EXPECT_EQ(model, "sv");
+    EXPECT_EQ(choice["lines"].size(), 1u);
+    EXPECT_NE(chosen.err.find("too short to tell"), std::string::npos) << chosen.err;
     EXPECT_GT(choice["share_of_training"], 0.0);
     EXPECT_NE(program.read("chosen/config.yaml").find("appearance: " + model), std::string::npos);
     EXPECT_EQ(parse_json(program.read("chosen/results.json"))["appearance_choice"]["ours_400"]["model"], model);

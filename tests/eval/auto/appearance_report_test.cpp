@@ -76,7 +76,7 @@ TEST(AppearanceReport, SaysInOneLineWhyNothingWasMeasured) {
     EXPECT_FALSE(r.json.contains("trials"));
     m.obstacle = Obstacle::kShort, m.trial_iterations = 20;
     EXPECT_EQ(report(m, 0.1).lines.front(),
-              "nasgabor: too short to tell: a trial would have 20 iterations, and 500 are needed");
+              "sv: too short to tell: a trial would have 20 iterations, and 500 are needed");
 }
 
 }  // namespace
