@@ -6,8 +6,7 @@
 
 namespace gs {
 
-/// Every n-th training view is held out, beginning in the middle of the first n: of images in the order of a path,
-/// these lie as far from the test views, every 8th of all from the first on, as can be.
+/// Every n-th training view is held out, beginning in the middle of the first n.
 inline constexpr std::size_t kHeldOutEvery = 8;
 inline bool is_held_out(std::size_t view) { return view % kHeldOutEvery == kHeldOutEvery / 2; }
 /// With fewer training views than this none can be held out.

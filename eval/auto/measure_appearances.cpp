@@ -17,9 +17,9 @@
 #include "lib/core/duration.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
-#include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/model_limits.h"
 #include "lib/train/rehearsal.h"
 
 namespace gs {
@@ -36,7 +36,6 @@ constexpr double kWarmUpShare = 1.0 / 15, kTrialShare = 1.0 / 15;
 constexpr double kTimeShare = 0.5, kLimitShare = 0.1;
 /// The time of a step over that of a frame of the first Gaussians, with what else is measured and room for growth.
 constexpr double kStepPerFrame = 4.5;
-constexpr std::size_t kTimedViews = 3;
 
 std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
@@ -109,10 +108,7 @@ std::int64_t affordable_iterations(const Stage& stage, double seconds) {
     const AppearanceSpec plain = appearance_spec(stage.options);
     const auto backend = make_backend(stage.options.device, plain, backend_options(stage.options));
     backend->upload(initialize_gaussians(stage.scene, plain, init_options(stage.options)));
-    std::vector<RenderRequest> views;
-    for (std::size_t k = 0; k < std::min(kTimedViews, stage.scene.train.size()); ++k)
-        views.push_back({.camera = camera_params(stage.scene.train[k].camera)});
-    const double step = kStepPerFrame * backend->timer().time_frames(views, 1);
+    const double step = kStepPerFrame * ModelLimits(stage.options, stage.scene, {}, 0).view_seconds(*backend);
     return std::int64_t(seconds / (step * double(1 + candidates(stage.options).size())));
 }
 

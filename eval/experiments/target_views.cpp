@@ -5,10 +5,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "eval/auto/held_out.h"
+#include "eval/report/comparison.h"
 #include "kernels/core/error.h"
 
 namespace gs {
@@ -35,10 +35,8 @@ TargetViews::TargetViews(const TrainOptions& options, Scene& scene)
 
 HeldOutPsnr TargetViews::psnr(Backend& backend) const {
     const std::vector<double> all = psnrs(backend, photographs_, background_, backend.download_ppisp().active());
-    const double n = double(all.size()), mean = std::accumulate(all.begin(), all.end(), 0.0) / n;
-    double squares = 0;
-    for (const double psnr : all) squares += (psnr - mean) * (psnr - mean);
-    return {mean, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0};
+    const ColumnStats stats = column_stats(all, Better::kHigher);
+    return {stats.mean, stats.deviation.value_or(0) / std::sqrt(double(all.size()))};
 }
 
 }  // namespace gs

@@ -117,10 +117,19 @@ void require_same_test_views(const Checkpoint& checkpoint, const Scene& scene, c
         scene.source, scene.test.size(), checkpoint.test_views.substr(0, checkpoint.test_views.find(' '))));
 }
 
+/// Returns whether the run of this checkpoint had a target. Throws DataError if its options cannot be read.
+bool had_target(const Checkpoint& checkpoint, const TrainOptions& options) {
+    try {
+        const YAML::Node target = YAML::Load(checkpoint.options_yaml)["target-psnr"];
+        return target && target.as<double>() > 0;
+    } catch (const YAML::Exception& e) {
+        throw DataError(fmt::format("checkpoint {}: metadata options: {}", options.resume, e.what()));
+    }
+}
+
 /// Throws UsageError if views that a target would be measured on were trained on, or the other way round.
 void require_same_training_views(const Checkpoint& checkpoint, const TrainOptions& options) {
-    const auto earlier = YAML::Load(checkpoint.options_yaml)["target-psnr"];
-    if ((earlier && earlier.as<double>() > 0) != (options.target_psnr > 0))
+    if (had_target(checkpoint, options) != (options.target_psnr > 0))
         throw UsageError(
             "option target-psnr: it holds training views out from the first step on; a run that was begun without it "
             "cannot be resumed with it, nor the other way round");

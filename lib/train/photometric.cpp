@@ -30,8 +30,9 @@ std::string describe(const PhotometricDecision& decision) {
                        decision.variation.stops, kPhotometricThreshold);
 }
 
-double ppisp_rate(double rate, double n) {
+double ppisp_rate(double rate, double distance) {
     constexpr double kWarmUp = 500, kDecay = 30000, kFirst = 0.01, kLast = 0.01;
+    const double n = std::max(0.0, distance);
     return rate * (n < kWarmUp ? kFirst + (1 - kFirst) * n / kWarmUp : std::pow(kLast, (n - kWarmUp) / kDecay));
 }
 
@@ -165,7 +166,7 @@ void Photometric::apply(std::size_t view, const Moment& moment, StepRequest& req
                    .frame = int(view),
                    .camera = scene_.train[view].camera_id,
                    .prior_exposure = prior(view)};
-    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, std::max(0.0, moment.position - first_));
+    request.isp_rate = frozen_ ? 0 : ppisp_rate(options_.ppisp_lr, moment.position - first_);
 }
 
 void Photometric::add_controllers(Backend& backend) const {

@@ -39,7 +39,8 @@ struct PhotometricDecision {
 std::string describe(const PhotometricDecision& decision);
 
 /// Returns the rate of PPISP's parameters `distance` positions after they began: `rate` after a slow start, falling by
-/// a factor of 100 in 30000 (docs/math/ppisp.md#optimizer).
+/// a factor of 100 in 30000 (docs/math/ppisp.md#optimizer). The distance is negative where the schedule of a later
+/// stretch begins before PPISP did; the rate is then the first.
 double ppisp_rate(double rate, double distance);
 /// The learning rate of the controllers' weights.
 inline constexpr double kControllerRate = 0.001;

@@ -12,7 +12,8 @@ namespace {
 
 /// The steps of the first training.
 constexpr std::int64_t kFirstSteps = 1000;
-/// The Gaussians that a training may have for each of its steps: about what bonsai and lego have after 15,000.
+/// The Gaussians that a training may have for each of its steps. Under time limits bonsai had 28 to 45 and garden 48 to
+/// 79.
 constexpr std::int64_t kGaussiansPerStep = 50;
 /// Where rates begin again when a training becomes longer, and when a smaller model recovers.
 constexpr double kGrowFrom = 10000, kShrinkFrom = 20000;

@@ -234,6 +234,16 @@ TEST(Course, RunsThroughTime) {
     EXPECT_LT(course.moment().pace, pace * 3);
 }
 
+TEST(Course, TimeBeforeTheFirstStepIsNoProgress) {
+    const TrainOptions o = limited("10s");
+    Course course(o, 10);
+    course.charge(5);
+    course.start({}, 100);
+    EXPECT_LT(course.moment().position, 0.1 * kReferenceIterations);
+    EXPECT_GE(course.used_seconds(), 5);
+    EXPECT_NEAR(course.budget()->limit(), 5, 1e-9);
+}
+
 TEST(Course, StretchesGoFromTheirPositionToTheEnd) {
     TrainOptions o = options_of(30000);
     o.target_psnr = 30, o.coarse_until = 0.2;

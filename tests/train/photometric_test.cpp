@@ -92,6 +92,7 @@ TEST(PhotometricOptions, ConflictsAreNamed) {
 
 TEST(PhotometricRate, StartsSlowlyAndFallsByAHundred) {
     EXPECT_DOUBLE_EQ(ppisp_rate(0.002, 0), 0.002 * 0.01);
+    EXPECT_DOUBLE_EQ(ppisp_rate(0.002, -5000), 0.002 * 0.01) << "a schedule that went back";
     EXPECT_DOUBLE_EQ(ppisp_rate(0.002, 250), 0.002 * (0.01 + 0.99 / 2));
     EXPECT_DOUBLE_EQ(ppisp_rate(0.002, 500), 0.002);
     EXPECT_NEAR(ppisp_rate(0.002, 30500), 0.002 * 0.01, 1e-12);

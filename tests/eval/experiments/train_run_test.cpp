@@ -10,6 +10,8 @@
 #include "eval/experiments/target_views.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
+#include "lib/model/checkpoint.h"
+#include "lib/model/run_folder.h"
 #include "tests/core/temporary_folder.h"
 
 namespace gs {
@@ -79,6 +81,22 @@ TEST(TrainRun, ARunIsResumedWithATargetOnlyIfItBeganWithOne) {
     options.resume = "latest", options.iterations = 4, options.target_psnr = 5;
     validate(options);
     EXPECT_THROW(train_run(options, 0), UsageError);
+}
+
+TEST(TrainRun, ACheckpointWhoseOptionsAreBrokenIsRefused) {
+    const test::TemporaryFolder tmp;
+    TrainOptions options = tiny(tmp);
+    validate(options);
+    train_run(options, 0);
+    const auto file = RunFolder{options.model}.checkpoint(2);
+    const Checkpoint whole = read_checkpoint(file);
+    options.resume = file.string(), options.iterations = 4;
+    for (const char* text : {"target-psnr: [", "target-psnr: high"}) {
+        Checkpoint broken = whole;
+        broken.options_yaml = text;
+        write_checkpoint(file, broken);
+        EXPECT_THROW(train_run(options, 0), DataError) << text;
+    }
 }
 
 TEST(TrainRun, ATargetNeedsEnoughViews) {
