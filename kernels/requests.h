@@ -74,7 +74,11 @@ struct StepRequest {
     double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
-    IspView isp = {};                    ///< kFrame or kNone for `step`, kController for `distill`
+    /// A mean farther than `extent` from `center`, both in frame units, has a rate that is higher by the power
+    /// `far_rate` of its distance over the extent.
+    Vec3<float> center{0, 0, 0};
+    float extent = 1, far_rate = 0;
+    IspView isp = {};  ///< kFrame or kNone for `step`, kController for `distill`
     /// The learning rate of PPISP's parameters for `step`, of the controller's weights for `distill`. 0 leaves them
     /// unchanged.
     double isp_rate = 0;

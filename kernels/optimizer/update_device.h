@@ -22,7 +22,9 @@ struct UpdateArgs {
     AdamStep<float> shared_step;  ///< step of the shared weights
     float opacity_gradient;       ///< lambda_o / N
     float scale_gradient;         ///< lambda_s / 3N
-    float noise;                  ///< SGLD factor, 0 = none
+    Vec3<float> center;           ///< of the cameras, with `extent` and `far_rate` as in StepRequest
+    float extent, far_rate;
+    float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
     int width, height;  ///< size of the view, for the ADC statistic
 };
@@ -38,8 +40,8 @@ template <int kWidth> struct Row {
         GS_UNROLL
         for (int c = 0; c < kWidth; ++c) p[c] = a.param[k][at + c], m[c] = a.m[k][at + c], v[c] = a.v[k][at + c];
     }
-    GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) {
-        const AdamStep<float> t = u.steps[int(group)];
+    GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) { step(u.steps[int(group)], gradient); }
+    GS_HD void step(const AdamStep<float>& t, const float (&gradient)[kWidth]) {
         GS_UNROLL
         for (int c = 0; c < kWidth; ++c) adam_update(p[c], m[c], v[c], gradient[c], t);
     }
@@ -70,6 +72,17 @@ GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int r
     return false;
 }
 
+/// Returns the step of a mean at p. One step is to move what is far away across as many pixels as what is near.
+GS_HD AdamStep<float> mean_step(const UpdateArgs& u, const float (&p)[3]) {
+    AdamStep<float> step = u.steps[int(Group::kMean)];
+    if (u.far_rate > 0) {
+        const Vec3<float> from_center = Vec3<float>{p[0], p[1], p[2]} - u.center;
+        const float far = gs_sqrt(dot(from_center, from_center)) / u.extent;
+        if (far > 1) step.step_size *= gs_pow(far, u.far_rate);
+    }
+    return step;
+}
+
 /// Takes one step of Gaussian i except for its residual. `g` is its data gradient (finite; zero where invisible).
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
     if (g.visible && a.gradient_sum) {
@@ -92,7 +105,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
     Row<1> opacity(a, Group::kOpacity, i);
-    mean.step(u, {q.mean.x, q.mean.y, q.mean.z});
+    mean.step(mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
     scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
     rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
     opacity.step(u, {q.raw_opacity});
@@ -124,6 +137,7 @@ inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);
     u.opacity_gradient = r.opacity_reg / float(num_gaussians);
     u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
+    u.center = r.center, u.extent = r.extent, u.far_rate = r.far_rate;
     u.shared_step = AdamStep<float>::at(r.shared_rate, t, kAdamBeta2Shared);
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;

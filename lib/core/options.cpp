@@ -134,6 +134,7 @@ constexpr RecipeValue kFrontier[] = {
     {"noise-lr", &TrainOptions::noise_lr, 3.5e5},      // times the rate of the means: the noise nearly stays
     {"base-travel", &TrainOptions::base_travel, 3.5},  // that of sh in 5000 iterations
     {"short-rates", &TrainOptions::short_rates, 0.7},
+    {"far-rate", &TrainOptions::far_rate, 1},
     {"residual-rate", &TrainOptions::residual_rate, 3},
     {"final-rate", &TrainOptions::final_rate, 0.1},
     {"opacity-reg", &TrainOptions::opacity_reg, 0.005},

@@ -253,6 +253,9 @@ std::vector<Option> rate_options() {
             "they belong"),
         number("short-rates", &O::short_rates, {0, 2},
                "in runs of fewer than 10000 iterations all rates are higher, by this power of 10000/iterations"),
+        number("far-rate", &O::far_rate, {0, 1},
+               "means farther from the cameras' mean than the scene extent have a rate that is higher by this power of "
+               "their distance over the extent"),
         number("residual-rate", &O::residual_rate, {0, 1000},
                "factor on the rates of what makes colours depend on the view"),
         number("final-rate", &O::final_rate, {0, 1},

@@ -82,6 +82,7 @@ struct TrainOptions {
     double opacity_lr = 0;     ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
     double base_travel = 0;    ///< least product of the rate of base colours and the number of iterations
     double short_rates = 0;    ///< exponent of 10000/iterations by which rates are higher in shorter runs
+    double far_rate = 0;       ///< exponent by which means beyond the scene extent have higher rates
     double residual_rate = 1;  ///< factor on the rates of the residual
     double final_rate = 1;     ///< share of the rates that is left at the end, means excepted
     double ppisp_lr = 0.002;   ///< learning rate of PPISP's parameters, after their warm-up

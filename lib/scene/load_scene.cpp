@@ -178,15 +178,9 @@ std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views
     return centers;
 }
 
-Eigen::Vector3d mean_center(const std::vector<View>& views) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const View& view : views) mean += view.camera.center() / double(views.size());
-    return mean;
-}
-
 /// Returns the largest distance of a camera from the cameras' mean; 0 where only rounding tells them apart.
 double camera_radius(const std::vector<View>& views) {
-    const Eigen::Vector3d mean = mean_center(views);
+    const Eigen::Vector3d mean = mean_camera_center(views);
     double radius = 0;
     for (const View& view : views) radius = std::max(radius, (view.camera.center() - mean).norm());
     return radius > 1e-6 / 1.1 ? radius : 0;
@@ -253,9 +247,15 @@ void remove_training_views(Scene& scene, const std::vector<bool>& unusable) {
     scene.extent = camera_extent(scene.train, scene.points);
 }
 
+Eigen::Vector3d mean_camera_center(const std::vector<View>& views) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const View& view : views) mean += view.camera.center() / double(views.size());
+    return mean;
+}
+
 double camera_extent(const std::vector<View>& views, const PointCloud& points) {
     if (views.empty()) return 1;
-    const Eigen::Vector3d mean = mean_center(views);
+    const Eigen::Vector3d mean = mean_camera_center(views);
     const double radius = camera_radius(views);
     // A zero extent would freeze all positions. Cameras in one place do not tell the size of the scene, but its points
     // do.

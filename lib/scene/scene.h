@@ -115,6 +115,9 @@ std::string view_digest(const std::vector<View>& views);
 /// extent. The other arrays of the scene stay.
 void remove_training_views(Scene& scene, const std::vector<bool>& unusable);
 
+/// Returns the mean of the cameras' centres, frame units; 0 without views.
+Eigen::Vector3d mean_camera_center(const std::vector<View>& views);
+
 /// Returns the scene's extent E (docs/math/optimization.md#scene-extent), frame units. Cameras in one place are
 /// guarded: there E comes from the points, and it is never zero.
 double camera_extent(const std::vector<View>& views, const PointCloud& points);

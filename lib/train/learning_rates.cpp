@@ -39,7 +39,11 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       residual_factor_(options.residual_rate),
       final_rate_(options.final_rate),
       short_rates_(options.short_rates),
-      base_travel_(options.base_travel) {
+      base_travel_(options.base_travel),
+      extent_(float(scene.extent)),
+      far_rate_(float(options.far_rate)) {
+    const Eigen::Vector3f center = mean_camera_center(scene.train).cast<float>();
+    center_ = {center.x(), center.y(), center.z()};
     spacing_ = camera_spacing(scene.train);
     opacities_ = Schedule::constant(opacity_rate(options.opacity_lr, spacing_));
     appearance_ = appearance_model(appearance.model).rates(appearance.max_degree, {spacing_, options.model_options});
@@ -78,6 +82,7 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
         for (const Schedule& column : appearance_.residual)
             request.residual_rates.push_back(fall * residual_factor_ * column.at(t));
     }
+    request.center = center_, request.extent = extent_, request.far_rate = far_rate_;
     request.shared_rate = fall * appearance_.shared.at(t);
     request.noise = float(noise_ * means / gain);
 }

@@ -28,6 +28,8 @@ class LearningRates {
     AppearanceRates appearance_;
     double noise_ = 0, spacing_ = 0;
     double residual_factor_, final_rate_, short_rates_, base_travel_;
+    Vec3<float> center_{0, 0, 0};
+    float extent_, far_rate_;
 };
 
 /// Returns the rate of the opacity logits: `opacity_lr`, or if that is NaN (auto) 0.025 (0.3536/d)^-0.6 for cameras

@@ -53,9 +53,10 @@ TEST_F(GpuSteps, UnderAMaskOfZerosOnlyRegularise) {
     for (const float m : after[Group::kOpacity].m) EXPECT_GT(m, 0);
 }
 
-/// Takes five steps on two views with noise and rates per residual column. Both sides compute in float, so each may be
-/// a few roundings off per step, which Adam turns into parts of a rate where gradients are near zero.
-TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
+/// Takes five steps on two views with noise, rates per residual column and higher ones for far means. Both sides
+/// compute in float, so each may be a few roundings off per step, which Adam turns into parts of a rate where gradients
+/// are near zero.
+TEST_F(GpuSteps, WithNoiseAndRatesOfTheirOwnFollowTheCpu) {
     const TestScene scene = random_scene(2000, 3, 160, 120, -1.5, 8);
     const auto cpu = make_cpu_backend(scene.model.appearance), gpu = make_cuda_backend(scene.model.appearance);
     cpu->upload(scene.model), gpu->upload(scene.model);
@@ -63,6 +64,7 @@ TEST_F(GpuSteps, WithNoiseAndColumnRatesFollowTheCpu) {
     for (int k = 0; k < 5; ++k) {
         StepRequest r = step_request(scene.camera, targets[k % 2].image(k % 2));
         r.iteration = k, r.seed = 3, r.noise = 80;
+        r.extent = 0.5f, r.far_rate = 0.7f;
         for (int c = 0; c < 45; ++c) r.residual_rates.push_back(1e-4 * (1 + c));
         cpu->step(r), gpu->step(r);
     }

@@ -52,18 +52,51 @@ TEST(Adam, SurvivesTheLargestGradient) {
     EXPECT_NEAR(p, 0.7f, 1e-4f) << "a full step each";
 }
 
+/// The parameters and moments of one Gaussian without a residual, all 0.
+struct OneGaussian {
+    float parameter[kNumGroups][8] = {}, moment[kNumGroups][8] = {}, second[kNumGroups][8] = {};
+    ModelArrays arrays{};
+    OneGaussian() {
+        const int widths[kNumGroups] = {3, 3, 4, 1, 3, 0};
+        for (int g = 0; g < kNumGroups; ++g)
+            arrays.param[g] = parameter[g], arrays.m[g] = moment[g], arrays.v[g] = second[g],
+            arrays.width[g] = widths[g];
+    }
+    float* operator[](Group g) { return parameter[int(g)]; }
+};
+
 TEST(Opacity, ComesBackFromWhereItsSlopeIsZero) {
     // Raw 50 is opacity 1 in float, with slope 0. The update puts it where one is left.
-    float parameter[kNumGroups][8] = {}, moment[kNumGroups][8] = {}, second[kNumGroups][8] = {};
-    const int widths[kNumGroups] = {3, 3, 4, 1, 3, 0};
-    ModelArrays arrays{};
-    for (int g = 0; g < kNumGroups; ++g)
-        arrays.param[g] = parameter[g], arrays.m[g] = moment[g], arrays.v[g] = second[g], arrays.width[g] = widths[g];
-    parameter[int(Group::kOpacity)][0] = 50;
+    OneGaussian gaussian;
+    gaussian[Group::kOpacity][0] = 50;
     GaussianGradient<float> gradient{};
-    update_gaussian(arrays, UpdateArgs{}, 0, gradient);
-    EXPECT_EQ(parameter[int(Group::kOpacity)][0], float(kMaxRawOpacity));
-    EXPECT_GT(1 - sigmoid(parameter[int(Group::kOpacity)][0]), 0);
+    update_gaussian(gaussian.arrays, UpdateArgs{}, 0, gradient);
+    EXPECT_EQ(gaussian[Group::kOpacity][0], float(kMaxRawOpacity));
+    EXPECT_GT(1 - sigmoid(gaussian[Group::kOpacity][0]), 0);
+}
+
+/// Returns how far a mean at (x, 0, 0) moves in its first step, in rates.
+float step_of_mean(float x, float far_rate) {
+    OneGaussian gaussian;
+    gaussian[Group::kMean][0] = x;
+    GaussianGradient<float> gradient{};
+    gradient.geometry.mean = {0, -1, 0};
+    StepRequest request;
+    request.rates[int(Group::kMean)] = 0.5;
+    request.center = {1, 0, 0}, request.extent = 2, request.far_rate = far_rate;
+    request.opacity_reg = request.scale_reg = 0;
+    update_gaussian(gaussian.arrays, update_args(request, 1, 1), 0, gradient);
+    return gaussian[Group::kMean][1] / 0.5f;
+}
+
+TEST(FarRate, RaisesTheRateOfMeansBeyondTheExtent) {
+    for (const float x : {-7.0f, 0.0f, 2.9f, 9.0f, 1e6f}) EXPECT_EQ(step_of_mean(x, 0), step_of_mean(1, 0)) << x;
+    EXPECT_NEAR(step_of_mean(1, 0), 1, 1e-5) << "the first step is one rate";
+    for (const float x : {-0.9f, 1.0f, 2.9f}) EXPECT_EQ(step_of_mean(x, 1), step_of_mean(1, 0)) << "within the extent";
+    EXPECT_NEAR(step_of_mean(9, 1), 4, 1e-4);
+    EXPECT_NEAR(step_of_mean(-7, 1), 4, 1e-4);
+    EXPECT_NEAR(step_of_mean(9, 0.5f), 2, 1e-4);
+    EXPECT_NEAR(step_of_mean(2e6f + 1, 1) / 1e6, 1, 1e-4);
 }
 
 TEST(Rotation, WithoutADirectionIsCulled) {

@@ -156,6 +156,21 @@ TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
     EXPECT_EQ(first_step(30000, 0, 3.5).rates[int(Group::kBase)], first_step(30000, 0, 0).rates[int(Group::kBase)]);
 }
 
+TEST(Schedules, FarMeansAreThoseBeyondTheExtentOfTheCameras) {
+    Scene scene;
+    scene.train.resize(2);
+    scene.train[1].camera.translation = {-4, 0, 2};
+    scene.extent = 2.5;
+    TrainOptions o = options_of(1000);
+    o.far_rate = 0.5;
+    StepRequest request;
+    LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, 0), request);
+    const Vec3<float> off = request.center - Vec3<float>{2, 0, -1};
+    EXPECT_EQ(dot(off, off), 0);
+    EXPECT_EQ(request.extent, 2.5f);
+    EXPECT_EQ(request.far_rate, 0.5f);
+}
+
 double fake_time = 0;
 double fake_clock() { return fake_time; }
 
