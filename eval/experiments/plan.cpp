@@ -4,10 +4,12 @@
 
 #include <fmt/format.h>
 
+#include "eval/experiments/estimate.h"
 #include "kernels/core/error.h"
 #include "lib/core/duration.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/train/course.h"
 
 namespace gs {
 namespace {
@@ -17,12 +19,45 @@ constexpr double kLeastUse = 0.95;
 
 std::string megabytes(std::int64_t bytes) { return fmt::format("{:.3g} MB", 1e-6 * double(bytes)); }
 
+/// Returns the loss of a training of so many iterations; empty where the length is found by a search, and where the
+/// losses of the recipe were not measured.
+std::optional<double> loss_of_iterations(const Plan& plan, const TrainOptions& options, std::int64_t iterations) {
+    if (options.recipe != Recipe::kFrontier || options.target_psnr > 0 || iterations == 0 || plan.num_views == 0)
+        return std::nullopt;
+    return loss_of_length(double(iterations) / double(plan.num_views));
+}
+
+void plan_the_time(Plan& plan, const TrainOptions& options) {
+    const bool limited = !options.time_limit.empty();
+    const std::int64_t iterations = limited ? wanted_steps(plan.num_views) : options.iterations;
+    const std::optional<double> loss = loss_of_iterations(plan, options, iterations);
+    const std::string cost = loss ? ", which cost " + about(*loss) : "";
+    if (limited) {
+        const double seconds = parse_duration(options.time_limit, "option time-limit");
+        plan.lines.push_back(fmt::format(
+            "time: {} from the first step to the saved model; at most {} Gaussians, as far as that leaves {} "
+            "iterations{}",
+            duration_text(seconds), options.cap_max, iterations, cost));
+        plan.json["time"] = {{"limit_seconds", seconds}};
+    } else {
+        plan.lines.push_back(fmt::format("time: no limit, {}{} iterations{}", options.target_psnr > 0 ? "at most " : "",
+                                         iterations, cost));
+        plan.json["iterations"] = iterations;
+    }
+    if (loss) plan.json["estimated_loss"]["length"]["planned"] = *loss;
+}
+
 void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) {
     plan.size = plan_size(options, scene);
     const SizePlan& size = *plan.size;
     const std::int64_t most = std::min(size.most_gaussians, options.cap_max);
-    plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {} bytes with {}", options.size_limit,
-                                     word(options.size_of), most, size.per_gaussian, options.appearance));
+    const double loss = loss_of_count(most, options.cap_max);
+    const std::string cost = most < options.cap_max ? fmt::format(", which cost {} if the scene has detail for {}",
+                                                                  about(loss), options.cap_max)
+                                                    : "";
+    plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {} bytes with {}{}", options.size_limit,
+                                     word(options.size_of), most, size.per_gaussian, options.appearance, cost));
+    plan.json["estimated_loss"]["count"]["planned"] = loss;
     if (double(size.bytes(most)) < kLeastUse * double(size.limit))
         plan.lines.push_back(fmt::format("size: {} is the nearest below the limit: {}", megabytes(size.bytes(most)),
                                          most < size.most_gaussians
@@ -35,6 +70,17 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
                          {"most_gaussians", most}};
 }
 
+/// Says what length and number of Gaussians have cost by the estimate.
+void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
+    const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
+    if (!length || summary.num_gaussians == 0) return;
+    const double count = loss_of_count(summary.num_gaussians, options.cap_max);
+    log_info("estimate: {} iterations cost {} against a full run, {} Gaussians {} against {}", summary.iterations,
+             about(*length), summary.num_gaussians, about(count), options.cap_max);
+    plan.json["estimated_loss"]["length"]["final"] = *length;
+    plan.json["estimated_loss"]["count"]["final"] = count;
+}
+
 }  // namespace
 
 Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held_out) {
@@ -43,18 +89,8 @@ Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held
         options.target_psnr == 0 && options.preset == Preset::kNone)
         return plan;
     plan.json = nlohmann::ordered_json::object();
-    if (!options.time_limit.empty()) {
-        const double seconds = parse_duration(options.time_limit, "option time-limit");
-        plan.lines.push_back(
-            fmt::format("time: {} from the first step to the saved model; at most {} Gaussians, fewer "
-                        "where the time does not afford them",
-                        duration_text(seconds), options.cap_max));
-        plan.json["time"] = {{"limit_seconds", seconds}};
-    } else {
-        plan.lines.push_back(fmt::format("time: no limit, {}{} iterations", options.target_psnr > 0 ? "at most " : "",
-                                         options.iterations));
-        plan.json["iterations"] = options.iterations;
-    }
+    plan.num_views = scene.train.size();
+    plan_the_time(plan, options);
     if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
     if (!options.frame_limit.empty()) {
         const double seconds = parse_duration(options.frame_limit, "option frame-limit");
@@ -114,6 +150,7 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         plan.json["frame"]["seconds"] = summary.frame_seconds;
     }
     plan.json["num_gaussians"] = summary.num_gaussians;
+    note_loss(plan, options, summary);
 }
 
 }  // namespace gs

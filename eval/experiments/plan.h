@@ -2,6 +2,7 @@
 // What a run with constraints intends, and what came of it.
 #pragma once
 
+#include <cstddef>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -17,6 +18,7 @@ struct Plan {
     std::vector<std::string> lines;  ///< for people, before the training
     nlohmann::ordered_json json;     ///< for results.json; null without constraints
     std::optional<SizePlan> size;    ///< with --size-limit
+    std::size_t num_views = 0;       ///< views that are trained on
 };
 
 /// Returns the plan of a run; empty if `options` name neither limit, target nor preset. Throws UsageError for a limit

@@ -27,10 +27,14 @@ constexpr double kLeastSeconds = 0.1;
 
 }  // namespace
 
+std::int64_t wanted_steps(std::size_t num_views) {
+    return std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps));
+}
+
 Course::Course(const TrainOptions& options, std::size_t num_views)
     : options_(options),
       limit_(options.time_limit.empty() ? 0 : parse_duration(options.time_limit, "option time-limit")),
-      wanted_steps_(std::int64_t(std::min(kWantedRounds * double(num_views), kMostWantedSteps))) {
+      wanted_steps_(gs::wanted_steps(num_views)) {
     if (!limits_time()) resume(0, 0);
 }
 

@@ -17,6 +17,10 @@ struct Stretch {
     std::int64_t most_gaussians = 0;  ///< the largest number that growth may lead to
 };
 
+/// Returns the number of steps below which a time limit does not let the model grow: 70 rounds through the views, at
+/// most 20,000 steps.
+std::int64_t wanted_steps(std::size_t num_views);
+
 class Course {
   public:
     /// `options` must be validated and outlive the object.
@@ -54,7 +58,6 @@ class Course {
     /// Returns the largest number of Gaussians that the next step may have: `cap`, or what the time affords.
     std::int64_t most_gaussians(std::int64_t count, std::int64_t cap);
 
-    /// Returns the number of steps below which a time limit no longer lets the model grow.
     std::int64_t wanted_steps() const { return wanted_steps_; }
     /// The account of the time; empty without a limit, or before start().
     std::optional<TimeBudget>& budget() { return budget_; }

@@ -7,7 +7,6 @@
 #include <filesystem>
 
 #include "appearance/model_info.h"
-#include "eval/experiments/plan.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 #include "lib/export/ngsplat.h"
@@ -111,39 +110,6 @@ TEST(SizePlan, ASizeBelowTheSmallestFileIsRefusedWithThatSize) {
             UsageError)
             << text;
     }
-}
-
-TEST(Plan, IsEmptyWithoutConstraints) {
-    TrainOptions o;
-    o.source = "builtin:diffuse";
-    validate(o);
-    EXPECT_TRUE(make_plan(o, scene()).json.is_null());
-    EXPECT_TRUE(make_plan(o, scene()).lines.empty());
-}
-
-TEST(Plan, SaysWhatIsLimitedAndWhatCameOfIt) {
-    TrainOptions o = options_of("sh", "3MB", SizeOf::kPly);
-    o.time_limit = "20s";
-    Plan plan = make_plan(o, scene());
-    ASSERT_EQ(plan.lines.size(), 3u);
-    EXPECT_NE(plan.lines[0].find("20.0 s from the first step to the saved model"), std::string::npos);
-    EXPECT_NE(plan.lines[1].find("at most 3MB as ply: 12080 Gaussians of 248 bytes with sh"), std::string::npos)
-        << plan.lines[1];
-    TrainSummary summary;
-    summary.num_gaussians = 12000, summary.limited_seconds = 19.5, summary.saving_seconds = 0.5;
-    note_outcome(plan, o, summary);
-    EXPECT_EQ(plan.json["time"]["limit_seconds"], 20.0);
-    EXPECT_EQ(plan.json["time"]["seconds"], 19.5);
-    EXPECT_EQ(plan.json["size"]["bytes"], 12000 * 248 + 4096);
-    EXPECT_EQ(plan.json["num_gaussians"], 12000);
-}
-
-TEST(Plan, ACapBelowTheSizeIsSaidBefore) {
-    TrainOptions o = options_of("sh", "3MB", SizeOf::kPly);
-    o.cap_max = 1000;
-    const Plan plan = make_plan(o, scene());
-    EXPECT_EQ(plan.json["size"]["most_gaussians"], 1000);
-    EXPECT_NE(plan.lines[2].find("--cap-max ends there"), std::string::npos) << plan.lines[2];
 }
 
 }  // namespace
