@@ -11,8 +11,8 @@ namespace gs {
 /// where each view is seen `rounds` > 0 times. Scenes differ from it by 0.3 dB at 70 rounds.
 double loss_of_length(double rounds);
 
-/// Returns the PSNR that a model of `count` > 0 Gaussians gives up against one of `most`, dB, where the scene has detail
-/// enough for `most`.
+/// Returns the PSNR that a model of `count` > 0 Gaussians gives up against one of `most`, dB, where the scene has
+/// detail enough for `most`.
 double loss_of_count(std::int64_t count, std::int64_t most);
 
 /// Puts a loss into words: "about 0.3 dB", "less than 0.1 dB", "more than 10 dB".

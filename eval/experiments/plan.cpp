@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "eval/experiments/estimate.h"
 #include "kernels/core/error.h"
 #include "lib/core/duration.h"
@@ -18,6 +20,17 @@ namespace {
 constexpr double kLeastUse = 0.95;
 
 std::string megabytes(std::int64_t bytes) { return fmt::format("{:.3g} MB", 1e-6 * double(bytes)); }
+
+/// The pixels of the training images that it takes to tell what a Gaussian is: it has some 60 parameters, a pixel three
+/// values.
+constexpr std::int64_t kPixelsPerGaussian = 20;
+
+/// Returns the number of Gaussians of a full run: --cap-max, or fewer where the images could not tell so many.
+std::int64_t count_of_full_run(const TrainOptions& options, const Scene& scene) {
+    std::int64_t pixels = 0;
+    for (const View& view : scene.train) pixels += std::int64_t(view.camera.width) * view.camera.height;
+    return std::clamp<std::int64_t>(pixels / kPixelsPerGaussian, 1, options.cap_max);
+}
 
 /// Returns the loss of a training of so many iterations; empty where the length is found by a search, and where the
 /// losses of the recipe were not measured.
@@ -51,10 +64,9 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
     plan.size = plan_size(options, scene);
     const SizePlan& size = *plan.size;
     const std::int64_t most = std::min(size.most_gaussians, options.cap_max);
-    const double loss = loss_of_count(most, options.cap_max);
-    const std::string cost = most < options.cap_max ? fmt::format(", which cost {} if the scene has detail for {}",
-                                                                  about(loss), options.cap_max)
-                                                    : "";
+    const double loss = loss_of_count(most, plan.full_count);
+    const std::string cost =
+        loss > 0 ? fmt::format(", which cost {} if the scene has detail for {}", about(loss), plan.full_count) : "";
     plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {} bytes with {}{}", options.size_limit,
                                      word(options.size_of), most, size.per_gaussian, options.appearance, cost));
     plan.json["estimated_loss"]["count"]["planned"] = loss;
@@ -74,9 +86,9 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
 void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summary) {
     const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
     if (!length || summary.num_gaussians == 0) return;
-    const double count = loss_of_count(summary.num_gaussians, options.cap_max);
+    const double count = loss_of_count(summary.num_gaussians, plan.full_count);
     log_info("estimate: {} iterations cost {} against a full run, {} Gaussians {} against {}", summary.iterations,
-             about(*length), summary.num_gaussians, about(count), options.cap_max);
+             about(*length), summary.num_gaussians, about(count), plan.full_count);
     plan.json["estimated_loss"]["length"]["final"] = *length;
     plan.json["estimated_loss"]["count"]["final"] = count;
 }
@@ -90,6 +102,7 @@ Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held
         return plan;
     plan.json = nlohmann::ordered_json::object();
     plan.num_views = scene.train.size();
+    plan.full_count = count_of_full_run(options, scene);
     plan_the_time(plan, options);
     if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
     if (!options.frame_limit.empty()) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -19,6 +20,7 @@ struct Plan {
     nlohmann::ordered_json json;     ///< for results.json; null without constraints
     std::optional<SizePlan> size;    ///< with --size-limit
     std::size_t num_views = 0;       ///< views that are trained on
+    std::int64_t full_count = 0;     ///< Gaussians of the full run that losses are estimated against
 };
 
 /// Returns the plan of a run; empty if `options` name neither limit, target nor preset. Throws UsageError for a limit

@@ -14,7 +14,7 @@ namespace {
 const Scene& scene_of_the_plan() {
     static const Scene scene = [] {
         SceneOptions options;
-        options.resolution = 16;
+        options.resolution = 160;
         return load_builtin_scene("diffuse", options);
     }();
     return scene;
@@ -61,6 +61,18 @@ TEST(Plan, SaysWhatIsLimitedAndWhatCameOfIt) {
     EXPECT_EQ(loss["length"]["final"], loss["length"]["planned"]) << "as many iterations as were wanted";
     EXPECT_NEAR(double(loss["count"]["planned"]), loss_of_count(1, 2), 1e-9);
     EXPECT_NEAR(double(loss["count"]["final"]), loss_of_count(1, 4), 1e-9);
+}
+
+TEST(Plan, ComparesWithNoMoreGaussiansThanTheImagesTell) {
+    TrainOptions o = three_megabytes();
+    o.cap_max = 1000000000;
+    validate(o);
+    std::int64_t pixels = 0;
+    for (const View& view : scene_of_the_plan().train) pixels += view.camera.width * view.camera.height;
+    EXPECT_EQ(make_plan(o, scene_of_the_plan()).full_count, pixels / 20);
+    Scene small = scene_of_the_plan();
+    small.train.resize(1), small.train[0].camera.width = small.train[0].camera.height = 1;
+    EXPECT_EQ(make_plan(o, small).full_count, 1);
 }
 
 TEST(Plan, EstimatesOnlyWhatWasMeasured) {
