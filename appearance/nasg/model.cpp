@@ -13,6 +13,8 @@ namespace gs::appearance {
 namespace {
 
 constexpr const char* kLobeRate = "lobe-lr";
+/// The largest cosine of an angle that a lobe starts with.
+constexpr double kLargestCosine = 0.98;
 
 /// Shared by the models of the folder.
 ModelOption lobe_rate_option() {
@@ -37,6 +39,19 @@ double lobe_rate(const RateContext& context) {
     return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
 }
 
+/// Sets the raw angles of a lobe so that its axis is `direction`, or up to 23 degrees beside it at the ends of the
+/// angles
+/// (-y and +-x), where they learn badly.
+template <class Model> void aim_lobe(const Vec3<double>& direction, float* raw) {
+    const Vec3<double> axis = Model::to_lobe(direction);
+    double theta = std::atan2(axis.y, axis.x);
+    if (theta < -M_PI / 2) theta += 2 * M_PI;  // LobeFrame has theta in (-pi/2, 3 pi/2), twice its angle less pi/2
+    const auto raw_angle = [](double cosine) {
+        return float(std::atanh(std::clamp(cosine, -kLargestCosine, kLargestCosine)));
+    };
+    raw[0] = raw_angle(std::cos((theta + M_PI / 2) / 2)), raw[1] = raw_angle(axis.z);
+}
+
 template <class Model> ModelInfo lobe_info(const char* name, const char* summary) {
     constexpr int num_lobes = Model::kMaxResidual / Model::kPerLobe;
     ModelInfo m;
@@ -59,6 +74,9 @@ template <class Model> ModelInfo lobe_info(const char* name, const char* summary
             if (Model::kAmplitude == 6) row[5] = -1.6f;     // carrier frequency 1.57
             std::fill_n(row + Model::kAmplitude, 3, 0.5f);
         }
+    };
+    m.aim_residual = [](int lobes, const Vec3<double>& direction, float* row) {
+        for (int lobe = 0; lobe < lobes; ++lobe) aim_lobe<Model>(direction, row + lobe * Model::kPerLobe);
     };
     m.clear_residual = [](int lobes, float* row) {
         for (int lobe = 0; lobe < lobes; ++lobe) std::fill_n(row + lobe * Model::kPerLobe + Model::kAmplitude, 3, 0.0f);

@@ -77,6 +77,24 @@ TEST(Nasg, InitialLobe) {
     EXPECT_NEAR(Nasg::residual(raw.data(), f.z, 1).x, .0712504, 2e-7) << "not zero: the lobe appears when it activates";
 }
 
+TEST(Nasg, AimedLobesPointThere) {
+    for (const ModelInfo* info : {&appearance::nasg_info(), &appearance::nasgabor_info()})
+        for (double y = -1; y <= 1; y += 0.05)
+            for (double turn = 0; turn < 6.28; turn += 0.1) {
+                const double r = std::sqrt(std::max(0.0, 1 - y * y));
+                const Vec3<double> wanted{r * std::cos(turn), y, r * std::sin(turn)};
+                std::vector<float> row(std::size_t(info->residual_width(1)));
+                info->init_residual(1, row.data());
+                const std::vector<float> before = row;
+                info->aim_residual(1, wanted, row.data());
+                EXPECT_TRUE(std::equal(before.begin() + 2, before.end(), row.begin() + 2)) << "only the axis turns";
+                const std::vector<double> raw(row.begin(), row.end());
+                const double cosine = dot(Nasg::from_lobe(LobeFrame<double>::of(raw.data()).z), wanted);
+                EXPECT_GT(cosine, std::cos(24 * M_PI / 180)) << wanted.x << " " << wanted.y << " " << wanted.z;
+                if (wanted.y > -0.5 && std::abs(wanted.x) < 0.9) EXPECT_NEAR(cosine, 1, 1e-6);
+            }
+}
+
 TEST(Nasg, DensityIntegratesToOne) {
     for (const double lambda : {.01, .5, 10., 100.})
         for (const double a : {.01, .5, 10., 100.}) {

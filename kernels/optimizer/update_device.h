@@ -22,7 +22,7 @@ struct UpdateArgs {
     AdamStep<float> shared_step;  ///< step of the shared weights
     float opacity_gradient;       ///< lambda_o / N
     float scale_gradient;         ///< lambda_s / 3N
-    Vec3<float> center;           ///< of the cameras, with `extent` and `far_rate` as in StepRequest
+    Vec3<float> center;           ///< mean of the cameras; with the next two as in StepRequest
     float extent, far_rate;
     float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;

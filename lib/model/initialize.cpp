@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <nanoflann.hpp>
+#include <optional>
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
@@ -78,6 +79,25 @@ PointCloud sample(PointCloud cloud, std::int64_t most) {
     return cloud;
 }
 
+/// Returns the centres of the cameras, or of an even sample where there are many.
+std::vector<Eigen::Vector3d> sampled_cameras(const Scene& scene) {
+    constexpr std::size_t kMost = 32;
+    const std::size_t count = std::min(kMost, scene.train.size());
+    std::vector<Eigen::Vector3d> centers;
+    for (std::size_t k = 0; k < count; ++k)
+        centers.push_back(scene.train[k * scene.train.size() / count].camera.center());
+    return centers;
+}
+
+/// Returns the unit mean of the directions from the cameras to a point; empty where they point all ways alike.
+std::optional<Vec3<double>> mean_direction(const Eigen::Vector3d& point, const std::vector<Eigen::Vector3d>& cameras) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& camera : cameras) sum += (point - camera).normalized();
+    const double length = sum.norm();
+    if (!(length > 0.01 * double(cameras.size()))) return std::nullopt;
+    return Vec3<double>{sum.x() / length, sum.y() / length, sum.z() / length};
+}
+
 }  // namespace
 
 std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points) {
@@ -129,6 +149,7 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
         g.groups[i].width = group_width(Group(i), appearance);
         g.groups[i].param.assign(std::size_t(g.count) * g.groups[i].width, 0.0f);
     }
+    const std::vector<Eigen::Vector3d> cameras = sampled_cameras(scene);
     const float opacity = options.mcmc ? 0.5f : 0.1f;
     const double factor = options.mcmc ? 0.1 : 1.0;
     for (std::int64_t i = 0; i < g.count; ++i) {
@@ -144,6 +165,9 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
             row(Group::kBase)[c] = inverse_color_activation(appearance.activation, cloud.colors[std::size_t(i)][c]);
         }
         model.init_residual(appearance.max_degree, row(Group::kResidual));
+        if (!model.aim_residual) continue;
+        if (const auto direction = mean_direction(cloud.positions[std::size_t(i)].cast<double>(), cameras))
+            model.aim_residual(appearance.max_degree, *direction, row(Group::kResidual));
     }
     g.shared.width = model.num_shared;
     g.shared.param.resize(std::size_t(model.num_shared));

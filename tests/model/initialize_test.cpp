@@ -8,6 +8,7 @@
 #include <random>
 
 #include "appearance/contract.h"
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "tests/io/file_helpers.h"
 
@@ -116,6 +117,33 @@ View camera_at(const Eigen::Vector3d& position) {
     view.camera.fx = view.camera.fy = 100, view.camera.cx = 32, view.camera.cy = 24;
     view.camera.translation = -position;  // looks along +z
     return view;
+}
+
+TEST(Initialize, LobesPointAlongTheMeanDirectionFromTheCameras) {
+    Scene scene = scene_of({{0, 0, 0}, {0, 0, 12}});
+    scene.train = {camera_at({3, 0, 4}), camera_at({-3, 0, 4}), camera_at({0, 0, 5})};
+    const ModelInfo& info = appearance_model("nasg");
+    const AppearanceSpec nasg{"nasg", 1, ColorActivation::kRelu};
+    const auto aimed = [&](const Vec3<double>& direction) {
+        std::vector<float> row(std::size_t(info.residual_width(1)));
+        info.init_residual(1, row.data());
+        info.aim_residual(1, direction, row.data());
+        return row;
+    };
+    const auto row = [&](const Gaussians& g, std::size_t i) {
+        const auto begin = g[Group::kResidual].param.begin() + std::ptrdiff_t(i * g[Group::kResidual].width);
+        return std::vector<float>(begin, begin + g[Group::kResidual].width);
+    };
+    const Gaussians g = initialize_gaussians(scene, nasg, {});
+    EXPECT_EQ(row(g, 0), aimed({0, 0, -1}));
+    EXPECT_EQ(row(g, 1), aimed({0, 0, 1})) << "each point has a direction of its own";
+    scene.train = {camera_at({3, 0, 0}), camera_at({-3, 0, 0})};
+    const Gaussians between = initialize_gaussians(scene_of({{0, 0, 0}, {0, 0, 12}}), nasg, {});
+    std::vector<float> plain(std::size_t(info.residual_width(1)));
+    info.init_residual(1, plain.data());
+    scene.points.positions = {{0, 0, 0}, {1, 0, 0}};
+    EXPECT_EQ(row(initialize_gaussians(scene, nasg, {}), 0), plain) << "seen from all sides alike";
+    EXPECT_EQ(row(between, 0), plain) << "no cameras";
 }
 
 TEST(Initialize, RandomPointsLieInTheBoxAndInAFrustum) {
