@@ -136,6 +136,20 @@ PointCloud initial_points(const Scene& scene, const InitOptions& options) {
     return sample(std::move(cloud), options.most_points);
 }
 
+void initialize_residuals(const Scene& scene, Gaussians& g) {
+    const ModelInfo& model = appearance_model(g.appearance.model);
+    const std::vector<Eigen::Vector3d> cameras = sampled_cameras(scene);
+    GroupArrays<float>& residuals = g[Group::kResidual];
+    parallel_for_rows(g.count, [&](std::int64_t i) {
+        float* row = residuals.param.data() + i * residuals.width;
+        model.init_residual(g.appearance.max_degree, row);
+        if (!model.aim_residual) return;
+        const Eigen::Vector3d mean = Eigen::Vector3f::Map(&g[Group::kMean].param[std::size_t(3 * i)]).cast<double>();
+        if (const auto direction = mean_direction(mean, cameras))
+            model.aim_residual(g.appearance.max_degree, *direction, row);
+    });
+}
+
 Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appearance, const InitOptions& options) {
     const PointCloud cloud = initial_points(scene, options);
     const std::vector<double> squared = mean_squared_neighbor_distances(cloud.positions);
@@ -149,7 +163,6 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
         g.groups[i].width = group_width(Group(i), appearance);
         g.groups[i].param.assign(std::size_t(g.count) * g.groups[i].width, 0.0f);
     }
-    const std::vector<Eigen::Vector3d> cameras = sampled_cameras(scene);
     const float opacity = options.mcmc ? 0.5f : 0.1f;
     const double factor = options.mcmc ? 0.1 : 1.0;
     for (std::int64_t i = 0; i < g.count; ++i) {
@@ -164,11 +177,8 @@ Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appeara
         for (int c = 0; c < 3; ++c) {
             row(Group::kBase)[c] = inverse_color_activation(appearance.activation, cloud.colors[std::size_t(i)][c]);
         }
-        model.init_residual(appearance.max_degree, row(Group::kResidual));
-        if (!model.aim_residual) continue;
-        if (const auto direction = mean_direction(cloud.positions[std::size_t(i)].cast<double>(), cameras))
-            model.aim_residual(appearance.max_degree, *direction, row(Group::kResidual));
     }
+    initialize_residuals(scene, g);
     g.shared.width = model.num_shared;
     g.shared.param.resize(std::size_t(model.num_shared));
     if (model.num_shared > 0) model.init_shared(options.seed, g.shared.param.data());

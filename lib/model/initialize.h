@@ -33,6 +33,10 @@ PointCloud initial_points(const Scene& scene, const InitOptions& options);
 /// model's initial residual. Source: docs/math/optimization.md#first-gaussians.
 Gaussians initialize_gaussians(const Scene& scene, const AppearanceSpec& appearance, const InitOptions& options);
 
+/// Gives every Gaussian the initial residual of its model, which begins along the mean direction from the training
+/// cameras where it has a direction. The means must be set.
+void initialize_residuals(const Scene& scene, Gaussians& gaussians);
+
 /// Returns the mean squared distance of each point to its 3 nearest others (fewer where there are fewer; 0 for a single
 /// point). Exact; points at the same place have distance 0.
 std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points);

@@ -33,6 +33,29 @@ void check(Backend& backend, const std::string& model) {
                            ": the parameters or the loss of a short training do not stay finite");
 }
 
+/// The Gaussians of `state` under another model that shows the same colours: its residual is 0, all of its degrees
+/// active. Without moments. `state` is of a model without a residual.
+Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, const Scene& scene,
+                          std::uint64_t seed) {
+    const ModelInfo& model = appearance_model(appearance.model);
+    Gaussians out;
+    out.count = state.count, out.appearance = appearance, out.active_degree = appearance.max_degree,
+    out.ppisp = state.ppisp;
+    for (int g = 0; g < kNumGroups; ++g)
+        out.groups[g].width = state.groups[g].width, out.groups[g].param = state.groups[g].param;
+    GroupArrays<float>& residual = out[Group::kResidual];
+    residual.width = group_width(Group::kResidual, appearance);
+    residual.param.assign(std::size_t(out.count) * residual.width, 0.0f);
+    initialize_residuals(scene, out);
+    if (model.clear_residual)
+        for (std::int64_t i = 0; i < out.count; ++i)
+            model.clear_residual(appearance.max_degree, residual.param.data() + i * residual.width);
+    out.shared.width = model.num_shared;
+    out.shared.param.assign(std::size_t(model.num_shared), 0.0f);
+    if (model.num_shared > 0) model.init_shared(seed, out.shared.param.data());
+    return out;
+}
+
 }  // namespace
 
 Rehearsal::Rehearsal(const TrainOptions& options, const Scene& scene)
@@ -65,7 +88,7 @@ std::optional<Rehearsed> Rehearsal::continue_with(const Gaussians& state, const 
     TrainOptions resting = options_;
     resting.strategy = Strategy::kNone;  // no noise on the means
     const StepComposer composer(resting, appearance, scene_, &photometric_);
-    Gaussians start = with_appearance(state, appearance, options_.seed);
+    Gaussians start = with_appearance(state, appearance, scene_, options_.seed);
     Rehearsed result{make_backend(options_.device, appearance, backend_options(options_))};
     photometric_.resume(start, moment_at(options_, begun_));
     result.backend->upload(start);
@@ -91,27 +114,6 @@ bool Rehearsal::run(Rehearsed& result, const std::string& model, std::int64_t it
     backend.synchronize();
     result.seconds = seconds_now() - start;
     return true;
-}
-
-Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, std::uint64_t seed) {
-    const ModelInfo& model = appearance_model(appearance.model);
-    Gaussians out;
-    out.count = state.count, out.appearance = appearance, out.active_degree = appearance.max_degree,
-    out.ppisp = state.ppisp;
-    for (int g = 0; g < kNumGroups; ++g)
-        out.groups[g].width = state.groups[g].width, out.groups[g].param = state.groups[g].param;
-    GroupArrays<float>& residual = out[Group::kResidual];
-    residual.width = group_width(Group::kResidual, appearance);
-    residual.param.assign(std::size_t(out.count) * residual.width, 0.0f);
-    for (std::int64_t i = 0; i < out.count; ++i) {
-        float* row = residual.param.data() + i * residual.width;
-        model.init_residual(appearance.max_degree, row);
-        if (model.clear_residual) model.clear_residual(appearance.max_degree, row);
-    }
-    out.shared.width = model.num_shared;
-    out.shared.param.assign(std::size_t(model.num_shared), 0.0f);
-    if (model.num_shared > 0) model.init_shared(seed, out.shared.param.data());
-    return out;
 }
 
 }  // namespace gs

@@ -56,8 +56,4 @@ class Rehearsal {
     std::int64_t begun_ = 0;  ///< iterations of `begin`
 };
 
-/// The Gaussians of `state` under another model that shows the same colours: its residual is 0, all of its degrees
-/// active. Without moments. `state` is of a model without a residual.
-Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, std::uint64_t seed);
-
 }  // namespace gs
