@@ -91,7 +91,9 @@ TEST(Nasg, AimedLobesPointThere) {
                 const std::vector<double> raw(row.begin(), row.end());
                 const double cosine = dot(Nasg::from_lobe(LobeFrame<double>::of(raw.data()).z), wanted);
                 EXPECT_GT(cosine, std::cos(24 * M_PI / 180)) << wanted.x << " " << wanted.y << " " << wanted.z;
-                if (wanted.y > -0.5 && std::abs(wanted.x) < 0.9) EXPECT_NEAR(cosine, 1, 1e-6);
+                if (wanted.y > -0.5 && std::abs(wanted.x) < 0.9) {
+                    EXPECT_NEAR(cosine, 1, 1e-6);
+                }
             }
 }
 
