@@ -78,6 +78,7 @@ TEST(Nasg, InitialLobe) {
 }
 
 TEST(Nasg, AimedLobesPointThere) {
+    using Whole = appearance::Nasg;
     for (const ModelInfo* info : {&appearance::nasg_info(), &appearance::nasgabor_info()})
         for (double y = -1; y <= 1; y += 0.05)
             for (double turn = 0; turn < 6.28; turn += 0.1) {
@@ -89,7 +90,7 @@ TEST(Nasg, AimedLobesPointThere) {
                 info->aim_residual(1, wanted, row.data());
                 EXPECT_TRUE(std::equal(before.begin() + 2, before.end(), row.begin() + 2)) << "only the axis turns";
                 const std::vector<double> raw(row.begin(), row.end());
-                const double cosine = dot(Nasg::from_lobe(Nasg::Frame<double>::of(raw.data()).z), wanted);
+                const double cosine = dot(Whole::from_lobe(Whole::Frame<double>::of(raw.data()).z), wanted);
                 EXPECT_GT(cosine, std::cos(24 * M_PI / 180)) << wanted.x << " " << wanted.y << " " << wanted.z;
                 if (wanted.y > -0.9 * std::hypot(wanted.y, wanted.z) && std::abs(wanted.x) < 0.97) {
                     EXPECT_NEAR(cosine, 1, 1e-6);
