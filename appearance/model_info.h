@@ -47,8 +47,8 @@ struct ModelInfo {
     std::function<AppearanceRates(int max_degree, const RateContext&)> rates;
     /// Writes the initial residual parameters of one Gaussian.
     std::function<void(int max_degree, float* row)> init_residual;
-    /// Turns an initial row to the unit direction along which cameras see the Gaussian, in their mean. Unset where a
-    /// row prefers no direction.
+    /// Turns an initial row to a unit direction, the mean of those from the cameras to the Gaussian. Unset where the
+    /// residual has no direction of its own.
     std::function<void(int max_degree, const Vec3<double>& direction, float* row)> aim_residual;
     /// Changes a row so that its residual is exactly 0 in every direction, and can still be learnt from there. Unset
     /// where init_residual is such a row.

@@ -39,9 +39,8 @@ double lobe_rate(const RateContext& context) {
     return 0.0025 * std::clamp(std::pow(0.3536 / context.camera_spacing, 2), 1e-3, 1e3);
 }
 
-/// Sets the raw angles of a lobe so that its axis is `direction`, or up to 23 degrees beside it at the ends of the
-/// angles
-/// (-y and +-x), where they learn badly.
+/// Sets the raw angles of a lobe so that its axis is `direction`. Near the ends of the angles (-y and +-x), where they
+/// learn badly, the axis is up to 23 degrees beside it.
 template <class Model> void aim_lobe(const Vec3<double>& direction, float* raw) {
     const Vec3<double> axis = Model::to_lobe(direction);
     double theta = std::atan2(axis.y, axis.x);

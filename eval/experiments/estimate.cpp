@@ -9,6 +9,8 @@
 
 namespace gs {
 
+// The curves, and how far they are off: docs/results.md#the-frontier.
+
 double loss_of_length(double rounds) { return 0.25 * std::pow(70 / rounds, 1.3); }
 
 double loss_of_count(std::int64_t count, std::int64_t most) {

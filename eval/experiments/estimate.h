@@ -8,8 +8,7 @@
 namespace gs {
 
 /// Returns the PSNR that training by recipe frontier gives up against 30,000 iterations by the paper's protocol, dB,
-/// where each view is seen `rounds` > 0 times. At 70 rounds four of five scenes were within 0.3 dB of it; the fifth, of
-/// 17 views, gained instead of losing.
+/// where each view is seen `rounds` > 0 times.
 double loss_of_length(double rounds);
 
 /// Returns the PSNR that a model of `count` > 0 Gaussians gives up against one of `most`, dB, where the scene has
