@@ -9,9 +9,9 @@
 
 namespace gs {
 
-// The curves, and how far they are off: docs/results.md#the-frontier.
+// The curves, and how far they are off: docs/results.md#what-the-plan-estimates.
 
-double loss_of_length(double rounds) { return 0.25 * std::pow(70 / rounds, 1.3); }
+double loss_of_length(double rounds) { return 0.8 * std::pow(70 / rounds, 1.3); }
 
 double loss_of_count(std::int64_t count, std::int64_t most) {
     const double halvings = std::max(0.0, std::log2(double(most) / double(count)));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a shorter training and fewer Gaussians cost, by what they cost on the scenes of docs/results.md#the-frontier.
+// What a shorter training and fewer Gaussians cost, by what they cost on the scenes of
+// docs/results.md#what-the-plan-estimates.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +8,8 @@
 
 namespace gs {
 
-/// Returns the PSNR that training by recipe frontier gives up against 30,000 iterations by the paper's protocol, dB,
-/// where each view is seen `rounds` > 0 times.
+/// Returns the PSNR that training by recipe frontier gives up against the same with all the time it can use, dB, where
+/// each view is seen `rounds` > 0 times.
 double loss_of_length(double rounds);
 
 /// Returns the PSNR that a model of `count` > 0 Gaussians gives up against one of `most`, dB, where the scene has

@@ -41,8 +41,9 @@ class TargetSearch {
         double standard_error = 0;  ///< of that mean, dB
     };
 
-    /// `target` is in dB; the run has `most_steps` at most while it grows, and `cap` Gaussians.
-    TargetSearch(double target, std::int64_t most_steps, std::int64_t cap);
+    /// `target` is in dB; the run trains on `views` views and has `most_steps` at most while it grows, and `cap`
+    /// Gaussians.
+    TargetSearch(double target, std::int64_t views, std::int64_t most_steps, std::int64_t cap);
 
     /// Returns what is left of the first stretch of a run that has done `steps` and has `count` Gaussians; no steps if
     /// nothing is.
@@ -60,7 +61,7 @@ class TargetSearch {
     std::int64_t most_gaussians(std::int64_t steps, std::int64_t count) const;
 
     const double target_;
-    const std::int64_t most_steps_, cap_;
+    const std::int64_t most_steps_, first_steps_, cap_;
     std::vector<Try> tries_;
     std::optional<Try> good_, bad_;  ///< the smallest that reached the target, the largest after it that did not
     std::optional<double> halving_;  ///< what halving the model costs, dB, once that is known

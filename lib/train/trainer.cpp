@@ -63,7 +63,7 @@ class Run {
           views_(options_, scene),
           limits_(options_, scene, views_.fixed_background(), hooks.most_gaussians),
           course_(options_, scene.train.size()),
-          search_(options.target_psnr, options.iterations, limits_.cap()),
+          search_(options.target_psnr, std::int64_t(scene.train.size()), options.iterations, limits_.cap()),
           schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),

@@ -17,7 +17,7 @@ struct Played {
     double psnr() const { return 20 + 1.2 * std::log2(double(steps) / 1000) + 0.9 * std::log2(double(count) / 1000); }
 
     Played(double target, std::int64_t most_steps, std::int64_t cap, std::int64_t first = 10000) : count(first) {
-        TargetSearch search(target, most_steps, cap);
+        TargetSearch search(target, 20, most_steps, cap);
         std::int64_t kept_count = 0;
         const auto follow = [&](const Stretch& stretch) {
             EXPECT_GT(stretch.steps, 0);
@@ -71,8 +71,16 @@ TEST(TargetSearch, GivesUpEarlyWithAnEstimate) {
         << played.outcome.verdict;
 }
 
+TEST(TargetSearch, TheFirstTrainingSeesEveryViewOftenEnough) {
+    EXPECT_EQ(TargetSearch(30, 20, 30000, 100000).first(0, 100).steps, 1000);
+    EXPECT_EQ(TargetSearch(30, 200, 30000, 100000).first(0, 100).steps, 6000) << "thirty times";
+    EXPECT_EQ(TargetSearch(30, 200, 5000, 100000).first(0, 100).steps, 5000) << "all that there are";
+    EXPECT_EQ(TargetSearch(30, 200, 30000, 100000).first(0, 100).most_gaussians, 100000);
+    EXPECT_EQ(TargetSearch(30, 200, 30000, 100000).first(6000, 100).steps, 0);
+}
+
 TEST(TargetSearch, TrainsToTheLastStepWhereThereIsHope) {
-    TargetSearch search(29.2, 30000, 100000);
+    TargetSearch search(29.2, 20, 30000, 100000);
     EXPECT_EQ(search.next({14000, 100000, 28}).stretch.steps, 14000);
     EXPECT_EQ(search.next({28000, 100000, 29}).stretch.steps, 2000);
     EXPECT_EQ(search.next({30000, 100000, 29.1}).stretch.steps, 0);
@@ -86,7 +94,7 @@ TEST(TargetSearch, NoModelIsEmpty) {
     const Played played(1, 30000, 1000000);
     EXPECT_TRUE(played.outcome.reached);
     EXPECT_LE(played.count, (50000 >> 12) + 1) << "halved as often as a search may";
-    TargetSearch search(1, 30000, 1000000);
+    TargetSearch search(1, 20, 30000, 1000000);
     const TargetStep step = search.next({1000, 2, 9});
     EXPECT_EQ(step.prune_to, 1);
     EXPECT_EQ(search.next({1200, 1, 8}).prune_to, 0);
@@ -97,7 +105,7 @@ TEST(TargetSearch, NoModelIsEmpty) {
 }
 
 TEST(TargetSearch, AModelThatRecoversLateIsTriedAgain) {
-    TargetSearch search(30, 30000, 100000);
+    TargetSearch search(30, 20, 30000, 100000);
     TargetStep step = search.next({1000, 10000, 30.8});
     EXPECT_TRUE(step.keep);
     EXPECT_EQ(step.prune_to, 5000) << "0.8 dB more than are needed";
@@ -110,7 +118,7 @@ TEST(TargetSearch, AModelThatRecoversLateIsTriedAgain) {
 }
 
 TEST(TargetSearch, AResumedRunGoesOnFromWhatItHas) {
-    TargetSearch search(30, 30000, 100000);
+    TargetSearch search(30, 20, 30000, 100000);
     EXPECT_EQ(search.first(0, 100).from, 0);
     EXPECT_EQ(search.first(250, 100).steps, 750) << "what is left of the first training";
     EXPECT_EQ(search.first(250, 100).from, 7500);
