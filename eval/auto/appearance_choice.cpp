@@ -50,9 +50,11 @@ bool needs_trials(const ResidualParts& parts, double tolerance) {
     return gain_in_decibels(parts.direction) > tolerance;
 }
 
+const char* untold_model(bool one_sided) { return one_sided ? "sh" : "sv"; }
+
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance) {
     const bool untold = measured.obstacle == Obstacle::kShort || measured.obstacle == Obstacle::kLate;
-    AppearanceDecision decision{untold ? kUntoldModel : measured.plain_model};
+    AppearanceDecision decision{untold ? untold_model(measured.one_sided) : measured.plain_model};
     if (measured.obstacle) return decision;
     decision.remaining = classify_remaining_error(measured.parts, tolerance);
     if (measured.trials.empty()) return decision;

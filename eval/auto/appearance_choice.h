@@ -58,9 +58,10 @@ inline constexpr std::int64_t kFewestTrialIterations = 500;
 
 /// Everything that the choice is made from, and what its description needs.
 struct AppearanceMeasurements {
-    /// If set, only num_views, plain_model, trial_iterations and seconds are known
+    /// If set, only num_views, one_sided, plain_model, trial_iterations and seconds are known
     std::optional<Obstacle> obstacle = {};
     std::size_t num_views = 0, num_held_out = 0;  ///< training views, and those of them that were held out
+    bool one_sided = false;                       ///< all training cameras look nearly the same way
     int image_width = 0, image_height = 0;        ///< size of the first image that was trained on, pixels
     std::int64_t warm_up_iterations = 0, trial_iterations = 0;
     std::string plain_model = {};              ///< the model without view dependence that all trials go on from
@@ -78,8 +79,9 @@ struct AppearanceDecision {
     std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty where no model was tried
 };
 
-/// The model to train where trials would be too short: the best of six on lego and on bonsai (docs/results.md).
-inline constexpr const char* kUntoldModel = "sv";
+/// Returns the model to train where trials would be too short: sv, the best of six on lego, bonsai and garden, but sh
+/// where cameras are one-sided, since their directions do not say enough for sv (docs/results.md#auto-under-a-limit).
+const char* untold_model(bool one_sided);
 
 /// Chooses among the trials as choose_appearance does; the plain model where none was needed, or possible.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);

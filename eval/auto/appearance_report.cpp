@@ -49,11 +49,13 @@ Explained explained(const ResidualParts& parts) {
 }
 
 std::string obstacle_text(const AppearanceMeasurements& m) {
+    const char* sides = m.one_sided ? ", and all cameras look nearly the same way" : "";
     if (*m.obstacle == Obstacle::kMasks) return "masks leave nothing of the views that models would be compared on";
-    if (*m.obstacle == Obstacle::kLate) return "too short to tell: no trial ended within a tenth of the time limit";
+    if (*m.obstacle == Obstacle::kLate)
+        return fmt::format("too short to tell: no trial ended within a tenth of the time limit{}", sides);
     if (*m.obstacle == Obstacle::kShort)
-        return fmt::format("too short to tell: a trial would have {} iterations, and {} are needed", m.trial_iterations,
-                           kFewestTrialIterations);
+        return fmt::format("too short to tell: a trial would have {} iterations, and {} are needed{}",
+                           m.trial_iterations, kFewestTrialIterations, sides);
     return fmt::format(
         "of {} training views none can be held out ({} are needed), and only these could show that direction matters",
         m.num_views, kFewestViews);

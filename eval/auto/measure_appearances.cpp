@@ -41,6 +41,16 @@ std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
 }
 
+/// Whether all cameras look nearly the same way, as in forward-facing scenes: the mean of their axes has almost the
+/// length of one. fern's has 0.994, that of
+/// lego 0.57, and cones of 20 degrees about an axis 0.97.
+bool one_sided(const std::vector<View>& views) {
+    constexpr double kLeastLength = 0.98;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const View& view : views) sum += view.camera.rotation.row(2).transpose();
+    return sum.norm() > kLeastLength * double(views.size());
+}
+
 /// A smaller scene without the views held out.
 struct Stage {
     Scene scene;
@@ -159,6 +169,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
 AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene) {
     AppearanceMeasurements measured;
     measured.num_views = scene.train.size();
+    measured.one_sided = one_sided(scene.train);
     measured.plain_model = plain_model();
     if (scene.train.size() < kFewestViews) {
         measured.obstacle = Obstacle::kFewViews;

@@ -76,7 +76,9 @@ TEST(AppearanceChoice, DecidesFromMeasurementsAlone) {
     measured.obstacle = Obstacle::kMasks;
     EXPECT_EQ(decide_appearance(measured, 0.1).model, "none") << "nothing was measured";
     measured.obstacle = Obstacle::kShort;
-    EXPECT_EQ(decide_appearance(measured, 0.1).model, kUntoldModel);
+    EXPECT_EQ(decide_appearance(measured, 0.1).model, "sv");
+    measured.one_sided = true;
+    EXPECT_EQ(decide_appearance(measured, 0.1).model, "sh");
 }
 
 TrainOptions glossy(int width, std::int64_t iterations) {
@@ -112,17 +114,22 @@ TEST(FindAppearance, ChoosesFromHeldOutTrainingViews) {
 
 TEST(FindAppearance, DoesNotRankAfterAFewIterations) {
     const TrainOptions options = glossy(16, 1500);
-    const AppearanceReport report = find_appearance(options, load_scene(scene_options(options)));
-    EXPECT_EQ(report.model, kUntoldModel);
+    Scene scene = load_scene(scene_options(options));
+    const AppearanceReport report = find_appearance(options, scene);
+    EXPECT_EQ(report.model, "sv");
     ASSERT_EQ(report.lines.size(), 1u);
     EXPECT_NE(report.lines[0].find("too short to tell"), std::string::npos) << report.lines[0];
+    for (View& view : scene.train) view.camera.rotation = scene.train.front().camera.rotation;
+    const AppearanceReport one_sided = find_appearance(options, scene);
+    EXPECT_EQ(one_sided.model, "sh");
+    EXPECT_NE(one_sided.lines[0].find("the same way"), std::string::npos) << one_sided.lines[0];
 }
 
 TEST(FindAppearance, TakesATenthOfATimeLimit) {
     TrainOptions options = glossy(16, 30000);
     options.time_limit = "0.5s";
     const Scene scene = load_scene(scene_options(options));
-    EXPECT_EQ(find_appearance(options, scene).model, kUntoldModel) << "50 ms are too short";
+    EXPECT_EQ(find_appearance(options, scene).model, "sv") << "50 ms are too short";
     options.time_limit = "20s";
     const double start = seconds_now();
     find_appearance(options, scene);
