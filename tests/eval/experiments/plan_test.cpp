@@ -44,7 +44,7 @@ TEST(Plan, SaysWhatIsLimitedAndWhatCameOfIt) {
     Plan plan = make_plan(o, scene_of_the_plan());
     ASSERT_EQ(plan.lines.size(), 3u);
     EXPECT_NE(plan.lines[0].find("20.0 s from the first step to the saved model"), std::string::npos);
-    EXPECT_NE(plan.lines[0].find("which cost about 0.2 dB"), std::string::npos) << plan.lines[0];
+    EXPECT_NE(plan.lines[0].find("which cost about 0.8 dB"), std::string::npos) << plan.lines[0];
     EXPECT_NE(plan.lines[1].find("at most 3MB as ply: 12080 Gaussians of 248 bytes with sh, which cost about 0.3 dB if "
                                  "the scene has detail for 24160"),
               std::string::npos)
