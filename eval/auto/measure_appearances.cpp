@@ -41,9 +41,8 @@ std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
 }
 
-/// Whether all cameras look nearly the same way, as in forward-facing scenes: the mean of their axes has almost the
-/// length of one. fern's has 0.994, that of
-/// lego 0.57, and cones of 20 degrees about an axis 0.97.
+/// Returns whether all cameras look nearly the same way, as in forward-facing scenes: the mean of their axes has almost
+/// the length of one. fern's has 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
 bool one_sided(const std::vector<View>& views) {
     constexpr double kLeastLength = 0.98;
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();

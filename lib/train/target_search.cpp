@@ -10,9 +10,9 @@
 namespace gs {
 namespace {
 
-/// The steps of the first training, at least, and its rounds through the views. What fewer rounds reach and what a
-/// doubling of them gives say little: bonsai after 9 rounds was taken for a scene without hope of 31 dB, and lego had
-/// four times as many Gaussians as it needs for 32 dB.
+/// The least steps of the first training, and its rounds through the views. What fewer rounds reach and what a doubling
+/// of them gives say little: after 9 rounds bonsai was taken for a scene without hope of 31 dB, and lego had six times
+/// as many Gaussians as it needs for 32 dB.
 constexpr std::int64_t kFirstSteps = 1000, kFirstRounds = 30;
 /// The Gaussians that a training may have for each of its steps. Under time limits bonsai had 28 to 45 and garden 48 to
 /// 79.
