@@ -17,6 +17,10 @@ constexpr double kNotableHarm = 0.03;
 /// others up to 0.16, which short trainings leave.
 constexpr double kNotablePhotometric = 0.3;
 
+/// Returns the model to train where trials would be too short: sv does best on most scenes, but sh where all cameras
+/// look nearly the same way (docs/results.md#auto-under-a-limit).
+const char* untold_model(bool one_sided) { return one_sided ? "sh" : "sv"; }
+
 bool worked(const AppearanceTrial& trial) { return std::isfinite(trial.psnr); }
 
 }  // namespace
@@ -49,8 +53,6 @@ RemainingError classify_remaining_error(const ResidualParts& parts, double toler
 bool needs_trials(const ResidualParts& parts, double tolerance) {
     return gain_in_decibels(parts.direction) > tolerance;
 }
-
-const char* untold_model(bool one_sided) { return one_sided ? "sh" : "sv"; }
 
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance) {
     const bool untold = measured.obstacle == Obstacle::kShort || measured.obstacle == Obstacle::kLate;

@@ -79,10 +79,6 @@ struct AppearanceDecision {
     std::optional<AppearanceChoice> choice = {};  ///< among the trials; empty where no model was tried
 };
 
-/// Returns the model to train where trials would be too short: sv, the best of six on lego, bonsai and garden, but sh
-/// where cameras are one-sided, since their directions do not say enough for sv (docs/results.md#auto-under-a-limit).
-const char* untold_model(bool one_sided);
-
 /// Chooses among the trials as choose_appearance does; the plain model where none was needed, or possible.
 AppearanceDecision decide_appearance(const AppearanceMeasurements& measured, double tolerance);
 

@@ -17,6 +17,7 @@
 #include "lib/core/duration.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
+#include "lib/scene/common_target.h"
 #include "lib/scene/resized.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/model_limits.h"
@@ -41,14 +42,9 @@ std::int64_t iterations_of(const TrainOptions& options, double share) {
     return std::max<std::int64_t>(1, std::llround(share * double(options.iterations)));
 }
 
-/// Returns whether all cameras look nearly the same way, as in forward-facing scenes: the mean of their axes has almost
-/// the length of one. fern's has 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
-bool one_sided(const std::vector<View>& views) {
-    constexpr double kLeastLength = 0.98;
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const View& view : views) sum += view.camera.rotation.row(2).transpose();
-    return sum.norm() > kLeastLength * double(views.size());
-}
+/// The length of the cameras' mean axis above which they look nearly the same way, as in forward-facing scenes. fern's
+/// has 0.994, lego's 0.57, and that of cameras within 20 degrees of one axis 0.97.
+constexpr double kOneSided = 0.98;
 
 /// A smaller scene without the views held out.
 struct Stage {
@@ -168,7 +164,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
 AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene) {
     AppearanceMeasurements measured;
     measured.num_views = scene.train.size();
-    measured.one_sided = one_sided(scene.train);
+    measured.one_sided = mean_axis(scene.train).norm() > kOneSided;
     measured.plain_model = plain_model();
     if (scene.train.size() < kFewestViews) {
         measured.obstacle = Obstacle::kFewViews;

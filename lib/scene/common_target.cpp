@@ -20,4 +20,10 @@ Eigen::Vector3d common_target(const std::vector<View>& views) {
     return mean + Eigen::Vector3d(a.ldlt().solve(b));
 }
 
+Eigen::Vector3d mean_axis(const std::vector<View>& views) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const View& view : views) mean += view.camera.rotation.row(2).transpose() / double(views.size());
+    return mean;
+}
+
 }  // namespace gs

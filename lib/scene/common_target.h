@@ -13,4 +13,7 @@ namespace gs {
 /// towards the cameras' mean decides where all look in one direction and the axes never meet.
 Eigen::Vector3d common_target(const std::vector<View>& views);
 
+/// Returns the mean of the cameras' unit axes. Its length is 1 where all look the same way, and 0 without a view.
+Eigen::Vector3d mean_axis(const std::vector<View>& views);
+
 }  // namespace gs

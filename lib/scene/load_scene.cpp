@@ -194,9 +194,7 @@ void place_cube(Scene& scene) {
     constexpr double kHalfSide = 1.5, kDistance = 4.0311;
     scene.random_init_half_extent = kHalfSide;
     // Axes that are nearly parallel meet nowhere.
-    Eigen::Vector3d axes = Eigen::Vector3d::Zero();
-    for (const View& view : scene.train) axes += view.camera.rotation.row(2).transpose() / double(scene.train.size());
-    if (!(axes.norm() < 0.99)) return;
+    if (!(mean_axis(scene.train).norm() < 0.99)) return;
     const Eigen::Vector3d target = common_target(scene.train);
     double distance = 0, ahead = 0;
     for (const View& view : scene.train) {

@@ -33,8 +33,8 @@ void check(Backend& backend, const std::string& model) {
                            ": the parameters or the loss of a short training do not stay finite");
 }
 
-/// The Gaussians of `state` under another model that shows the same colours: its residual is 0, all of its degrees
-/// active. Without moments. `state` is of a model without a residual.
+/// Returns the Gaussians of `state` under another model that shows the same colours: its residual is 0, and all of its
+/// degrees are active. They have no moments. `state` is of a model without a residual.
 Gaussians with_appearance(const Gaussians& state, const AppearanceSpec& appearance, const Scene& scene,
                           std::uint64_t seed) {
     const ModelInfo& model = appearance_model(appearance.model);

@@ -138,12 +138,12 @@ TEST(Initialize, LobesPointAlongTheMeanDirectionFromTheCameras) {
     EXPECT_EQ(row(g, 0), aimed({0, 0, -1}));
     EXPECT_EQ(row(g, 1), aimed({0, 0, 1})) << "each point has a direction of its own";
     scene.train = {camera_at({3, 0, 0}), camera_at({-3, 0, 0})};
-    const Gaussians between = initialize_gaussians(scene_of({{0, 0, 0}, {0, 0, 12}}), nasg, {});
+    const Gaussians unseen = initialize_gaussians(scene_of({{0, 0, 0}, {0, 0, 12}}), nasg, {});
     std::vector<float> plain(std::size_t(info.residual_width(1)));
     info.init_residual(1, plain.data());
     scene.points.positions = {{0, 0, 0}, {1, 0, 0}};
     EXPECT_EQ(row(initialize_gaussians(scene, nasg, {}), 0), plain) << "seen from all sides alike";
-    EXPECT_EQ(row(between, 0), plain) << "no cameras";
+    EXPECT_EQ(row(unseen, 0), plain) << "no cameras";
 }
 
 TEST(Initialize, RandomPointsLieInTheBoxAndInAFrustum) {
