@@ -111,7 +111,7 @@ std::string with_name(std::string arguments, const std::string& name) {
 
 /// A refusal for a reason that lies in a file: code 2 or 3, and the message names it.
 void expect_named(const Program& program, const std::string& arguments, const std::string& name) {
-    const Outcome outcome = program.run(arguments, "timeout 10");
+    const Outcome outcome = program.run(arguments, "timeout 60");
     EXPECT_TRUE(outcome.exit_code == 2 || outcome.exit_code == 3)
         << arguments.substr(0, 80) << " ended with " << outcome.exit_code << "\n"
         << outcome.err;

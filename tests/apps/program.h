@@ -25,14 +25,14 @@ class Program {
 
     /// `arguments` as typed in a shell; `before` is put in front of the program ("timeout 5").
     Outcome run(const std::string& arguments, const std::string& before = "") const {
-        const std::string command = "cd '" + folder_.path().string() + "' && " + before + " '" GSAPP_PROGRAM "' " +
-                                    arguments + " >out.txt 2>err.txt";
-        const int status = std::system(command.c_str());
-        Outcome outcome;
-        if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
-        outcome.out = read("out.txt");
-        outcome.err = read("err.txt");
-        return outcome;
+        return shell(before + " " + call(arguments));
+    }
+
+    /// Sends SIGINT once `sign` is among what the program has printed, however slow the machine is; after two minutes
+    /// in any case.
+    Outcome interrupt(const std::string& arguments, const std::string& sign) const {
+        return shell(call(arguments) + " & program=$!; for i in $(seq 1200); do grep -q '" + sign +
+                     "' out.txt err.txt && break; sleep 0.1; done; kill -INT $program; wait $program");
     }
 
     std::string read(const std::string& name) const {
@@ -41,6 +41,19 @@ class Program {
     }
 
   private:
+    static std::string call(const std::string& arguments) {
+        return "'" GSAPP_PROGRAM "' " + arguments + " >out.txt 2>err.txt";
+    }
+
+    Outcome shell(const std::string& command) const {
+        const int status = std::system(("cd '" + folder_.path().string() + "' || exit 1; " + command).c_str());
+        Outcome outcome;
+        if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
+        outcome.out = read("out.txt");
+        outcome.err = read("err.txt");
+        return outcome;
+    }
+
     TemporaryFolder folder_;
 };
 

@@ -64,8 +64,8 @@ TEST(Suite, AFailedRunIsReportedAndTheOthersGoOn) {
 
 TEST(Suite, InterruptKeepsFinishedRuns) {
     const Program program;
-    const Outcome stopped = program.run(std::string("bench suite activations") + kTiny + "--iterations 10000000 -m out",
-                                        "timeout --preserve-status -s INT 3");
+    const Outcome stopped = program.interrupt(
+        std::string("bench suite activations") + kTiny + "--iterations 10000000 -m out", ": training in");
     EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_EQ(occurrences(stopped.out, "| not trained |"), 12u) << stopped.out;
     EXPECT_NE(stopped.err.find("the same command"), std::string::npos) << stopped.err;

@@ -134,7 +134,7 @@ TEST(Train, StoredConfigurationRepeatsTheRun) {
 TEST(Train, InterruptWritesACheckpointThatResumes) {
     const Program program;
     const Outcome stopped =
-        program.run("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "timeout --preserve-status -s INT 6");
+        program.interrupt("train -s builtin:diffuse -r 4 --iterations 1000000 -m run", "\"progress\"");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     std::int64_t iteration = 0;
     for (const auto& entry : std::filesystem::directory_iterator(program.path("run/checkpoints"))) {
@@ -151,10 +151,10 @@ TEST(Train, InterruptWritesACheckpointThatResumes) {
 
 TEST(Train, InterruptedControllersAreTrainedAnewByTheResumedRun) {
     const Program program;
-    const Outcome stopped = program.run(
+    const Outcome stopped = program.interrupt(
         "train -s builtin:exposure --device cpu --eval -r 8 --iterations 5 --ppisp on --controller-iterations 1000000 "
         "-m run",
-        "timeout --preserve-status -s INT 6");
+        "\"stage\":\"controller\"");
     ASSERT_EQ(stopped.exit_code, 130) << stopped.err;
     EXPECT_NE(stopped.err.find("iterations of the controllers, which are lost"), std::string::npos) << stopped.err;
     const Outcome neutral = program.run("eval run");
