@@ -56,11 +56,18 @@ PackedLayout packed_layout(const PackedHeader& header) {
     return layout;
 }
 
-PackedAppearance make_packed(const PackedHeader& header, std::int64_t count) {
+PackedAppearance make_packed(const PackedHeader& header, const Gaussians& gaussians) {
     const PackedLayout layout = packed_layout(header);
-    PackedAppearance packed{header, std::vector<std::uint16_t>(std::size_t(layout.weight_halves)), {}};
-    for (const int words : layout.texture_words) packed.textures.emplace_back(std::size_t(count * words));
+    // Without textures the residuals are not stored, whatever the model has.
+    const std::int64_t rows = layout.texture_words.empty() ? 0 : gaussians.num_residuals();
+    PackedAppearance packed{header, std::vector<std::uint16_t>(std::size_t(layout.weight_halves)), rows, {}};
+    for (const int words : layout.texture_words) packed.textures.emplace_back(std::size_t(rows * words));
     return packed;
+}
+
+Vec3<double> packed_residual(const Packing& packing, const PackedAppearance& packed, std::int64_t row,
+                             const Vec3<double>& direction) {
+    return row < packed.rows ? packing.residual(packed, row, direction) : Vec3<double>{0, 0, 0};
 }
 
 Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x) {

@@ -45,7 +45,8 @@ struct PackedLayout {
 struct PackedAppearance {
     PackedHeader header;
     std::vector<std::uint16_t> weights;                ///< halves, in the file's order
-    std::vector<std::vector<std::uint32_t>> textures;  ///< (N, texture_words) each
+    std::int64_t rows = 0;                             ///< the number K of Gaussians with a residual: the first ones
+    std::vector<std::vector<std::uint32_t>> textures;  ///< (K, texture_words) each
 };
 
 /// What a model's folder gives to put it into a file and to show what is in one.
@@ -54,10 +55,10 @@ struct Packing {
     /// Returns header, weights and zeroed textures; degrees above the active one are left out, or can have no effect.
     /// Parameters are finite.
     PackedAppearance (*prepare)(const Gaussians& gaussians);
-    /// Fills the row of one Gaussian; different rows from different threads.
+    /// Fills the row of one Gaussian with a residual; different rows from different threads.
     void (*pack_row)(const Gaussians& gaussians, std::int64_t row, PackedAppearance& packed);
-    /// The residual of one Gaussian as a viewer computes it, in double. `direction` is a unit vector from the camera to
-    /// the Gaussian.
+    /// The residual of one Gaussian that has one, as a viewer computes it, in double. `direction` is a unit vector from
+    /// the camera to the Gaussian.
     Vec3<double> (*residual)(const PackedAppearance& packed, std::int64_t row, const Vec3<double>& direction);
 };
 
@@ -82,8 +83,12 @@ inline double get_half(const PackedAppearance& packed, std::int64_t row, int k) 
 /// model cannot have.
 PackedLayout packed_layout(const PackedHeader& header);
 
-/// Returns zeroed weights and textures of that header for `count` Gaussians.
-PackedAppearance make_packed(const PackedHeader& header, std::int64_t count);
+/// Returns zeroed weights, and textures of that header for the Gaussians of `gaussians` with a residual.
+PackedAppearance make_packed(const PackedHeader& header, const Gaussians& gaussians);
+
+/// Returns the residual of any Gaussian, which is 0 where it has none.
+Vec3<double> packed_residual(const Packing& packing, const PackedAppearance& packed, std::int64_t row,
+                             const Vec3<double>& direction);
 
 /// Returns alpha of a stored residual.
 Vec3<double> packed_activation(PackedResidualActivation kind, const Vec3<double>& x);

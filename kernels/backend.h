@@ -71,6 +71,16 @@ class Backend {
     /// the sum over views and pixels of (dI/dG)^2. I is the sum of the channels of the composited colour, G the
     /// Gaussian's value at the pixel. One value per row, finite or +infinity; 0 for a Gaussian that no view shows.
     virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
+    /// Returns the number K of Gaussians that have a residual. They are the first rows.
+    virtual std::int64_t num_residuals() const = 0;
+    /// Returns what each residual is worth to `num_views` training views (kernels/densify/residual_score.h).
+    virtual ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) = 0;
+    /// Returns half the squared error of a training view, weighted by its mask, summed over pixels and channels.
+    virtual double squared_error(const StepRequest& view) = 0;
+    /// Takes the residual from the Gaussians without a mark (0 or 1, one per row), and gives those that had one the
+    /// base colours `bases` (n,3), if there are any. Rows with a residual come first afterwards, each kind in its
+    /// order.
+    virtual void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) = 0;
     /// Removes the Gaussians that `request` names.
     virtual PruneStats prune(const PruneRequest& request) = 0;
     /// Sorts all rows by the Morton code of the mean (docs/math/densification.md#morton-order).

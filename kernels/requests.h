@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -84,6 +85,9 @@ struct StepRequest {
     double isp_rate = 0;
 };
 
+/// Returns the step on training view `view`. What it points to stays valid until the next call.
+using StepSource = std::function<StepRequest(std::size_t view)>;
+
 /// The statistics of the steps since the last call of `take_stats`.
 struct StepStats {
     std::int64_t steps = 0;
@@ -160,6 +164,14 @@ struct InvisibleRows {};
 struct LowestScores {
     std::vector<RenderRequest> views;
     double ratio = 0;
+};
+
+/// What the residuals of a model are worth to some training views (Backend::residual_scores).
+struct ResidualScores {
+    /// By how much half the squared error, summed over pixels and channels, grows if a Gaussian loses its residual. One
+    /// value per row, 0 for a Gaussian without one.
+    std::vector<float> worth;
+    std::vector<float> mean_base;  ///< (n,3) base colours that show the mean colour over the views
 };
 
 /// The choice of Gaussians to remove.

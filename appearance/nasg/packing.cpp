@@ -19,7 +19,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
     PackedHeader header;
     header.model = description<Model>().id;
     header.features = std::uint32_t(g.active_degree);
-    return make_packed(header, g.count);
+    return make_packed(header, g);
 }
 
 /// Writes for each lobe: axes x and z (6), 2 lambda, a, with a carrier k, N, amplitude (3).

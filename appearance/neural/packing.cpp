@@ -45,7 +45,7 @@ template <class Model> PackedAppearance prepare(const Gaussians& g) {
     header.neurons = neurons;
     header.hidden_layers = Model::kLayers;
     header.folded = neurons <= 16 && (neurons + 7) / 8 <= (Model::kEncoded + 7) / 8;
-    PackedAppearance packed = make_packed(header, g.count);
+    PackedAppearance packed = make_packed(header, g);
 
     const float* shared = g.shared.param.data();
     std::uint16_t* out = packed.weights.data();

@@ -78,7 +78,7 @@ PackedAppearance prepare(const Gaussians& g) {
     header.floats.assign(kBands, 0);
     header.bands = (2u << degree) - 2;
     for (int band = 1; band <= degree; ++band) header.floats[std::size_t(band - 1)] = find_band_scale(g, band);
-    return make_packed(header, g.count);
+    return make_packed(header, g);
 }
 
 void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {

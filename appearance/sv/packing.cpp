@@ -15,7 +15,7 @@ PackedAppearance prepare(const Gaussians& g) {
     PackedHeader header;
     header.model = packing_description("sv").id;
     header.features = std::uint32_t(g.active_degree);
-    return make_packed(header, g.count);
+    return make_packed(header, g);
 }
 
 void pack_row(const Gaussians& g, std::int64_t row, PackedAppearance& packed) {

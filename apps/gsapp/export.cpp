@@ -12,18 +12,20 @@ namespace {
 struct ExportArguments {
     std::string run, output, source, format = "web";
     std::int64_t iteration = -1;  ///< -1 = the last saved one
-    bool sh_projection = false, overwrite = false;
+    bool sh_projection = false, overwrite = false, compatible = false;
 };
 
 void run_export(const ExportArguments& arguments) {
     if (arguments.sh_projection && arguments.format != "ply") throw UsageError("--sh-projection is for --format ply");
     if (!arguments.source.empty() && arguments.format != "web")
         throw UsageError("--source is for --format web, which measures on its views");
+    if (arguments.compatible && arguments.format != "web") throw UsageError("--compatible is for --format web");
     const ExportRequest request{
         .run = arguments.run,
         .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
         .output = arguments.output,
-        .overwrite = arguments.overwrite};
+        .overwrite = arguments.overwrite,
+        .compatible = arguments.compatible};
     if (arguments.format == "web")
         export_web(request, arguments.source);
     else
@@ -52,6 +54,10 @@ void add_export_command(CLI::App& app, Command& selected) {
         ->check(CLI::NonNegativeNumber);
     command->add_option("--source", arguments->source, "With web: the scene, if it was moved since the training")
         ->type_name("SCENE");
+    command->add_flag(
+        "--compatible", arguments->compatible,
+        "With web: store a residual for every Gaussian, as the paper's viewer expects it, also where only "
+        "some have one");
     command->add_flag("--overwrite", arguments->overwrite, "Replace an earlier export in DIR");
     command->callback([arguments, &selected] { selected = [arguments] { run_export(*arguments); }; });
 }

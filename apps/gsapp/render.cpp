@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
 #include "eval/runs/render_views.h"
 #include "kernels/core/error.h"
@@ -15,7 +16,7 @@ namespace gs {
 namespace {
 
 struct RenderArguments {
-    std::string run, views = "test", path, output, ppisp_eval;
+    std::string run, views = "test", path, output, ppisp_eval, show = "picture";
     int orbit = 0;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     bool decompose = false;
@@ -37,6 +38,11 @@ void run_render(const RenderArguments& arguments) {
     const std::vector<View> views = wanted_views(arguments, run.scene);
     EvalCorrection correction = run.correction;
     correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
+    if (arguments.show == "appearance") {
+        if (arguments.decompose) throw UsageError("--show appearance has one colour a Gaussian; it has no --decompose");
+        run.backend->upload(appearance_colors(run.backend->download(false), run.scene.train));
+        run.background = {0, 0, 0};
+    }
     const std::filesystem::path folder = arguments.output.empty()
                                              ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
                                              : std::filesystem::path(arguments.output);
@@ -71,6 +77,12 @@ void add_render_command(CLI::App& app, Command& selected) {
     command->add_flag(
         "--decompose", arguments->decompose,
         "Also write the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
+    command
+        ->add_option("--show", arguments->show,
+                     "picture; or appearance: grey where a Gaussian has one colour from everywhere, else from blue to "
+                     "yellow by how much its colour depends on the view")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"picture", "appearance"}));
     command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
 }
 

@@ -2,6 +2,9 @@
 // `--appearance auto`: measures, decides, describes.
 #pragma once
 
+#include <optional>
+#include <string>
+
 #include "eval/auto/appearance_report.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
@@ -12,5 +15,10 @@ namespace gs {
 /// and says why (describe_appearance). Test views are not looked at. The same options and seed give the same choice
 /// unless time ran out. Throws what training throws.
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
+
+/// Returns the model without residuals if held-out training views show that direction explains less than
+/// options.auto_tolerance of what that model leaves; nothing otherwise, and where nothing can be measured. It takes the
+/// first part of find_appearance, before the trials. Throws what training throws.
+std::optional<std::string> appearance_for_no_direction(const TrainOptions& options, const Scene& scene);
 
 }  // namespace gs

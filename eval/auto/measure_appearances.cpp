@@ -161,7 +161,7 @@ Trials run_trials(Rehearsal& rehearsal, const Gaussians& begun, const Stage& sta
 
 }  // namespace
 
-AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene) {
+AppearanceMeasurements measure_appearances(const TrainOptions& options, const Scene& scene, bool with_trials) {
     AppearanceMeasurements measured;
     measured.num_views = scene.train.size();
     measured.one_sided = mean_axis(scene.train).norm() > kOneSided;
@@ -202,7 +202,7 @@ AppearanceMeasurements measure_appearances(const TrainOptions& options, const Sc
     }
     const auto positions = make_backend(options.device, plain_sh_appearance(0), backend_options(options));
     measured.parts = residual_parts(*plain.backend, *positions, seen, held_out, rehearsal.background());
-    if (needs_trials(measured.parts, options.auto_tolerance)) {
+    if (with_trials && needs_trials(measured.parts, options.auto_tolerance)) {
         deadline.slower = slowdown(options, stage, plain.backend->count());
         Trials trials = run_trials(rehearsal, plain.backend->download(false), stage, held_out, deadline);
         measured.trials = std::move(trials.finished), measured.unfinished = std::move(trials.unfinished);

@@ -67,8 +67,9 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
     const double loss = loss_of_count(most, plan.full_count);
     const std::string cost =
         loss > 0 ? fmt::format(", which cost {} if the scene has detail for {}", about(loss), plan.full_count) : "";
-    plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {} bytes with {}{}", options.size_limit,
-                                     word(options.size_of), most, size.per_gaussian, options.appearance, cost));
+    plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {:.4g} bytes with {}{}",
+                                     options.size_limit, word(options.size_of), most, size.mean_bytes(),
+                                     options.appearance, cost));
     plan.json["estimated_loss"]["count"]["planned"] = loss;
     if (double(size.bytes(most)) < kLeastUse * double(size.limit))
         plan.lines.push_back(fmt::format("size: {} is the nearest below the limit: {}", megabytes(size.bytes(most)),
@@ -78,7 +79,7 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
     plan.json["size"] = {{"limit_bytes", size.limit},
                          {"of", word(options.size_of)},
                          {"appearance", options.appearance},
-                         {"bytes_per_gaussian", size.per_gaussian},
+                         {"bytes_per_gaussian", size.mean_bytes()},
                          {"most_gaussians", most}};
 }
 
@@ -134,7 +135,9 @@ void note_outcome(Plan& plan, const TrainOptions& options, const TrainSummary& s
         plan.json["time"]["saving_seconds"] = summary.saving_seconds;
     }
     if (plan.size) {
-        const std::int64_t bytes = plan.size->bytes(summary.num_gaussians);
+        SizePlan size = *plan.size;
+        size.share = std::min(size.share, summary.residual_share);
+        const std::int64_t bytes = size.bytes(summary.num_gaussians);
         const double use = double(bytes) / double(plan.size->limit);
         log_info("size limit {}: {} Gaussians make a file of {} ({:.0f} %)", options.size_limit, summary.num_gaussians,
                  megabytes(bytes), 100 * use);

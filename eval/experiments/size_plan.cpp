@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/core/bytes.h"
@@ -12,6 +14,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/initialize.h"
 #include "lib/model/ply.h"
+#include "lib/train/residual_share.h"
 
 namespace gs {
 namespace {
@@ -36,7 +39,9 @@ PackedScene packed_sample(const TrainOptions& options, const Scene& scene) {
 }  // namespace
 
 std::int64_t SizePlan::bytes(std::int64_t count) const {
-    return fixed + (count + unit - 1) / unit * unit * per_gaussian;
+    const auto padded = [&](std::int64_t n) { return (n + unit - 1) / unit * unit; };
+    const std::int64_t header = share < 1 && per_residual > 0 ? sizeof(std::uint32_t) : 0;  // the number of residuals
+    return fixed + header + padded(count) * per_gaussian + padded(std::llround(share * double(count))) * per_residual;
 }
 
 SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
@@ -47,7 +52,10 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
             const PackedScene sample = packed_sample(options, scene);
             plan.fixed = ngsplat_bytes(sample, 0, kTrailerBytes);
             plan.unit = ngsplat_unit();
-            plan.per_gaussian = sample.bytes_per_gaussian();
+            plan.per_gaussian = sample.bytes_per_gaussian(false);
+            plan.per_residual = sample.bytes_per_gaussian() - plan.per_gaussian;
+            // Where the share is only known at the end, there must be room for all.
+            plan.share = wanted_residual_share(options, appearance).value_or(1);
             break;
         }
         case SizeOf::kPly:
@@ -61,7 +69,10 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
         throw UsageError(
             fmt::format("option size-limit: {} is too small: the smallest {} file of {} takes {} bytes here",
                         options.size_limit, word(options.size_of), options.appearance, plan.bytes(1)));
-    plan.most_gaussians = (plan.limit - plan.fixed) / (plan.unit * plan.per_gaussian) * plan.unit;
+    const double most = double(plan.limit - plan.fixed) / plan.mean_bytes();
+    plan.most_gaussians = (std::int64_t(most) / plan.unit + 1) * plan.unit;
+    while (plan.most_gaussians > plan.unit && plan.bytes(plan.most_gaussians) > plan.limit)
+        plan.most_gaussians -= plan.unit;
     return plan;
 }
 

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "appearance/model_info.h"
 #include "eval/auto/find_appearance.h"
 #include "eval/experiments/plan.h"
 #include "eval/experiments/target_views.h"
@@ -26,7 +27,9 @@
 #include "lib/core/progress.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/scene/verify_images.h"
+#include "lib/train/residual_share.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/trainer.h"
 
@@ -75,6 +78,27 @@ void resolve_auto_appearance(TrainOptions& options, const Scene& scene, RunStart
     start.first_event["event"] = "appearance_choice";
     options.appearance = report.model;
     start.used_seconds = report.json.value("seconds", 0.0);
+}
+
+/// Puts the model without residuals in the place of the named one where no Gaussian is to have a residual: for a share
+/// of 0, and for auto where direction explains nothing. Returns whether it did.
+bool resolve_no_residuals(TrainOptions& options, const Scene& scene) {
+    const AppearanceSpec appearance = appearance_spec(options);
+    const std::optional<double> share = wanted_residual_share(options, appearance);
+    const std::string plain = plain_sh_appearance(0).model;
+    std::string reason;
+    if (share == 0) {
+        reason = "no Gaussian is to have a residual";
+    } else if (!share && !options.resume.empty()) {
+        if (checkpoint_appearance(options) == plain) reason = "so the checkpoint has it";
+    } else if (!share && appearance_for_no_direction(options, scene)) {
+        reason = fmt::format("held-out training views show less than {:g} dB in what depends on the direction",
+                             options.auto_tolerance);
+    }
+    if (reason.empty()) return false;
+    log_info("--appearance-share: {} instead of {}: {}", plain, options.appearance, reason);
+    options.appearance = plain;
+    return true;
 }
 
 /// Adds to auto.json how long the choice took compared with the training that followed.
@@ -176,6 +200,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
+    if (resolve_no_residuals(options, scene)) plan = {};
     if (plan.json.is_null()) plan = make_plan(options, scene, held_out);
     for (const std::string& line : plan.lines) log_info("plan: {}", line);
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);

@@ -18,6 +18,7 @@ std::string two_digits(double v) { return fmt::format("{:.2f}", v); }
 std::string four_digits(double v) { return fmt::format("{:.4f}", v); }
 std::string whole(double v) { return fmt::format("{:.0f}", v); }
 std::string one_digit(double v) { return fmt::format("{:.1f}", v); }
+std::string percent(double v) { return fmt::format("{:.1f} %", 100 * v); }
 std::string gibibytes(double v) { return fmt::format("{:.2f} GiB", v / double(1 << 30)); }
 
 /// Returns the metrics in the order of columns. 3DGS's metrics.py writes "LPIPS" without naming the net.
@@ -35,6 +36,7 @@ std::optional<double> as_double(const std::optional<std::int64_t>& n) {
 
 const std::vector<Column>& cost_columns() {
     static const std::vector<Column> columns = {
+        {"residual_share", "residuals", Better::kNeither, percent, [](const TableRow& r) { return r.residual_share; }},
         {"bytes_per_gaussian", "bytes/G", Better::kLower, whole,
          [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
         {"num_gaussians", "#Gs", Better::kNeither, whole, [](const TableRow& r) { return as_double(r.num_gaussians); }},

@@ -108,6 +108,7 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.scene = text_fact(run, "scene");
     row.model = text_fact(run, "model");
     row.strategy = text_fact(run, "strategy");
+    row.residual_share = number_fact(run, "residual_share");
     row.bytes_per_gaussian = count_fact(run, "bytes_per_gaussian");
     row.correction = text_fact(protocol, "ppisp_eval");
     row.protocol_name = text_fact(protocol, "name");

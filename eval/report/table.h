@@ -27,7 +27,8 @@ struct TableRow {
     std::optional<double> frame_seconds;
     std::optional<FrameTimes> frame_times;           ///< result of `gsapp bench frames`
     std::optional<std::int64_t> peak_device_bytes;   ///< peak of training on a GPU
-    std::optional<std::int64_t> bytes_per_gaussian;  ///< size of the appearance
+    std::optional<double> residual_share;            ///< of a mixed model: share of Gaussians with a residual
+    std::optional<std::int64_t> bytes_per_gaussian;  ///< mean size of the appearance
     std::optional<std::int64_t> planned_bytes;       ///< size of the file that a size limit is for
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string protocol_name;  ///< one of protocols(); empty: the file does not say

@@ -21,7 +21,7 @@ EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rou
     for (const auto& [key, score] : result.scores) {
         if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
     }
-    RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
+    RunFacts facts = run_facts(run.options, run.scene, run.background, *run.backend);
     if (frame_rounds > 0)
         facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, frame_rounds);
     write_results(RunFolder{options.run_folder}, options, result, facts);

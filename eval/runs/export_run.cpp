@@ -32,7 +32,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
                                    {"iteration", run.iteration},
                                    {"background", {run.background.x, run.background.y, run.background.z}},
                                    {"num_gaussians", scene.count()},
-                                   {"bytes_per_gaussian", scene.bytes_per_gaussian()},
+                                   {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()},
                                    {"photometric", correction_name(run.correction.mode)}};
     if (!run.scene.frame.is_identity()) json["frame"] = frame_json(run.scene.frame);
     if (loss)
@@ -55,7 +55,8 @@ void export_web(const ExportRequest& request, const std::string& source) {
     SavedRun run = open_saved_run(request.run, request.iteration, {.source = source});
     const Gaussians all = run.backend->download(false);
     require_finite(all);
-    const Gaussians model = visible_gaussians(all);
+    Gaussians model = visible_gaussians(all);
+    if (request.compatible) complete_residuals(model);
     PackedScene scene = pack_gaussians(model);
     add_cameras(scene, model, run.scene.test);
     if (all.ppisp.active()) scene.ppisp = packed_correction(run);
@@ -69,8 +70,14 @@ void export_web(const ExportRequest& request, const std::string& source) {
     staging.publish();
     if (!viewer.empty()) remove_other_versions(viewer, folder);
 
-    log_info("{}: {} Gaussians, {} bytes each ({} of them geometry and base colour)",
-             (folder / "scene.ngsplat").string(), scene.count(), scene.bytes_per_gaussian(), sizeof(GeometryWords));
+    log_info("{}: {} Gaussians, {:.4g} bytes each ({} of them geometry and base colour)",
+             (folder / "scene.ngsplat").string(), scene.count(), scene.mean_bytes_per_gaussian(),
+             sizeof(GeometryWords));
+    if (scene.is_mixed())
+        log_info(
+            "the colour of {} of them depends on the view; --compatible writes the others the same, for viewers "
+            "that know no mixed models",
+            scene.appearance.rows);
     if (loss)
         log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.scene.test.size(),
                  loss->psnr, loss->packed_psnr, loss->psnr - loss->packed_psnr);

@@ -14,6 +14,8 @@ struct ExportRequest {
     std::optional<std::int64_t> iteration;  ///< saved iteration; empty: the last
     std::filesystem::path output;           ///< folder to write to
     bool overwrite = false;                 ///< replace an earlier export there
+    /// Whether scene.ngsplat stores a residual for every Gaussian, as the paper's viewer expects it.
+    bool compatible = false;
 };
 
 /// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views of

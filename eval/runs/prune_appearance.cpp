@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the Gaussians whose colour no camera sees change, and clears their parameters.
+// Finds the Gaussians whose colour a camera sees change.
 #include "eval/runs/prune_appearance.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 
 #include "appearance/contract.h"
-#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
@@ -40,49 +38,31 @@ bool shows_residual(const ParameterView<float>& params, std::int64_t i, int degr
     });
 }
 
-template <class Model> std::int64_t prune(Gaussians& g, const Cameras& cameras) {
-    const ModelInfo& info = appearance_model(g.appearance.model);
-    const int width = g[Group::kResidual].width;
-    if (width == 0)
-        throw UsageError(
-            fmt::format("appearance {}: Gaussians have no view-dependent parameters that could be pruned", info.name));
-    if constexpr (kNumSharedOf<Model> != 0) {
-        throw UsageError(
-            fmt::format("appearance {}: view dependence comes from a network that all of them share, and no parameters "
-                        "of one Gaussian make it zero",
-                        info.name));
-    } else {
-        std::vector<float> zero(static_cast<std::size_t>(width));
-        info.init_residual(g.appearance.max_degree, zero.data());
-        if (info.clear_residual) info.clear_residual(g.appearance.max_degree, zero.data());
-        const ParameterView<float> params = ParameterView<float>::of(g);
-        std::atomic<std::int64_t> pruned = 0;
-        parallel_for_rows(g.count, [&](std::int64_t i) {
-            if (shows_residual<Model>(params, i, g.active_degree, cameras, kHalfStep)) return;
-            std::copy(zero.begin(), zero.end(), g[Group::kResidual].param.begin() + i * width);
-            if (shows_residual<Model>(params, i, g.active_degree, cameras, 0))
-                throw UsageError(fmt::format(
-                    "appearance {}: the model names no parameters of a Gaussian that make its view dependence zero",
-                    info.name));
-            ++pruned;
-        });
-        return pruned;
-    }
+template <class Model> std::vector<std::uint8_t> find_shown(const Gaussians& g, const Cameras& cameras) {
+    if (g[Group::kResidual].width == 0)
+        throw UsageError(fmt::format("appearance {}: Gaussians have no view-dependent parameters that could be pruned",
+                                     g.appearance.model));
+    const ParameterView<float> params = ParameterView<float>::of(g);
+    std::vector<std::uint8_t> shown(std::size_t(g.count), 0);
+    parallel_for_rows(params.num_residuals, [&](std::int64_t i) {
+        shown[std::size_t(i)] = shows_residual<Model>(params, i, g.active_degree, cameras, kHalfStep);
+    });
+    return shown;
 }
 
-template <class... Models> std::int64_t prune_named(Gaussians& g, const Cameras& cameras) {
-    std::int64_t pruned = 0;
+template <class... Models> std::vector<std::uint8_t> find_shown_of_named(const Gaussians& g, const Cameras& cameras) {
+    std::vector<std::uint8_t> shown;
     const auto try_model = [&]<class Model>(const Model* model) {
-        if (g.appearance.model == appearance_name(model)) pruned = prune<Model>(g, cameras);
+        if (g.appearance.model == appearance_name(model)) shown = find_shown<Model>(g, cameras);
     };
     (try_model(static_cast<const Models*>(nullptr)), ...);
-    return pruned;
+    return shown;
 }
 
 }  // namespace
 
-std::int64_t prune_residuals(Gaussians& gaussians, const std::vector<CameraParams<float>>& cameras) {
-    return prune_named<GS_ALL_APPEARANCE_MODELS>(gaussians, cameras);
+std::vector<std::uint8_t> shown_residuals(const Gaussians& gaussians, const std::vector<CameraParams<float>>& cameras) {
+    return find_shown_of_named<GS_ALL_APPEARANCE_MODELS>(gaussians, cameras);
 }
 
 }  // namespace gs

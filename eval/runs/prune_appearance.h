@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes the parameters of view dependence from Gaussians that show none.
+// Which Gaussians of a model show view dependence.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,10 @@
 
 namespace gs {
 
-/// Sets the residual of a Gaussian to zero where it changes the colour by at most half an 8-bit step, 0.5/255, in each
-/// channel for every camera that draws any part of the Gaussian. Gaussians that no camera draws are cleared, too.
-/// Returns how many were cleared; `gaussians` is otherwise left as it is. The bound does not depend on opacity: the
-/// weights of a pixel's Gaussians add up to at most 1, so no pixel of these cameras changes by more than half a step
-/// whichever Gaussians are cleared. Throws UsageError for a model without residuals, and for one in which a single
-/// Gaussian's residual cannot be zero.
-std::int64_t prune_residuals(Gaussians& gaussians, const std::vector<CameraParams<float>>& cameras);
+/// Marks (1) the Gaussians whose residual changes their colour by more than half an 8-bit step, 0.5/255, in a channel
+/// for a camera that draws any part of them; one value per row. The bound does not depend on opacity: the weights of a
+/// pixel's Gaussians add up to at most 1, so no pixel of these cameras changes by more than half a step whichever of
+/// the others lose their residual. Throws UsageError for a model without residuals.
+std::vector<std::uint8_t> shown_residuals(const Gaussians& gaussians, const std::vector<CameraParams<float>>& cameras);
 
 }  // namespace gs

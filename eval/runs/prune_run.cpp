@@ -52,7 +52,7 @@ fs::path pruned_folder(const fs::path& run) {
 }
 
 PruneReport prune_run(SavedRun& run, const fs::path& output) {
-    Gaussians model = run.backend->download(false);
+    const Gaussians model = run.backend->download(false);
     std::vector<CameraParams<float>> cameras;
     for (const View& view : run.scene.train) cameras.push_back(camera_params(view.camera));
     PruneReport report{.run = run.folder.string(),
@@ -60,21 +60,22 @@ PruneReport prune_run(SavedRun& run, const fs::path& output) {
                        .num_gaussians = model.count,
                        .num_cameras = cameras.size(),
                        .split_rule = run.scene.split_rule};
-    report.pruned = prune_residuals(model, cameras);
-    report.bytes_saved = report.pruned * model[Group::kResidual].width * std::int64_t(sizeof(float));
-    if (!run.scene.test.empty()) {
-        report.before = score(run);
-        run.backend->upload(model);
-        report.after = score(run);
-    }
-    write_run(run, model, output);
+    const std::vector<std::uint8_t> shown = shown_residuals(model, cameras);
+    const int width = model[Group::kResidual].width;
+    report.pruned = model.num_residuals() - std::count(shown.begin(), shown.end(), 1);
+    report.bytes_saved = report.pruned * width * std::int64_t(sizeof(float));
+    if (!run.scene.test.empty()) report.before = score(run);
+    run.backend->keep_residuals(shown, {});
+    if (!run.scene.test.empty()) report.after = score(run);
+    write_run(run, run.backend->download(false), output);
     write_text_atomic(output / "pruned.json", json_text(prune_report_json(report), 1) + "\n");
     return report;
 }
 
 std::string format_prune_report(const PruneReport& r) {
     std::string text = fmt::format(
-        "{} of {} Gaussians ({:.1f} %) show no view dependence in {} training views; {} bytes need not be stored\n",
+        "{} of {} Gaussians ({:.1f} %) show their view dependence in none of {} training views and lose it: {} bytes "
+        "less\n",
         r.pruned, r.num_gaussians, 100 * share(r), r.num_cameras, r.bytes_saved);
     if (r.before && r.after)
         return text + fmt::format("test views: PSNR {:.3f} before, {:.3f} after; SSIM {:.5f} before, {:.5f} after\n",

@@ -19,7 +19,7 @@ struct PruneScores {
 struct PruneReport {
     std::string run = {};  ///< folder of the run that was pruned
     std::int64_t iteration = 0, num_gaussians = 0;
-    std::int64_t pruned = 0;                             ///< Gaussians without view dependence
+    std::int64_t pruned = 0;                             ///< Gaussians that lost their residual
     std::int64_t bytes_saved = 0;                        ///< size of their residuals
     std::size_t num_cameras = 0;                         ///< training views that were looked at
     std::string split_rule = {};                         ///< which views were held out
@@ -29,9 +29,9 @@ struct PruneReport {
 /// The folder of the pruned run where the user names none: RUN-pruned, also where RUN ends with a slash.
 std::filesystem::path pruned_folder(const std::filesystem::path& run);
 
-/// Prunes the run's model by its training views (prune_residuals), measures the test views before and after, and writes
+/// Prunes the run's model by its training views (shown_residuals), measures the test views before and after, and writes
 /// the pruned run with pruned.json to `output`, whose folder must be missing or empty. The backend of `run` holds the
-/// pruned model afterwards where there are test views. Throws what prune_residuals throws, and DataError where a file
+/// pruned model afterwards. Throws what shown_residuals throws, and DataError where a file
 /// cannot be written.
 PruneReport prune_run(SavedRun& run, const std::filesystem::path& output);
 

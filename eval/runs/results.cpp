@@ -95,6 +95,7 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
                                     {"strategy", facts.strategy},
                                     {"bytes_per_gaussian", facts.bytes_per_gaussian},
                                     {"frame", frame_json(facts.frame)}};
+    if (facts.residual_share < 1) results["run"][key]["residual_share"] = facts.residual_share;
 
     Json per_view = existing(folder.per_view());
     Json scores = {{"SSIM", Json::object()}, {"PSNR", Json::object()}}, names = Json::object(),

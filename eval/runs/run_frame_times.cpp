@@ -15,7 +15,7 @@ namespace gs {
 FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int64_t> iteration, Device device,
                                int frames_per_view) {
     const SavedRun run = open_saved_run(folder, iteration, {.device = device});
-    const RunFacts facts = run_facts(run.options, run.scene, run.background, run.backend->count());
+    const RunFacts facts = run_facts(run.options, run.scene, run.background, *run.backend);
     const std::vector<View>& views = run.scene.test.empty() ? run.scene.train : run.scene.test;
     std::vector<Camera> cameras;
     for (const View& view : views) cameras.push_back(view.camera);

@@ -114,7 +114,7 @@ nlohmann::ordered_json read_appearance_choice(const fs::path& run_folder) {
 }
 
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
-                   std::int64_t num_gaussians) {
+                   const Backend& backend) {
     RunFacts facts;
     facts.dataset = dataset_name(options.source);
     facts.scene = scene_name(options.source);
@@ -128,9 +128,12 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     facts.split_rule = scene.split_rule;
     facts.frame = scene.frame;
     facts.background = background;
-    facts.num_gaussians = num_gaussians;
-    facts.bytes_per_gaussian = std::int64_t(sizeof(float)) *
-                               (group_width(Group::kBase, appearance) + group_width(Group::kResidual, appearance));
+    facts.num_gaussians = backend.count();
+    const int residual = group_width(Group::kResidual, appearance);
+    if (residual > 0 && facts.num_gaussians > 0)
+        facts.residual_share = double(backend.num_residuals()) / double(facts.num_gaussians);
+    facts.bytes_per_gaussian =
+        std::llround(double(sizeof(float)) * (group_width(Group::kBase, appearance) + facts.residual_share * residual));
     return facts;
 }
 

@@ -61,8 +61,8 @@ SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<s
 /// for a file that is no JSON object.
 nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_folder);
 
-/// Returns the facts that results.json states about a run with these options.
+/// Returns the facts that results.json states about a run with these options, whose model `backend` holds.
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,
-                   std::int64_t num_gaussians);
+                   const Backend& backend);
 
 }  // namespace gs

@@ -28,7 +28,7 @@ void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bo
              .iteration = iteration,
              .correction = saved_correction(options_.model)};
     result_ = evaluate_views(backend, scene_.test, background_, eval_);
-    facts_ = run_facts(options_, scene_, background_, backend.count());
+    facts_ = run_facts(options_, scene_, background_, backend);
     if (last && frame_rounds_ > 0)
         facts_.frame_seconds = frame_seconds(backend, scene_.test, background_, frame_rounds_);
     write_results(RunFolder{options_.model}, eval_, result_, facts_);

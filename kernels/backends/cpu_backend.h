@@ -8,6 +8,8 @@
 #include "kernels/backends/cpu_rasterizer.h"
 #include "kernels/core/ceilings.h"
 #include "kernels/densify/densify.h"
+#include "kernels/densify/residual_handles.h"
+#include "kernels/densify/residual_score.h"
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/ppisp/ppisp.h"
@@ -128,6 +130,45 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         }
         return {sums.begin(), sums.end()};
     }
+    std::int64_t num_residuals() const override { return state_.num_residuals(); }
+    double squared_error(const StepRequest& r) override {
+        const bool corrected = is_corrected(state_.ppisp, r.isp);
+        view_image(r, corrected);
+        return loss_.error((corrected ? corrected_ : image_).data(), r.target, r.background, dL_dimage_.data());
+    }
+    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override {
+        const auto params = ParameterView<float>::of(state_);
+        std::vector<ResidualSums> sums(std::size_t(params.num_residuals), ResidualSums{});
+        std::vector<Vec3<float>> gradients(sums.size());
+        ResidualScores out;
+        for (std::size_t view = 0; view < num_views; ++view) {
+            const StepRequest r = step_on(view);
+            squared_error(r);
+            if (is_corrected(state_.ppisp, r.isp)) correction_.backward(image_.data(), dL_dimage_.data());
+            raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+            parallel_for_rows(params.num_residuals, [&](std::int64_t i) { gradients[i] = raster_.color_gradient(i); });
+            loss_.weights(r.target, dL_dimage_.data());
+            raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+            parallel_for_rows(params.num_residuals, [&](std::int64_t i) {
+                const float weight = raster_.color_gradient(i).x;
+                if (weight > 0)
+                    sums[i].add(weight, gradients[i], raster_.color(i), activate(params.activation, params.base(i)));
+            });
+        }
+        out.worth.resize(std::size_t(state_.count), 0.0f);
+        out.mean_base = state_[Group::kBase].param;
+        for (std::size_t i = 0; i < sums.size(); ++i) {
+            const Vec3<float> base = sums[i].mean_base(params.activation, params.base(std::int64_t(i)));
+            out.worth[i] = sums[i].worth();
+            out.mean_base[3 * i] = base.x, out.mean_base[3 * i + 1] = base.y, out.mean_base[3 * i + 2] = base.z;
+        }
+        return out;
+    }
+    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
+        ResidualHandles residuals(state_, true);
+        residuals.keep(marks, bases);
+        residuals.resolve();
+    }
     PruneStats prune(const PruneRequest& request) override {
         PruneStats stats;
         if (std::holds_alternative<NonFiniteRows>(request))
@@ -196,9 +237,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
 
     Ceilings measure_ceilings() override { return cpu_ceilings(); }
 
-    /// Renders the view into image_ and, if `corrected`, corrects it into corrected_. Leaves the gradient of the last
-    /// of these in dL_dimage_.
-    LossValues view_loss(const StepRequest& r, bool corrected) {
+    /// Renders the view into image_ and, if `corrected`, corrects it into corrected_. Makes room in dL_dimage_.
+    void view_image(const StepRequest& r, bool corrected) {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
@@ -211,6 +251,11 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
             corrected_.resize(3 * pixels);
             correction_.apply(state_.ppisp, r.isp, image_.data(), r.camera.width, r.camera.height, corrected_.data());
         }
+    }
+
+    /// Does the same, and leaves the gradient of the loss by the last of these in dL_dimage_.
+    LossValues view_loss(const StepRequest& r, bool corrected) {
+        view_image(r, corrected);
         const StageTimer timer(loss_seconds_);
         return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim,
                              dL_dimage_.data());
@@ -257,9 +302,10 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
             typename CpuRasterizer<float, Model>::FullGradient gradient;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
                 raster_.gaussian_gradient(params, i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>);
-                if (!drop_nonfinite(gradient, gradient.residual, width)) ++nonfinite_[part];
+                const bool has_residual = i < params.num_residuals;
+                if (!drop_nonfinite(gradient, gradient.residual, has_residual ? width : 0)) ++nonfinite_[part];
                 update_gaussian(arrays, args, i, gradient);
-                update_residual(arrays, args, i, gradient.residual);
+                if (has_residual) update_residual(arrays, args, i, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;

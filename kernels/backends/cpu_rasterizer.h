@@ -91,9 +91,19 @@ template <class Real, class Model> class CpuRasterizer {
                 sum.hyy += s[k].hyy;
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
-        gaussian_backward<Model>(params, i, camera_, degree_, sum, static_cast<GaussianGradient<Real>&>(out),
-                                 out.residual, dL_dshared);
+        gaussian_backward<Model>(params, i, camera_, params.degree(i, degree_), sum,
+                                 static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
     }
+
+    /// Returns the sums over pixels of dL/dcolour of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
+    Vec3<Real> color_gradient(std::int64_t i) const {
+        Vec3<Real> out{0, 0, 0};
+        const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
+        for (std::uint32_t k = 0; k < bins_.count[i]; ++k) out += Vec3<Real>{s[k].r, s[k].g, s[k].b};
+        return out;
+    }
+    /// Returns the colour in which the last forward() showed Gaussian i. Undefined if no tile has it.
+    Vec3<Real> color(std::int64_t i) const { return splats_[i].color; }
 
     /// Adds the scores of the last forward(), whose mode must be kFull, to `scores` (Gaussians).
     void add_scores(const Real* image, const Real* transmittance, std::vector<double>& scores) {
@@ -167,7 +177,7 @@ template <class Real, class Model> class CpuRasterizer {
             }
         if (bin.tiles.size() == before) return;
         const Vec3<Real> direction = params.direction(i, camera_.position).unit;
-        const int degree = mode == RenderMode::kBaseOnly ? 0 : degree_;
+        const int degree = mode == RenderMode::kBaseOnly ? 0 : params.degree(i, degree_);
         s.color = gaussian_color(params.activation, params.base(i),
                                  model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
         bin.depth_keys.push_back(std::uint64_t(depth_key_(float(z))) << 32 | std::uint32_t(i));

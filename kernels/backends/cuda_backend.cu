@@ -10,6 +10,8 @@
 #include "appearance/model_info.h"
 #include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
+#include "kernels/densify/residual_handles_cuda.h"
+#include "kernels/densify/residual_scores_cuda.h"
 
 namespace gs {
 namespace {
@@ -105,7 +107,7 @@ std::string CudaBackend::describe() const {
 void CudaBackend::upload(const Gaussians& state) {
     abandon_steps();  // they belong to the old model
     stats_ = {};
-    model_.count = 0;  // stays 0 if there is no memory
+    model_.count = model_.without_residual = 0;  // stays 0 if there is no memory
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
@@ -138,6 +140,7 @@ void CudaBackend::upload(const Gaussians& state) {
     ppisp_.upload(state.ppisp);
     sizes_ = {};  // PPISP takes some of the scratch block
     model_.count = state.count;
+    model_.without_residual = state.is_mixed() ? state.count - state.num_residuals() : 0;
     half_residuals_current_ = false;
     lazy_.reset(meta_.step);
     GS_CUDA(cudaDeviceSynchronize());
@@ -206,7 +209,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
         shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
                                      std::size_t(kernels_.shared.count));
     if (options_.separate_appearance && kernels_.directional) {
-        separate_.dL_dresiduals = c.take<float>(std::size_t(sizes.n) * model_.width[int(Group::kResidual)]);
+        separate_.dL_dresiduals = c.take<float>(model_.floats(int(Group::kResidual)));
         separate_.dL_dmeans = c.take<Vec3<float>>(sizes.n);
     }
     dL_dimage_ = c.take<float>(3 * pixels);
@@ -232,6 +235,7 @@ PreprocessArgs CudaBackend::preprocess_args(const CameraParams<float>& camera, R
                                     p(Group::kBase),
                                     p(Group::kResidual),
                                     model_.width[int(Group::kResidual)],
+                                    model_.num_residuals(),
                                     meta_.appearance.activation,
                                     model_.shared_param.get()};
     return {view,
@@ -316,14 +320,14 @@ void CudaBackend::abandon_steps() {
     cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
 }
 
-CudaBins CudaBackend::forward_whole(const RenderRequest& r) {
+CudaBins CudaBackend::forward_whole(const RenderRequest& r, bool for_backward) {
     settle();
     const std::int64_t for_steps = capacity_;
     CudaBins bins;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
         PreprocessArgs args = frame_args(r);
-        bins = enqueue_forward(args, r.background, false);
+        bins = enqueue_forward(args, r.background, for_backward);
         report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
         GS_CUDA_LAUNCHED("report_step");
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -611,6 +615,61 @@ std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) 
     CudaScores scores(model_.count, stream_);
     gather_scores(views, scores);
     return scores.download();
+}
+std::int64_t CudaBackend::num_residuals() const { return model_.num_residuals(); }
+void CudaBackend::enqueue_error(const StepRequest& r, double* error, CudaBins& bins, TargetImage& target) {
+    bins = forward_whole({r.camera, r.background, RenderMode::kFull, r.isp}, true);
+    target = images_.get(r.target, 0, stream_).image;
+    const bool corrected = ppisp_.corrects(r.isp);
+    if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
+    write_error({corrected ? ppisp_.corrected() : image_, target, r.background, 0, 0}, dL_dimage_, error, stream_);
+}
+double CudaBackend::squared_error(const StepRequest& r) {
+    DeviceBuffer<double> error;
+    GS_CUDA(cudaMemsetAsync(error.reserve(1), 0, sizeof(double), stream_));
+    CudaBins bins;
+    TargetImage target;
+    enqueue_error(r, error.get(), bins, target);
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    return error.download(1)[0];
+}
+ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSource& step_on) {
+    settle();
+    const std::int64_t n = model_.count;
+    CudaResidualScores scores(num_residuals(), stream_);
+    const auto params = [&] { return preprocess_args({}, RenderMode::kFull, {}).params; };
+    for (std::size_t view = 0; view < num_views; ++view) {
+        const StepRequest r = step_on(view);
+        CudaBins bins;
+        TargetImage target;
+        enqueue_error(r, scores.error(), bins, target);
+        if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
+        const SlotMap slots = binning_.slots();
+        const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
+        const auto backward = [&] {
+            if (n > 0) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
+            blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control_.get(), stream_);
+        };
+        backward();
+        scores.keep_gradients(binning_.input().counts, sums_);
+        write_weights(target, dL_dimage_, stream_);
+        backward();
+        scores.add(params(), binning_.input().counts, splats_, sums_);
+        GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
+    }
+    return scores.download(params());
+}
+void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
+    settle();
+    sizes_ = {};  // moving rows may use all of the scratch block
+    half_residuals_current_ = false;
+    DeviceBuffer<unsigned char> device_marks;
+    DeviceBuffer<float> device_bases;
+    device_marks.upload(marks), device_bases.upload(bases);
+    CudaResidualHandles residuals(model_, stream_, true);
+    residuals.keep(device_marks.get(), device_bases.get());
+    residuals.resolve(scratch_);
+    lazy_.reset(meta_.step);
 }
 PruneStats CudaBackend::prune(const PruneRequest& request) {
     PruneStats stats;

@@ -52,6 +52,10 @@ class CudaBackend final : public Backend, private BackendTimer {
     DensifyStats densify(const DensifyRequest& request) override;
     void reset_opacity() override;
     std::vector<float> scores(const std::vector<RenderRequest>& views) override;
+    std::int64_t num_residuals() const override;
+    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override;
+    double squared_error(const StepRequest& view) override;
+    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override;
     PruneStats prune(const PruneRequest& request) override;
     void morton_sort() override;
 
@@ -93,7 +97,10 @@ class CudaBackend final : public Backend, private BackendTimer {
     /// Enqueues the forward pass, and completes `args` with the buffers that it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
     /// Renders a view, making room until it fits, and waits.
-    CudaBins forward_whole(const RenderRequest& request);
+    CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
+    /// Renders a training view and writes the gradient of half its squared error to dL_dimage_. Adds that error to
+    /// *error, on the device. `bins` and `target` become those of the view.
+    void enqueue_error(const StepRequest& r, double* error, CudaBins& bins, TargetImage& target);
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();

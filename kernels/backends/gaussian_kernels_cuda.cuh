@@ -79,13 +79,13 @@ template <class Model>
 __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bool visible, RowMemory<Model>& memory,
                                      typename WarpAppearance<Model>::Memory& scratch) {
     if constexpr (Model::kDirectional) {
-        const unsigned mask = __ballot_sync(~0u, visible);
+        const bool shown = visible && i < a.params.num_residuals;
+        const unsigned mask = __ballot_sync(~0u, shown);
         if (mask && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
-            memory.load(a, i - (threadIdx.x & 31), mask, visible ? a.lazy.lag(i) : 0);
-            const Vec3<float> direction =
-                visible ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
+            memory.load(a, i - (threadIdx.x & 31), mask, shown ? a.lazy.lag(i) : 0);
+            const Vec3<float> direction = shown ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
             return WarpAppearance<Model>(scratch, a.shared.prepared)
-                .residual(memory.rows, a.params.residual_width, direction, a.degree, visible);
+                .residual(memory.rows, a.params.residual_width, direction, a.degree, shown);
         }
     }
     return {0, 0, 0};
@@ -296,7 +296,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
-    const bool visible = i < a.params.count && counts[i] > 0;
+    const bool visible = i < a.params.num_residuals && counts[i] > 0;
     const unsigned seen = __ballot_sync(~0u, visible);
     WarpSpace<Model>& space = warps[warp].space();
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
@@ -336,23 +336,24 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     }
     const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
     if (!isfinite(control->l1 + control->ssim)) {  // a skipped step changes nothing, not even residuals that are behind
-        if (i < a.params.count && a.lazy.last_step) ++a.lazy.last_step[i];
+        if (i < a.params.num_residuals && a.lazy.last_step) ++a.lazy.last_step[i];
         return;
     }
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const bool valid = i < a.params.count, visible = valid && counts[i] > 0;
     const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;  // below degree 1 the residual has no gradient
+    const bool owns = with_residual && i < a.params.num_residuals, shown = owns && visible;
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     WarpSpace<Model>& space = warps[warp].space();
     float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0],
           *decay_v = space.decays[1];
-    const unsigned seen = with_residual ? __ballot_sync(~0u, visible) : 0;
+    const unsigned seen = with_residual ? __ballot_sync(~0u, shown) : 0;
     unsigned rows = 0, stale = 0;
     GaussianGradient<float> gradient{};
     Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (with_residual) {
-        rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, valid) : seen;
+        rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, owns) : seen;
         const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
         if (rows) {
             stale = space.memory.load(a, i - lane, rows, lag);
@@ -364,26 +365,27 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         if (seen) {
             if constexpr (kFused) {
                 const ViewDirection<float> direction =
-                    visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
-                residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
-                const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
+                    shown ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+                residual = appearance.residual(parameters, width, direction.unit, a.degree, shown);
+                const bool finite = shown && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
                 Vec3<float> dL_ddirection;
                 appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients,
                                     dL_ddirection);
                 dL_dmean = direction_pullback(direction, dL_ddirection);
             } else {
                 load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
-                if (visible) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
+                if (shown) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
             }
         }
     }
     if (valid) {
         if (visible) {
             const SplatSums<float> s = sums[i].sums();
-            if (!(kFused && with_residual)) color_gradient(a, i, residual, s, gradient.base);
+            if (!(kFused && shown)) color_gradient(a, i, residual, s, gradient.base);
             geometry_backward(a.params.geometry(i), a.camera, s, gradient);
             gradient.geometry.mean += dL_dmean;
-            if (!drop_nonfinite(gradient, gradients + lane * width, width)) atomicAdd(&control->num_nonfinite, 1u);
+            if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
+                atomicAdd(&control->num_nonfinite, 1u);
         }
         update_gaussian(arrays, update, i, gradient);
     }

@@ -46,9 +46,23 @@ template <class T> class DeviceBuffer {
         bigger.allocate(n);
         // The release of the old memory waits for the device, which orders this copy with the streams that use it.
         if (used) GS_CUDA(cudaMemcpy(bigger.data_, data_, used * sizeof(T), cudaMemcpyDeviceToDevice));
-        std::swap(data_, bigger.data_);
-        std::swap(capacity_, bigger.capacity_);
+        swap(bigger);
         return data_;
+    }
+    /// Gives back the memory beyond n elements, if there is any, and keeps the first n.
+    void shrink(std::size_t n) {
+        if (n >= capacity_) return;
+        DeviceBuffer smaller;
+        if (n > 0) {
+            smaller.allocate(n);
+            GS_CUDA(cudaDeviceSynchronize());
+            GS_CUDA(cudaMemcpy(smaller.data_, data_, n * sizeof(T), cudaMemcpyDeviceToDevice));
+        }
+        swap(smaller);
+    }
+    void swap(DeviceBuffer& other) {
+        std::swap(data_, other.data_);
+        std::swap(capacity_, other.capacity_);
     }
     T* get() const { return data_; }
     std::int64_t bytes() const { return std::int64_t(capacity_ * sizeof(T)); }

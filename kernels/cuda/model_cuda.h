@@ -11,15 +11,20 @@ namespace gs {
 
 struct CudaModel {
     std::int64_t count = 0;
+    std::int64_t without_residual = 0;  ///< the number of Gaussians without a residual: the last ones
     int width[kNumGroups] = {};
     DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups];  ///< (count, width)
     bool packed_moments = false;  ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
     bool has_statistic = false;   ///< gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
+    /// In the place of the residuals and their moments while rows of a mixed model move (residual_handles_cuda.h).
+    DeviceBuffer<float> handles[3];
     DeviceBuffer<float> shared_param, shared_m, shared_v;  ///< weights that all Gaussians share
     DeviceBuffer<unsigned> shared_prepared;                ///< these weights in the form that kernels read
 
-    std::size_t floats(int group) const { return std::size_t(count) * width[group]; }
+    std::int64_t num_residuals() const { return width[int(Group::kResidual)] > 0 ? count - without_residual : 0; }
+    std::int64_t rows(int group) const { return group == int(Group::kResidual) ? num_residuals() : count; }
+    std::size_t floats(int group) const { return std::size_t(rows(group)) * width[group]; }
     /// Returns the arrays that hold a group's moments. Zeros in them are moments of 0.
     std::vector<DeviceBuffer<float>*> moments(int group) {
         if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
@@ -42,6 +47,7 @@ struct CudaModel {
     std::int64_t bytes() const {
         std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes();
         for (int g = 0; g < kNumGroups; ++g) sum += param[g].bytes() + m[g].bytes() + v[g].bytes();
+        for (const auto& buffer : handles) sum += buffer.bytes();
         for (const auto* buffer : {&shared_param, &shared_m, &shared_v}) sum += buffer->bytes();
         return sum + shared_prepared.bytes();
     }

@@ -140,6 +140,7 @@ void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStrea
 DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
     const std::int64_t n = model_.count, block = scratch_.bytes();
     const bool capped = params.cap > 0;
+    CudaResidualHandles residuals(model_, stream_);
     // Each clone or split adds one Gaussian. At the cap the strongest gradients grow first.
     const std::int64_t room = capped ? std::clamp<std::int64_t>(params.cap - n, 0, n) : n;
     const AdcRule rule = AdcRule::of(params);
@@ -217,6 +218,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
         GS_CUDA_LAUNCHED("make_children");
     }
     GS_CUDA(cudaStreamSynchronize(stream_));
+    residuals.resolve(scratch_);
     DensifyStats stats;
     stats.cloned = std::int64_t(counts.cloned), stats.split = std::int64_t(counts.split);
     stats.pruned = before_pruning - stats.split - total;

@@ -5,6 +5,7 @@
 #include "kernels/core/error.h"
 #include "kernels/densify/adc_device.h"
 #include "kernels/densify/densify.h"
+#include "kernels/densify/residual_handles.h"
 
 namespace gs {
 namespace {
@@ -33,6 +34,7 @@ void split(Gaussians& s, std::int64_t parent, std::int64_t iteration, std::uint6
 DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
     const AdcRule rule = AdcRule::of(params);
+    ResidualHandles residuals(s);
     const std::int64_t before = s.count;
     const auto max_scale = [&](std::int64_t i) { return max_log_scale(&s[Group::kScale].param[3 * i]); };
     s.gradient_sum.resize(before, 0.0f);  // without a statistic nothing grows
@@ -70,6 +72,7 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
     s.gradient_sum.clear();  // the statistic starts anew
     s.gradient_count.clear();
     gather_rows(s, keep);
+    residuals.resolve();
     stats.count = s.count;
     return stats;
 }

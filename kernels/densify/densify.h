@@ -10,7 +10,7 @@
 namespace gs {
 
 /// Makes old row order[k] the new row k, and removes rows that `order` does not name. Moments and the ADC statistic
-/// move along.
+/// move along. Of a mixed model the rows with a residual come first, each kind in the order of `order`.
 void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order);
 
 /// Relocates dead Gaussians onto living ones and grows by 5 % up to the cap (docs/math/densification.md#mcmc). Drops

@@ -114,6 +114,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     const std::int64_t n = model_.count;
     model_.has_statistic = false;  // the statistic is of other rows (docs/math/densification.md#mcmc)
     if (n == 0) return stats;
+    CudaResidualHandles residuals(model_, stream_);
     const std::int64_t target = mcmc_target(n, params);
     const IsDead is_dead{model_.param[int(Group::kOpacity)].get(), model_.param[int(Group::kRotation)].get(),
                          logit(params.min_opacity)};
@@ -161,6 +162,7 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
         }
     }
     GS_CUDA(cudaStreamSynchronize(stream_));
+    residuals.resolve(scratch_);
     stats.count = model_.count;
     return stats;
 }

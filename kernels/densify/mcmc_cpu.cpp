@@ -5,6 +5,7 @@
 
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
+#include "kernels/densify/residual_handles.h"
 
 namespace gs {
 namespace {
@@ -37,6 +38,7 @@ void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, cons
 
 DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
+    ResidualHandles residuals(s);
     const std::int64_t n = s.count;
     const float* raw_opacities = s[Group::kOpacity].param.data();
     const float dead_logit = logit(params.min_opacity);
@@ -72,6 +74,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
     }
     s.gradient_sum.clear();  // the statistic is of other rows (docs/math/densification.md#mcmc)
     s.gradient_count.clear();
+    residuals.resolve();
     stats.count = s.count;
     return stats;
 }

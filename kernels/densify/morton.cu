@@ -41,6 +41,7 @@ __global__ void write_codes(std::int64_t n, const float* means, const MeanBounds
 void CudaDensify::morton_sort() {
     const std::int64_t n = model_.count, block = scratch_.bytes();
     if (n < 2) return;
+    CudaResidualHandles residuals(model_, stream_);
     const float* means = model_.param[int(Group::kMean)].get();
     MeanBounds* bounds = nullptr;
     std::uint32_t* order[2] = {};
@@ -74,6 +75,7 @@ void CudaDensify::morton_sort() {
     cub.run(sort);
     gather_rows(model_, rows.Current(), n, n, slice, stream_);
     GS_CUDA(cudaStreamSynchronize(stream_));
+    residuals.resolve(scratch_);
 }
 
 }  // namespace gs

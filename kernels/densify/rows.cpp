@@ -4,6 +4,7 @@
 
 #include "kernels/core/parallel.h"
 #include "kernels/densify/densify.h"
+#include "kernels/densify/residual_handles.h"
 #include "kernels/densify/rows_device.h"
 
 namespace gs {
@@ -34,6 +35,7 @@ template <class Keep> std::int64_t keep_if(Gaussians& state, Keep&& keep) {
 }  // namespace
 
 void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order) {
+    ResidualHandles residuals(state);
     for (auto& group : state.groups) {
         gather(group.param, group.width, order);
         gather(group.m, group.width, order);
@@ -42,6 +44,7 @@ void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order) {
     gather(state.gradient_sum, 1, order);
     gather(state.gradient_count, 1, order);
     state.count = static_cast<std::int64_t>(order.size());
+    residuals.resolve();
 }
 
 std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups]) {
@@ -49,6 +52,7 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
     return keep_if(state, [&](std::int64_t i) {
         bool keep = true;
         for (int g = 0; g < kNumGroups; ++g) {
+            if (i >= state.num_rows(Group(g))) continue;
             const auto& group = state.groups[g];
             const float* row = group.param.data() + i * group.width;
             const bool good =

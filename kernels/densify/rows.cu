@@ -7,10 +7,24 @@
 namespace gs {
 namespace {
 
-__global__ void gather_columns(std::int64_t n, const std::uint32_t* order, int width, int first, int columns,
-                               const float* data, float* slice) {
+/// The old row of each new one.
+struct InOrder {
+    const std::uint32_t* order;
+    __device__ std::int64_t operator()(std::int64_t row) const { return order[row]; }
+};
+
+/// The row that a handle names; -1 for none.
+struct Named {
+    const std::uint32_t* handles;
+    __device__ std::int64_t operator()(std::int64_t row) const { return std::int64_t(handles[row]) - 1; }
+};
+
+template <class Source>
+__global__ void gather_columns(std::int64_t n, Source source, int width, int first, int columns, const float* data,
+                               float* slice) {
     for_row_values(n, columns, [=](std::int64_t row, unsigned c) {
-        slice[row * columns + c] = data[std::int64_t(order[row]) * width + first + c];
+        const std::int64_t from = source(row);
+        slice[row * columns + c] = from < 0 ? 0.0f : data[from * width + first + c];
     });
 }
 
@@ -19,15 +33,16 @@ __global__ void put_columns(std::int64_t n, int width, int first, int columns, c
                    [=](std::int64_t row, unsigned c) { data[row * width + first + c] = slice[row * columns + c]; });
 }
 
-void gather_array(float* data, int width, const std::uint32_t* order, std::int64_t n, const RowSlice& slice,
-                  cudaStream_t stream) {
+/// Makes row source(k) of `data` its row k for k < n.
+template <class Source>
+void gather_array(float* data, int width, Source source, std::int64_t n, const RowSlice& slice, cudaStream_t stream) {
     if (n == 0 || width == 0) return;
     int most = int(std::min<std::size_t>(width, slice.floats / n));
     if (most > 8 && most < width) most -= most % 8;  // 8 values are 32 bytes, the unit in which memory is read
     const unsigned blocks = num_blocks(n, kRowsPerBlock);
     for (int first = 0; first < width; first += most) {
         const int columns = std::min(most, width - first);
-        gather_columns<<<blocks, kRowBlock, 0, stream>>>(n, order, width, first, columns, data, slice.data);
+        gather_columns<<<blocks, kRowBlock, 0, stream>>>(n, source, width, first, columns, data, slice.data);
         GS_CUDA_LAUNCHED("gather_columns");
         put_columns<<<blocks, kRowBlock, 0, stream>>>(n, width, first, columns, slice.data, data);
         GS_CUDA_LAUNCHED("put_columns");
@@ -64,18 +79,23 @@ void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept
                  const RowSlice& slice, cudaStream_t stream) {
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.width[g];
-        gather_array(model.param[g].get(), width, order, total, slice, stream);
+        gather_array(model.param[g].get(), width, InOrder{order}, total, slice, stream);
         for (auto* moment : model.moments(g)) {
-            gather_array(moment->get(), width, order, kept, slice, stream);
+            gather_array(moment->get(), width, InOrder{order}, kept, slice, stream);
             if (const std::size_t fresh = std::size_t(total - kept) * width)
                 GS_CUDA(cudaMemsetAsync(moment->get() + kept * width, 0, fresh * sizeof(float), stream));
         }
     }
     if (model.has_statistic) {
-        gather_array(model.gradient_sum.get(), 1, order, kept, slice, stream);
-        gather_array(model.gradient_count.get(), 1, order, kept, slice, stream);
+        gather_array(model.gradient_sum.get(), 1, InOrder{order}, kept, slice, stream);
+        gather_array(model.gradient_count.get(), 1, InOrder{order}, kept, slice, stream);
     }
     model.count = total;
+}
+
+void gather_named(const std::uint32_t* handles, std::int64_t n, int width, const RowSlice& slice, float* data,
+                  cudaStream_t stream) {
+    gather_array(data, width, Named{handles}, n, slice, stream);
 }
 
 std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
@@ -86,7 +106,7 @@ std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
     scratch_.carve([&](Carver& c) { found = c.take<unsigned>(1); });
     GS_CUDA(cudaMemsetAsync(found, 0, sizeof *found, stream_));
     for (int g = 0; g < kNumGroups; ++g) {
-        if (model_.width[g] == 0) continue;
+        if (model_.floats(g) == 0) continue;
         const auto values = std::int64_t(model_.floats(g));
         find_nonfinite<<<num_blocks(values, kRowBlock), kRowBlock, 0, stream_>>>(values, model_.param[g].get(),
                                                                                  kLargestParameter[g], found);
@@ -96,8 +116,10 @@ std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
 
     PruneSpace space(model_, scratch_, stream_);
     for (int g = 0; g < kNumGroups; ++g) {
-        mark_nonfinite_rows<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(
-            n, model_.width[g], model_.param[g].get(), kLargestParameter[g], space.marked, space.num_bad + g);
+        const std::int64_t rows = model_.rows(g);
+        if (rows == 0) continue;
+        mark_nonfinite_rows<<<num_blocks(rows, kRowBlock), kRowBlock, 0, stream_>>>(
+            rows, model_.width[g], model_.param[g].get(), kLargestParameter[g], space.marked, space.num_bad + g);
         GS_CUDA_LAUNCHED("mark_nonfinite_rows");
     }
     unsigned long long num_bad[kNumGroups];

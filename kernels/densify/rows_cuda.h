@@ -7,6 +7,7 @@
 #include <cub/device/device_select.cuh>
 
 #include "kernels/cuda/model_cuda.h"
+#include "kernels/densify/residual_handles_cuda.h"
 
 namespace gs {
 
@@ -87,6 +88,11 @@ inline RowSlice take_slice(Carver& c, const CudaModel& model, std::int64_t rows,
 void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total,
                  const RowSlice& slice, cudaStream_t stream);
 
+/// Makes the row of `data` that handle k names its row k for k < n; a handle of none gives zeros
+/// (residual_handles.h). The handles are on the device.
+void gather_named(const std::uint32_t* handles, std::int64_t n, int width, const RowSlice& slice, float* data,
+                  cudaStream_t stream);
+
 struct IsUnmarked {
     const unsigned char* marked;
     __device__ bool operator()(std::uint32_t i) const { return !marked[i]; }
@@ -97,7 +103,8 @@ struct PruneSpace {
     unsigned char* marked = nullptr;        ///< (n) 0 at first
     unsigned long long* num_bad = nullptr;  ///< (groups) counters, 0 at first
 
-    PruneSpace(CudaModel& model, Scratch& scratch, cudaStream_t stream) : model_(model), stream_(stream) {
+    PruneSpace(CudaModel& model, Scratch& scratch, cudaStream_t stream)
+        : model_(model), scratch_(scratch), stream_(stream) {
         const std::int64_t n = model.count, block = scratch.bytes();
         cub_.ask([&](void* m, std::size_t& b) { return select(m, b); });
         scratch.carve([&](Carver& c) {
@@ -115,8 +122,10 @@ struct PruneSpace {
         cub_.run([&](void* m, std::size_t& b) { return select(m, b); });
         const std::int64_t kept = read_back(num_kept_, stream_);
         if (kept == n) return 0;
+        CudaResidualHandles residuals(model_, stream_);
         gather_rows(model_, order_, kept, kept, slice_, stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));
+        residuals.resolve(scratch_);
         return n - kept;
     }
 
@@ -126,6 +135,7 @@ struct PruneSpace {
     }
 
     CudaModel& model_;
+    Scratch& scratch_;
     cudaStream_t stream_;
     std::uint32_t* order_ = nullptr;
     std::int64_t* num_kept_ = nullptr;

@@ -194,9 +194,34 @@ __global__ void __launch_bounds__(kThreads, 4)
     finish_sums(partials, control);
 }
 
+/// With a thread per pixel of a row and channel. Without `error` it writes the weights alone.
+__global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
+    const int x = blockIdx.x * kThreads + threadIdx.x, y = blockIdx.y, c = blockIdx.z;
+    float squared = 0;
+    if (a.inside(x, y)) {
+        const std::size_t at = c * a.plane() + a.pixel(x, y);
+        const float weight = a.weight(x, y), difference = error ? a.in.image[at] - a.target(c, x, y) : 1.0f;
+        out[at] = weight * difference;
+        squared = 0.5f * weight * difference * difference;
+    }
+    if (!error) return;
+    const float sum = block_sum(squared);
+    if (threadIdx.x == 0) atomicAdd(error, double(sum));
+}
+
 dim3 grid_of(int width, int height) { return {num_blocks(width, kTile), num_blocks(height, kTile), 3}; }
 
 }  // namespace
+
+void write_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream) {
+    const dim3 grid(num_blocks(in.target.width, kThreads), in.target.height, 3);
+    error_of_pixels<<<grid, kThreads, 0, stream>>>({in, 0, 0}, out, error);
+    GS_CUDA_LAUNCHED("error_of_pixels");
+}
+
+void write_weights(const TargetImage& target, float* out, cudaStream_t stream) {
+    write_error({nullptr, target, {0, 0, 0}, 0, 0}, out, nullptr, stream);
+}
 
 void CudaLoss::take(Carver& c, int width, int height) {
     const dim3 grid = grid_of(width, height);

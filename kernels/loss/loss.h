@@ -23,6 +23,12 @@ template <class Real> class ImageLoss {
     LossValues compute(const Real* image, const TargetImage& target, const Vec3<float>& background, double lambda_dssim,
                        Real* dL_dimage);
 
+    /// Returns half the squared error, weighted by the mask and summed over pixels and channels, and writes its
+    /// gradient to `out` (3,H,W).
+    double error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out);
+    /// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
+    void weights(const TargetImage& target, Real* out) const;
+
   private:
     /// Multiplies the target and a copy of the image by the mask. Returns the sum of the weights.
     double apply_mask(const Real* image, const std::uint8_t* mask, std::size_t pixels);

@@ -212,6 +212,25 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     return weighted_means(l1_sums_, ssim_sums_, norm, lambda_dssim);
 }
 
+template <class Real> void ImageLoss<Real>::weights(const TargetImage& target, Real* out) const {
+    const std::size_t pixels = std::size_t(target.width) * target.height;
+    for (std::size_t k = 0; k < 3 * pixels; ++k)
+        out[k] = target.mask ? target.mask[k % pixels] * Real(1.0 / 255) : Real(1);
+}
+
+template <class Real>
+double ImageLoss<Real>::error(const Real* image, const TargetImage& target, const Vec3<float>& background, Real* out) {
+    decode_target(target, background, target_);
+    weights(target, out);
+    double sum = 0;
+    for (std::size_t k = 0; k < 3 * std::size_t(target.width) * target.height; ++k) {
+        const Real difference = image[k] - target_[k];
+        sum += 0.5 * double(out[k]) * double(difference) * double(difference);
+        out[k] *= difference;
+    }
+    return sum;
+}
+
 template class ImageLoss<float>;
 template class ImageLoss<double>;
 

@@ -17,6 +17,12 @@ struct CudaLossInput {
     double weight_sum;  ///< sum of the mask's weights, or the number of pixels without a mask
 };
 
+/// Writes the gradient of half the squared error, weighted by the mask and summed over pixels and channels, to `out`
+/// (3,H,W), and adds that sum to *error.
+void write_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream);
+/// Writes the weight of each pixel to `out` (3,H,W): the mask, or 1.
+void write_weights(const TargetImage& target, float* out, cudaStream_t stream);
+
 class CudaLoss {
   public:
     /// Takes the buffers of compute() for a view of this size.

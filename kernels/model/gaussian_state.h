@@ -41,6 +41,17 @@ template <class Real> struct GaussianState {
     std::vector<Real> gradient_sum, gradient_count;
     PpispState ppisp;  ///< photometric differences between the training images; inactive where a scene needs none
 
+    /// Returns K, the number of Gaussians with a residual: the first ones. The arrays of that group have only their
+    /// rows. 0 for a model without residuals.
+    std::int64_t num_residuals() const {
+        const auto& residuals = (*this)[Group::kResidual];
+        return residuals.width > 0 ? std::int64_t(residuals.param.size()) / residuals.width : 0;
+    }
+    /// Returns whether some Gaussians lack the residual that the model has.
+    bool is_mixed() const { return (*this)[Group::kResidual].width > 0 && num_residuals() < count; }
+    /// Returns the number of rows of a group's arrays.
+    std::int64_t num_rows(Group g) const { return g == Group::kResidual && is_mixed() ? num_residuals() : count; }
+
     GroupArrays<Real>& operator[](Group g) { return groups[static_cast<int>(g)]; }
     const GroupArrays<Real>& operator[](Group g) const { return groups[static_cast<int>(g)]; }
 };

@@ -37,7 +37,7 @@ __global__ void catch_up_all(std::int64_t n, int width, LazyArgs lazy, float* __
 
 void CudaLazyResiduals::reset(std::int64_t step) {
     step_ = caught_up_ = step;
-    const std::int64_t n = model_.count;
+    const std::int64_t n = model_.num_residuals();
     if (n == 0 || model_.width[int(Group::kResidual)] == 0) return;
     fill<<<num_blocks(n, kBlock), kBlock, 0, stream_>>>(n, std::uint32_t(step), last_step_.reserve(n));
     GS_CUDA_LAUNCHED("fill");
@@ -57,7 +57,7 @@ LazyArgs CudaLazyResiduals::begin_step(std::int64_t step, bool lazy, double rate
 
 void CudaLazyResiduals::catch_up() {
     const int width = model_.width[int(Group::kResidual)];
-    const std::int64_t n = model_.count;
+    const std::int64_t n = model_.num_residuals();
     const bool behind = step_ != caught_up_ && n > 0 && width > 0;
     caught_up_ = step_;
     if (!behind) return;

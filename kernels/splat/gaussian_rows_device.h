@@ -13,6 +13,7 @@ template <class Real> struct ParameterView {
     std::int64_t count;
     const Real *means, *log_scales, *rotations, *raw_opacities, *base_colors, *residuals;
     int residual_width;
+    std::int64_t num_residuals;  ///< the first Gaussians have a residual, the others one colour from everywhere
     ColorActivation activation;
     const Real* shared;  ///< weights that all Gaussians share, or null
 
@@ -26,6 +27,7 @@ template <class Real> struct ParameterView {
                 p(Group::kBase),
                 p(Group::kResidual),
                 s[Group::kResidual].width,
+                s.num_residuals(),
                 s.appearance.activation,
                 s.shared.param.data()};
     }
@@ -42,6 +44,8 @@ template <class Real> struct ParameterView {
         return {base_colors[3 * i], base_colors[3 * i + 1], base_colors[3 * i + 2]};
     }
     GS_HD const Real* residual(std::int64_t i) const { return residuals + i * residual_width; }
+    /// Returns the degree of Gaussian i in a view of degree `active`: 0 where it has no residual.
+    GS_HD int degree(std::int64_t i, int active) const { return i < num_residuals ? active : 0; }
 };
 
 /// The gradients of one Gaussian, except those of its residual. For an invisible Gaussian `visible` is false and all

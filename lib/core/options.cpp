@@ -189,8 +189,10 @@ std::string option_range(const Option& option) {
     if (!option.values.empty()) return option.values;
     if (!option.choices.empty()) return fmt::format("{}", fmt::join(option.choices, ", "));
     if (option.min && option.max) {
-        const std::string word = option.nan_word.empty() ? "" : " or " + option.nan_word;
-        return fmt::format("{}..{}{}", number_text(*option.min), number_text(*option.max), word);
+        std::string words;
+        for (const std::string& word : {option.nan_word, option.max_word})
+            if (!word.empty()) words += " or " + word;
+        return fmt::format("{}..{}{}", number_text(*option.min), number_text(*option.max), words);
     }
     return "true or false";
 }
@@ -211,7 +213,9 @@ std::string option_text(const Option& option, const TrainOptions& options) {
             else if constexpr (is_list<T>)
                 return fmt::format("[{}]", fmt::join(value, ", "));
             else if constexpr (std::is_same_v<T, double>)
-                return std::isnan(value) ? option.nan_word : number_text(value);
+                return std::isnan(value)                                  ? option.nan_word
+                       : !option.max_word.empty() && value == *option.max ? option.max_word
+                                                                          : number_text(value);
             else
                 return number_text(value);
         },
@@ -235,6 +239,10 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
                 if constexpr (std::is_same_v<T, double>) {
                     if (!option.nan_word.empty() && values.front() == option.nan_word) {
                         value = std::numeric_limits<double>::quiet_NaN();
+                        return;
+                    }
+                    if (!option.max_word.empty() && values.front() == option.max_word) {
+                        value = *option.max;
                         return;
                     }
                 }
@@ -295,6 +303,8 @@ void validate(TrainOptions& options) {
         throw UsageError("option schedule: fixed counts iterations, whose number a time limit leaves open");
     if (options.target_psnr > 0 && options.schedule == ScheduleKind::kFixed)
         throw UsageError("option schedule: fixed counts iterations, whose number a target leaves open");
+    if (options.appearance_bytes > 0 && options.named.contains("appearance-share"))
+        throw UsageError("option appearance-bytes: it is another way to say appearance-share; give one of them");
     if (options.target_psnr > 0 && options.strategy != Strategy::kMcmc)
         throw UsageError(
             fmt::format("option target-psnr: goes with strategy mcmc, not with {}", word(options.strategy)));

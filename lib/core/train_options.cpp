@@ -23,6 +23,8 @@ struct Entry : Option {
     template <class... Names> Entry also_hidden(Names... more) { return hidden_names = {more...}, *this; }
     /// A word that may stand in place of the number, stored as NaN.
     Entry or_word(std::string text) { return nan_word = std::move(text), *this; }
+    /// A word for the largest number.
+    Entry or_max_word(std::string text) { return max_word = std::move(text), *this; }
     /// The value when the flag stands alone.
     Entry alone(std::string value) { return implicit = std::move(value), *this; }
     Entry in_words(std::string allowed) { return values = std::move(allowed), *this; }
@@ -190,9 +192,21 @@ std::vector<Option> appearance_options() {
         one_of("appearance", &O::appearance, models,
                "view-dependent colour of one Gaussian; auto: the smallest model that held-out training views show to "
                "be enough, found in a part of the time of the training"),
-        number("auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
-               "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
-               "best one's"),
+        number(
+            "appearance-share", &O::appearance_share, {0, 1},
+            "share of the Gaussians whose colour depends on the view at the end; they are chosen late in the run, by "
+            "what that is worth to the training views; auto: as few as cost at most auto-tolerance when the others "
+            "lose it")
+            .or_word("auto")
+            .or_max_word("all"),
+        number(
+            "appearance-bytes", &O::appearance_bytes, {0, 1e6, "bytes"},
+            "the same as a mean size: 4 bytes a parameter, 3 of them for the base colour; 0: appearance-share decides"),
+        number(
+            "auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
+            "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
+            "best one's; with appearance-share auto: how far that of the training views may fall at once, before the "
+            "rest of the run makes up for part of it"),
     };
 }
 

@@ -59,6 +59,8 @@ struct TrainOptions {
     AppearanceMoments appearance_moments = AppearanceMoments::kFp32;  ///< GPU only
     // Appearance
     std::string appearance = "sh";                              ///< a model's name, or "auto" until it is chosen
+    double appearance_share = 1;                                ///< NaN = auto
+    double appearance_bytes = 0;                                ///< mean size of a Gaussian's; 0: the share decides
     double auto_tolerance = 0.1;                                ///< dB
     ModelOptionValues model_options = default_model_options();  ///< what models declare: sh-degree, lobe-lr, ...
     ColorActivation color_activation = ColorActivation::kRelu;

@@ -39,7 +39,7 @@ std::vector<Sample> sample_channels(const Gaussians& g, const Packing& packing, 
         Sample channels[3];
         for (int c = 0; c < 3; ++c) channels[c] = {base[c], opacity, sampled.stands_for, {}, {}};
         for (std::size_t k = 0; k < kNumDirections; ++k) {
-            const Vec3<double> residual = packing.residual(packed, sampled.row, kDirections[k]);
+            const Vec3<double> residual = packed_residual(packing, packed, sampled.row, kDirections[k]);
             channels[0].residual[k] = residual.x, channels[1].residual[k] = residual.y,
             channels[2].residual[k] = residual.z;
             for (Sample& s : channels) s.shown[k] = shown(g.appearance.activation, s.base + s.residual[k], opacity);

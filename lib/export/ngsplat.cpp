@@ -30,8 +30,8 @@ constexpr std::uint32_t kMaxCameras = 1 << 20, kMaxTrailer = 1 << 26;
 
 namespace flag {
 constexpr std::uint32_t kAntialiased = 1 << 0, kWithoutConstant = 1 << 1, kFolded = 1 << 2, kExponentialBase = 1 << 5,
-                        kPpisp = 1 << 7;
-constexpr std::uint32_t kKnown = 0xff;
+                        kPpisp = 1 << 7, kMixed = 1 << 8;
+constexpr std::uint32_t kKnown = 0x1ff;
 // The model's number: two bits, and a third that was added later.
 constexpr std::uint32_t model_bits(std::uint32_t model) { return (model & 3) << 3 | (model & 4) << 4; }
 constexpr std::uint32_t model_of(std::uint32_t flags) { return (flags >> 3 & 3) | (flags >> 4 & 4); }
@@ -132,7 +132,8 @@ std::uint32_t flags_of(const PackedScene& scene) {
     const PackedHeader& a = scene.appearance.header;
     return (scene.antialiased ? flag::kAntialiased : 0) | (a.constant_input ? 0 : flag::kWithoutConstant) |
            (a.folded ? flag::kFolded : 0) | flag::model_bits(a.model) |
-           (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0);
+           (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0) |
+           (scene.is_mixed() ? flag::kMixed : 0);
 }
 
 Header read_header(Reader& in) {
@@ -200,8 +201,13 @@ std::string read_trailer(Reader& in) {
 
 }  // namespace
 
-int PackedScene::bytes_per_gaussian() const {
-    return int(sizeof(GeometryWords)) + packed_layout(appearance.header).bytes_per_gaussian();
+int PackedScene::bytes_per_gaussian(bool with_residual) const {
+    return int(sizeof(GeometryWords)) + (with_residual ? packed_layout(appearance.header).bytes_per_gaussian() : 0);
+}
+
+double PackedScene::mean_bytes_per_gaussian() const {
+    const double share = is_mixed() ? double(appearance.rows) / double(count()) : 1;
+    return bytes_per_gaussian(false) + share * (bytes_per_gaussian() - bytes_per_gaussian(false));
 }
 
 std::int64_t ngsplat_unit() { return kTextureWidth; }
@@ -216,7 +222,13 @@ std::int64_t ngsplat_bytes(const PackedScene& scene, std::int64_t count, std::in
         bytes += sizeof scene.ppisp->response + sizeof scene.ppisp->standard +
                  scene.ppisp->views.size() * sizeof(PackedFrame);
     if (trailer_bytes > 0) bytes += sizeof kTrailerMagic + 3 * sizeof(std::uint32_t) + std::size_t(trailer_bytes);
-    return std::int64_t(bytes) + padded_count(count) * scene.bytes_per_gaussian();
+    const std::int64_t residual = scene.bytes_per_gaussian() - scene.bytes_per_gaussian(false);
+    std::int64_t rows = count;
+    if (scene.is_mixed()) {
+        bytes += sizeof(std::uint32_t);
+        rows = std::int64_t(std::ceil(double(count) * double(scene.appearance.rows) / double(scene.count())));
+    }
+    return std::int64_t(bytes) + padded_count(count) * scene.bytes_per_gaussian(false) + padded_count(rows) * residual;
 }
 
 void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) {
@@ -229,6 +241,7 @@ void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) 
                      std::uint32_t(padded_count(scene.count()) / kTextureWidth), a.features, a.frequencies, a.bands,
                      std::uint32_t(scene.activation), std::uint32_t(a.activation), a.neurons, a.hidden_layers,
                      flags_of(scene)});
+    if (scene.is_mixed()) out.value(std::uint32_t(scene.appearance.rows));
     out.value(scene.base_range);
     out.values(a.floats);
     out.value(scene.center);
@@ -265,6 +278,12 @@ PackedScene read_ngsplat(const std::filesystem::path& path) {
     scene.activation = PackedColorActivation(h.color_activation);
     scene.antialiased = h.flags & flag::kAntialiased;
     scene.exponential_base = h.flags & flag::kExponentialBase;
+    packed.rows = h.count;
+    if (h.flags & flag::kMixed) {
+        packed.rows = in.value<std::uint32_t>("nResiduals");
+        if (packed.rows >= h.count)
+            in.fail(fmt::format("nResiduals is {}, expected less than the {} Gaussians", packed.rows, h.count));
+    }
     scene.base_range = in.finite<BaseRange>("the base range");
     PackedLayout layout;
     try {
@@ -287,11 +306,13 @@ PackedScene read_ngsplat(const std::filesystem::path& path) {
     if (num_texels != layout.weight_halves / 4)
         in.fail(fmt::format("nWeightTexels is {}, expected {}", num_texels, layout.weight_halves / 4));
     packed.weights = in.values<std::uint16_t>(layout.weight_halves, "the weights");
-    in.need(padded_count(h.count) * (std::int64_t(sizeof(GeometryWords)) + layout.bytes_per_gaussian()),
+    if (layout.texture_words.empty()) packed.rows = 0;
+    in.need(padded_count(h.count) * std::int64_t(sizeof(GeometryWords)) +
+                padded_count(packed.rows) * layout.bytes_per_gaussian(),
             "the textures");
     scene.geometry = in.texture<GeometryWords>(h.count, 1, "splatData");
     for (const int words : layout.texture_words)
-        packed.textures.push_back(in.texture<std::uint32_t>(h.count, words, "paramTex"));
+        packed.textures.push_back(in.texture<std::uint32_t>(packed.rows, words, "paramTex"));
     scene.trailer = read_trailer(in);
     return scene;
 }

@@ -48,12 +48,17 @@ struct PackedScene {
     std::string trailer;
 
     std::int64_t count() const { return std::int64_t(geometry.size()); }
-    int bytes_per_gaussian() const;
+    /// Returns whether only some Gaussians have a residual, which the paper's viewer does not know.
+    bool is_mixed() const { return !appearance.textures.empty() && appearance.rows < count(); }
+    /// Returns the mean size of a Gaussian, and the size of one with and of one without a residual.
+    double mean_bytes_per_gaussian() const;
+    int bytes_per_gaussian(bool with_residual = true) const;
 };
 
 /// Returns the number of which the file's textures have room for a multiple.
 std::int64_t ngsplat_unit();
-/// Returns the size that the file of `scene` would have with `count` Gaussians and a trailer of `trailer_bytes`.
+/// Returns the size that the file of `scene` would have with `count` Gaussians, of which as large a share as in `scene`
+/// have a residual, and a trailer of `trailer_bytes`.
 std::int64_t ngsplat_bytes(const PackedScene& scene, std::int64_t count, std::int64_t trailer_bytes);
 
 /// Writes the file atomically. The sizes of textures and weights must be those of the appearance's layout;

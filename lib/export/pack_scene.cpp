@@ -110,12 +110,29 @@ Gaussians visible_gaussians(const Gaussians& g) {
             continue;
         ++out.count;
         for (int k = 0; k < kNumGroups; ++k) {
+            if (i >= g.num_rows(Group(k))) continue;
             const auto& group = g.groups[k];
             const auto first = group.param.begin() + i * group.width;
             out.groups[k].param.insert(out.groups[k].param.end(), first, first + group.width);
         }
     }
     return out;
+}
+
+void complete_residuals(Gaussians& g) {
+    if (!g.is_mixed()) return;
+    const ModelInfo& info = appearance_model(g.appearance.model);
+    if (info.num_shared > 0)
+        throw UsageError(fmt::format(
+            "appearance {}: {} of {} Gaussians have no residual, and none that shows nothing exists where weights are "
+            "shared: only viewers that know mixed models can show them",
+            info.name, g.count - g.num_residuals(), g.count));
+    GroupArrays<float>& residuals = g[Group::kResidual];
+    std::vector<float> row(std::size_t(residuals.width));
+    info.init_residual(g.appearance.max_degree, row.data());
+    if (info.clear_residual) info.clear_residual(g.appearance.max_degree, row.data());
+    for (std::int64_t i = g.num_residuals(); i < g.count; ++i)
+        residuals.param.insert(residuals.param.end(), row.begin(), row.end());
 }
 
 PackedScene pack_gaussians(const Gaussians& g) {
@@ -127,7 +144,7 @@ PackedScene pack_gaussians(const Gaussians& g) {
     PackedScene scene;
     scene.activation = packed_activation_of(g.appearance.activation);
     scene.appearance = packing->prepare(g);
-    parallel_for_rows(g.count, [&](std::int64_t i) { packing->pack_row(g, i, scene.appearance); });
+    parallel_for_rows(scene.appearance.rows, [&](std::int64_t i) { packing->pack_row(g, i, scene.appearance); });
     scene.base_range = find_base_range(g, shift, *packing, scene.appearance);
     scene.geometry.resize(std::size_t(g.count));
     parallel_for_rows(g.count, [&](std::int64_t i) {

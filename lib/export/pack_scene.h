@@ -14,6 +14,10 @@ void require_finite(const Gaussians& gaussians);
 /// Returns the Gaussians that can be visible, in their order: opacity at least 1/255 and a rotation with a direction.
 Gaussians visible_gaussians(const Gaussians& gaussians);
 
+/// Gives the Gaussians of a mixed model that have no residual one that shows nothing, as viewers need it that know no
+/// mixed models. Throws UsageError for a model without such a residual: one whose Gaussians share weights.
+void complete_residuals(Gaussians& gaussians);
+
 /// Packs all Gaussians: geometry and base colour in 16 bytes, the residual in its model's payload. Throws UsageError
 /// for a model that has no packing.
 PackedScene pack_gaussians(const Gaussians& gaussians);

@@ -49,8 +49,8 @@ Vec3<double> packed_base(const PackedScene& scene, std::int64_t row) {
 }
 
 Vec3<double> packed_color(const PackedScene& scene, std::int64_t row, const Vec3<double>& direction) {
-    const Vec3<double> y =
-        packed_base(scene, row) + packing_of(scene.appearance.header.model).residual(scene.appearance, row, direction);
+    const Vec3<double> y = packed_base(scene, row) +
+                           packed_residual(packing_of(scene.appearance.header.model), scene.appearance, row, direction);
     return {show(scene.activation, y.x), show(scene.activation, y.y), show(scene.activation, y.z)};
 }
 

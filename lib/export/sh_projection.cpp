@@ -54,12 +54,14 @@ class Colors {
     Eigen::MatrixX3d of(std::int64_t row, const std::vector<Vec3<double>>& at) const {
         const auto& residual = g_[Group::kResidual];
         const float* base = g_[Group::kBase].param.data() + 3 * row;
-        const std::vector<double> params(residual.param.begin() + row * residual.width,
-                                         residual.param.begin() + (row + 1) * residual.width);
+        const bool has_residual = row < g_.num_residuals();
+        const auto first = residual.param.begin() + (has_residual ? row * residual.width : 0);
+        const std::vector<double> params(first, first + (has_residual ? residual.width : 0));
         Eigen::MatrixX3d out(std::ptrdiff_t(at.size()), 3);
         for (std::size_t i = 0; i < at.size(); ++i) {
-            const Vec3<double> y = Vec3<double>{base[0], base[1], base[2]} +
-                                   info_.residual(shared_.data(), params.data(), at[i], g_.active_degree);
+            const Vec3<double> y =
+                Vec3<double>{base[0], base[1], base[2]} +
+                info_.residual(shared_.data(), params.data(), at[i], has_residual ? g_.active_degree : 0);
             const ColorActivation phi = g_.appearance.activation;
             out.row(std::ptrdiff_t(i)) << color_activation(phi, y.x), color_activation(phi, y.y),
                 color_activation(phi, y.z);
@@ -89,13 +91,14 @@ ShProjection project_to_sh(const Gaussians& g, int degree) {
     sh.active_degree = degree;
     auto& rest = sh[Group::kResidual];
     rest.width = 3 * ((degree + 1) * (degree + 1) - 1);
-    rest.param.assign(std::size_t(g.count * rest.width), 0.0f);
+    const std::int64_t num_residuals = g.is_mixed() ? g.num_residuals() : g.count;
+    rest.param.assign(std::size_t(num_residuals * rest.width), 0.0f);
     std::vector<double> errors(static_cast<std::size_t>(g.count)), weights(static_cast<std::size_t>(g.count));
     parallel_for_rows(g.count, [&](std::int64_t i) {
         const Eigen::MatrixX3d coefficients = solve * (colors.of(i, fit_at).array() - 0.5).matrix();
         for (int c = 0; c < 3; ++c) {
             sh[Group::kBase].param[std::size_t(3 * i + c)] = float(kY0 * coefficients(0, c));
-            for (int k = 1; k < coefficients.rows(); ++k)
+            for (int k = 1; k < coefficients.rows() && i < num_residuals; ++k)
                 rest.param[std::size_t(i * rest.width + 3 * (k - 1) + c)] = float(coefficients(k, c));
         }
         const Eigen::MatrixX3d shown = ((check_basis * coefficients).array() + 0.5).cwiseMax(0.0);

@@ -125,14 +125,14 @@ Frame read_checkpoint_frame(const std::filesystem::path& path) {
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint) {
     const Gaussians& g = checkpoint.state;
     std::vector<TensorView> tensors;
-    const auto add = [&](const std::string& name, const GroupArrays<float>& group, const std::vector<float>& values) {
-        tensors.push_back({name, Dtype::kF32, {g.count, group.width}, values.data()});
+    const auto add = [&](const std::string& name, int group, const std::vector<float>& values) {
+        tensors.push_back({name, Dtype::kF32, {g.num_rows(Group(group)), g.groups[group].width}, values.data()});
     };
     const bool with_moments = !g[Group::kMean].m.empty();
-    for (int i = 0; i < kNumGroups; ++i) add(kGroupNames[i], g.groups[i], g.groups[i].param);
+    for (int i = 0; i < kNumGroups; ++i) add(kGroupNames[i], i, g.groups[i].param);
     for (int i = 0; with_moments && i < kNumGroups; ++i) {
-        add(std::string("adam_m.") + kGroupNames[i], g.groups[i], g.groups[i].m);
-        add(std::string("adam_v.") + kGroupNames[i], g.groups[i], g.groups[i].v);
+        add(std::string("adam_m.") + kGroupNames[i], i, g.groups[i].m);
+        add(std::string("adam_v.") + kGroupNames[i], i, g.groups[i].v);
     }
     if (g.shared.width > 0) {
         const auto add_shared = [&](const std::string& name, const std::vector<float>& values) {
@@ -204,10 +204,15 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     for (int i = 0; i < kNumGroups; ++i) {
         GroupArrays<float>& group = g.groups[i];
         group.width = group_width(Group(i), g.appearance);
-        group.param = read_rows(file, name, kGroupNames[i], g.count, group.width);
+        std::int64_t rows = g.count;
+        if (Group(i) == Group::kResidual) {  // only the first Gaussians may have one
+            const auto& shape = file.tensor(kGroupNames[i]).shape;
+            if (!shape.empty() && shape[0] >= 0 && shape[0] < rows) rows = shape[0];
+        }
+        group.param = read_rows(file, name, kGroupNames[i], rows, group.width);
         if (!with_moments) continue;
-        group.m = read_rows(file, name, std::string("adam_m.") + kGroupNames[i], g.count, group.width);
-        group.v = read_rows(file, name, std::string("adam_v.") + kGroupNames[i], g.count, group.width);
+        group.m = read_rows(file, name, std::string("adam_m.") + kGroupNames[i], rows, group.width);
+        group.v = read_rows(file, name, std::string("adam_v.") + kGroupNames[i], rows, group.width);
     }
     g.shared.width = appearance_model(g.appearance.model).num_shared;
     if (g.shared.width > 0) {

@@ -33,6 +33,9 @@ constexpr std::array<const char*, 6> kLeading = {"x", "y", "z", "nx", "ny", "nz"
 /// The beginning of the comment that states the frame.
 constexpr const char* kFrameComment = "gsapp frame ";
 
+/// The beginning of the comment that states how many Gaussians, the first ones, have a residual.
+constexpr const char* kResidualsComment = "gsapp residuals ";
+
 /// The number of rows that are packed before they go to the stream.
 constexpr std::int64_t kRowsPerChunk = 1 << 16;
 
@@ -57,6 +60,7 @@ PlyHeader make_header(const Gaussians& g, const PlyOptions& options) {
     if (!options.frame.is_identity()) h.comments.push_back(kFrameComment + frame_text(options.frame));
     if (const Eigen::Vector3d offset = file_offset(options.frame); !offset.isZero(0))
         h.comments.push_back(offset_comment(offset));
+    if (g.is_mixed()) h.comments.push_back(kResidualsComment + std::to_string(g.num_residuals()));
     if (!options.note.empty()) h.comments.push_back(options.note);
     const auto add = [&](const std::string& name) { h.properties.push_back({name, PlyType::kFloat}); };
     const auto add_indexed = [&](const char* prefix, int n) {
@@ -88,10 +92,11 @@ void pack_row(const Gaussians& g, std::int64_t i, const FileCoordinates& coordin
     const float* base = row(Group::kBase);
     for (int c = 0; c < 3; ++c)
         *out++ = float((relu ? double(base[c]) : color_activation(a.activation, double(base[c])) - 0.5) / kY0);
-    const float* rest = row(Group::kResidual);
+    const bool has_residual = i < g.num_residuals();
+    const float* rest = has_residual ? row(Group::kResidual) : nullptr;
     if (is_plain_sh(a)) {
         for (int c = 0; c < 3; ++c) {
-            for (int k = 0; k < residual / 3; ++k) *out++ = rest[3 * k + c];
+            for (int k = 0; k < residual / 3; ++k) *out++ = has_residual ? rest[3 * k + c] : 0.0f;
         }
     }
     copy(row(Group::kOpacity), 1);
@@ -102,7 +107,7 @@ void pack_row(const Gaussians& g, std::int64_t i, const FileCoordinates& coordin
     // A zero quaternion renders as nothing, but readers divide by its norm, so the identity is written.
     for (int k = 0; k < 4; ++k) *out++ = norm == 0 ? float(k == 0) : float(q[k] / norm);
     if (!relu) copy(base, 3);
-    if (!is_plain_sh(a)) copy(rest, residual);
+    if (!is_plain_sh(a)) out = has_residual ? std::copy(rest, rest + residual, out) : std::fill_n(out, residual, 0.0f);
 }
 
 /// The columns of a file that feed the groups.
@@ -150,6 +155,21 @@ FileCoordinates coordinate_comments(const PlyReader& file) {
         }
     }
     return coordinates;
+}
+
+/// Returns how many Gaussians have a residual: all, unless a comment says otherwise. Throws DataError for a comment
+/// that it cannot understand.
+std::int64_t residuals_comment(const PlyReader& file) {
+    for (const std::string& comment : file.header().comments) {
+        if (!comment.starts_with(kResidualsComment)) continue;
+        std::istringstream words(comment.substr(std::strlen(kResidualsComment)));
+        std::int64_t count = -1;
+        if (!(words >> count) || count < 0 || count > file.header().count)
+            file.fail(
+                fmt::format("cannot understand 'comment {}' in a file of {} Gaussians", comment, file.header().count));
+        return count;
+    }
+    return file.header().count;
 }
 
 /// Returns the number of f_rest properties and sets `degree` to their SH degree. Throws DataError for other numbers.
@@ -286,6 +306,11 @@ Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* fram
             for (const int c : columns.residual) append(Group::kResidual, c);
         }
     }
+    // A program that moved rows and kept the comments leaves values beyond the number: then all have a residual.
+    GroupArrays<float>& residuals = g[Group::kResidual];
+    const auto rest = residuals.param.begin() + residuals_comment(file) * residuals.width;
+    if (std::all_of(rest, residuals.param.end(), [](float x) { return x == 0; }))
+        residuals.param.erase(rest, residuals.param.end());
     g.shared.param = file.read_shared();
     for (std::size_t k = 0; k < g.shared.param.size(); ++k) {
         if (!(std::abs(g.shared.param[k]) <= float(kLargestSharedWeight)))

@@ -24,6 +24,7 @@
 #include "lib/train/memory_plan.h"
 #include "lib/train/model_limits.h"
 #include "lib/train/photometric.h"
+#include "lib/train/residual_share.h"
 #include "lib/train/run_writer.h"
 #include "lib/train/step_composer.h"
 #include "lib/train/target_search.h"
@@ -67,6 +68,7 @@ class Run {
           schedule_(options_, appearance_, scene.extent, options.background.always(0, 0, 0), limits_.views()),
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
+          residuals_(options_, appearance_, scene),
           writer_(std::move(start.folder), std::move(start.lock), options_, scene, photometric_) {
         set_num_threads(options.threads);
         composer_.rates().log(options_);
@@ -324,6 +326,7 @@ class Run {
                                *backend_, moment, hold,
                                [&] { return course_.most_gaussians(backend_->count(), limits_.most_now(*backend_)); }),
                            iteration_ + 1);
+        choose_residuals(moment);
         backend_->step(composer_.compose(step.view(), moment));
         writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + 1);
         ++iteration_;
@@ -333,6 +336,24 @@ class Run {
             prune_nonfinite();
             keep_time_for_controllers();
         }
+    }
+
+    void choose_residuals(const Moment& moment) {
+        std::shared_ptr<const ViewImage> image;
+        const auto change = residuals_.before_step(*backend_, moment, [&](std::size_t view) {
+            image = views_.image(view);
+            return composer_.compose(StepView{view, *image, views_.fixed_background()}, moment);
+        });
+        if (!change) return;
+        log_info("iteration {}: {} of {} Gaussians keep a colour that depends on the view ({:.1f} %)", iteration_ + 1,
+                 change->after, backend_->count(),
+                 100 * double(change->after) / double(std::max<std::int64_t>(1, backend_->count())));
+        writer_.log({{"event", "residuals"},
+                     {"iteration", iteration_ + 1},
+                     {"before", change->before},
+                     {"after", change->after},
+                     {"num_gaussians", backend_->count()},
+                     {"loss_dB", change->loss}});
     }
 
     void decide_photometric(const Moment& moment) {
@@ -531,8 +552,10 @@ class Run {
         writer_.check_folder();
         if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_, true);
         writer_.close_log();
+        const bool has_residuals = group_width(Group::kResidual, appearance_) > 0 && backend_->count() > 0;
         return {iteration_,
                 backend_->count(),
+                has_residuals ? double(backend_->num_residuals()) / double(backend_->count()) : 1,
                 train_seconds_,
                 views_.wait_seconds() + (earlier_time_ ? earlier_time_->data_wait_seconds : 0),
                 memory,
@@ -558,6 +581,7 @@ class Run {
     DensificationSchedule schedule_;
     Photometric photometric_;
     const StepComposer composer_;
+    const ResidualShare residuals_;
     RunWriter writer_;
     std::unique_ptr<Backend> backend_;
     std::optional<Gaussians> kept_;  ///< in the search for a target: the smallest model that reached it

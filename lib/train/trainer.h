@@ -35,6 +35,7 @@ struct TrainHooks {
 struct TrainSummary {
     std::int64_t iterations = 0;
     std::int64_t num_gaussians = 0;  ///< after the final pruning; the #Gs of tables
+    double residual_share = 1;       ///< share of these that have a residual, where the model has one
     /// The time of the loop until its last step was done, with that of the parts before a resume; without loading,
     /// saving and evaluation
     double train_seconds = 0;

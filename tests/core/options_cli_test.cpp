@@ -57,6 +57,7 @@ TEST(OptionsCli, EveryUnderscoreSpellingIsAccepted) {
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
         const std::string value = option.key == "recipe"          ? "frontier"  // auto stands for another
                                   : !option.choices.empty()       ? option.choices.front()
+                                  : !option.max_word.empty()      ? option.max_word
                                   : option.max && *option.max < 1 ? "0.5"
                                   : option.min                    ? "1"
                                                                   : "7";

@@ -6,6 +6,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/export/pack_scene.h"
+#include "lib/export/packed_model.h"
 #include "tests/io/file_helpers.h"
 #include "tests/model/model_helpers.h"
 
@@ -120,6 +121,49 @@ TEST(Ngsplat, ComesBackExactly) {
     }
 }
 
+/// Returns a scene of which the first `with` Gaussians have a residual.
+PackedScene mixed(const std::string& model, std::int64_t count, std::int64_t with) {
+    Gaussians g = random_gaussians(count, {model, appearance_model(model).default_max_degree, ColorActivation::kRelu});
+    g.active_degree = g.appearance.max_degree;
+    g[Group::kResidual].param.resize(std::size_t(with * g[Group::kResidual].width));
+    return pack_gaussians(g);
+}
+
+TEST(Ngsplat, OnlyTheFirstGaussiansMayHaveAResidual) {
+    const TempFolder folder;
+    for (const char* model : {"sh", "sv", "nasg", "neural"}) {
+        if (!has_model(model)) continue;
+        for (const auto& [count, with] : {std::pair{5, 0}, {5, 2}, {5000, 2049}}) {
+            SCOPED_TRACE(model);
+            const PackedScene scene = mixed(model, count, with);
+            EXPECT_EQ(scene.appearance.rows, with);
+            write_ngsplat(folder / "s.ngsplat", scene);
+            EXPECT_EQ(std::int64_t(std::filesystem::file_size(folder / "s.ngsplat")), ngsplat_bytes(scene, count, 0));
+            EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "s.ngsplat"), 48) >> 8, 1u);
+            EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "s.ngsplat"), 52), std::uint32_t(with));
+            const PackedScene back = read_ngsplat(folder / "s.ngsplat");
+            EXPECT_EQ(back.appearance.rows, with);
+            EXPECT_EQ(back.appearance.textures, scene.appearance.textures);
+            EXPECT_EQ(back.geometry, scene.geometry);
+            for (const std::int64_t row : {0, 1, 3, 4}) {
+                const Vec3<double> a = packed_color(back, row, {0.6, 0, 0.8}),
+                                   b = packed_color(scene, row, {0.6, 0, 0.8});
+                EXPECT_EQ(a.x, b.x);
+                EXPECT_EQ(a.z, b.z);
+            }
+        }
+        const PackedScene all = mixed(model, 3000, 3000), some = mixed(model, 3000, 1000);
+        EXPECT_FALSE(all.is_mixed());
+        EXPECT_LT(ngsplat_bytes(some, 3000, 0), ngsplat_bytes(all, 3000, 0));
+        EXPECT_NEAR(some.mean_bytes_per_gaussian(), 16 + (all.bytes_per_gaussian() - 16) / 3.0, 1e-9);
+    }
+    std::string bytes = slurp(folder / "s.ngsplat");
+    const std::uint32_t wrong = 5000;
+    std::memcpy(bytes.data() + 52, &wrong, 4);
+    spit(folder / "bad.ngsplat", bytes);
+    EXPECT_CONTAINS(message_of<DataError>([&] { read_ngsplat(folder / "bad.ngsplat"); }), "nResiduals is 5000");
+}
+
 TEST(Ngsplat, DamagedFilesAreRefused) {
     const TempFolder folder;
     write_ngsplat(folder / "s.ngsplat", packed("neural", 5, true));
@@ -150,7 +194,7 @@ TEST(Ngsplat, DamagedFilesAreRefused) {
     refused(changed(36, 3), "residualActivation is 3");
     refused(changed(40, 18), "nNeurons is 18");
     refused(changed(40, 0xfffffffc), "nNeurons");
-    refused(changed(48, 0x100), "newer version");
+    refused(changed(48, 0x200), "newer version");
     refused(changed(84, 0x7fc00000), "camDistance holds nan");
     refused(changed(88, 0x7fffffff), "nTestCameras");
     refused(changed(trailer + 8, 2), "version 2");

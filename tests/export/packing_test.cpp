@@ -188,6 +188,30 @@ TEST(PackScene, DecodedGeometryIsThatOfTheModel) {
     }
 }
 
+TEST(PackScene, CompletedResidualsShowNothing) {
+    for (const ModelInfo* model : appearance_models()) {
+        SCOPED_TRACE(model->name);
+        Gaussians g = random_gaussians(6, {model->name, model->default_max_degree, ColorActivation::kRelu});
+        g.active_degree = g.appearance.max_degree;
+        const int width = g[Group::kResidual].width;
+        if (width == 0) continue;
+        g[Group::kResidual].param.resize(std::size_t(2 * width));
+        Gaussians complete = g;
+        if (model->num_shared > 0) {
+            EXPECT_THROW(complete_residuals(complete), UsageError);
+            continue;
+        }
+        complete_residuals(complete);
+        EXPECT_EQ(complete.num_residuals(), 6);
+        const PackedScene a = pack_gaussians(g), b = pack_gaussians(complete);
+        for (std::int64_t i = 0; i < 6; ++i) {
+            const Vec3<double> x = packed_color(a, i, {0, 0.6, 0.8}), y = packed_color(b, i, {0, 0.6, 0.8});
+            EXPECT_NEAR(x.x, y.x, 2e-3) << i;
+            EXPECT_NEAR(x.z, y.z, 2e-3) << i;
+        }
+    }
+}
+
 TEST(PackScene, ScalesBeyondTheCodesLeaveTheOpacityAlone) {
     Gaussians g = random_gaussians(3, {"none", 0, ColorActivation::kRelu});
     g[Group::kScale].param = {-20, -25, -30, 30, 38, 39, -1e30f, -1e30f, -1e30f};

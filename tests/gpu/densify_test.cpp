@@ -316,5 +316,66 @@ TEST_F(CudaDensification, AllOperationsFollowEachOther) {
     both.expect_same(2e-6f, {Group::kMean, Group::kScale, Group::kOpacity});
 }
 
+/// Leaves the residuals of the first `rows` Gaussians.
+Gaussians with_residuals(Gaussians s, std::int64_t rows) {
+    auto& group = s[Group::kResidual];
+    for (auto* data : {&group.param, &group.m, &group.v}) data->resize(std::size_t(rows) * group.width);
+    return s;
+}
+
+TEST_F(CudaDensification, MixedModelsMoveLikeThoseOfTheCpu) {
+    for (const std::int64_t n : {1, 19, 1000, 40000})
+        for (const std::int64_t rows : {std::int64_t(0), n / 3, n - 1}) {
+            SCOPED_TRACE(std::to_string(rows) + " residuals of " + std::to_string(n));
+            Gaussians s = with_residuals(mixed_model(n, n < 10000 ? 3 : 1, 7), rows);
+            gather_statistic(s, 3);
+            const Both both(s);
+            EXPECT_EQ(both.gpu->num_residuals(), rows);
+            both.expect_same(0, {});
+            const DensifyRequest mcmc{McmcParams{.cap = 2 * n}, 700, 5}, adc{AdcParams{.dense_fraction = 0.2f}, 800, 5};
+            expect_same(both.cpu->densify(mcmc), both.gpu->densify(mcmc));
+            both.expect_same(1e-5f, {Group::kOpacity, Group::kScale});
+            both.cpu->morton_sort(), both.gpu->morton_sort();
+            both.expect_same(1e-5f, {Group::kOpacity, Group::kScale});
+            EXPECT_EQ(both.cpu->prune(InvisibleRows{}).removed, both.gpu->prune(InvisibleRows{}).removed);
+            both.expect_same(1e-5f, {Group::kOpacity, Group::kScale});
+            if (n < 1000) continue;
+            const Both again(s);
+            expect_same(again.cpu->densify(adc), again.gpu->densify(adc));
+            again.expect_same(1e-5f, {Group::kMean, Group::kScale});
+            EXPECT_EQ(again.gpu->num_residuals(), again.cpu->num_residuals());
+        }
+}
+
+TEST_F(CudaDensification, KeepingResidualsMovesTheRowsOfTheCpu) {
+    for (const std::int64_t n : {0, 1, 19, 1000, 40000})
+        for (const std::int64_t rows : {n / 2, n}) {
+            SCOPED_TRACE(std::to_string(rows) + " residuals of " + std::to_string(n));
+            const Both both(with_residuals(random_model(n, n < 10000 ? 3 : 1, 7), rows));
+            std::vector<std::uint8_t> marks(std::size_t(n), 0);
+            for (std::size_t i = 0; i < marks.size(); ++i) marks[i] = i % 5 == 1 || i % 7 == 2;
+            std::vector<float> bases(3 * marks.size());
+            std::iota(bases.begin(), bases.end(), 0.0f);
+            both.cpu->keep_residuals(marks, bases), both.gpu->keep_residuals(marks, bases);
+            EXPECT_EQ(both.cpu->num_residuals(), both.gpu->num_residuals());
+            both.expect_same(0, {});
+            std::fill(marks.begin(), marks.end(), 0);
+            both.cpu->keep_residuals(marks, {}), both.gpu->keep_residuals(marks, {});
+            EXPECT_EQ(both.gpu->num_residuals(), 0);
+            both.expect_same(0, {});
+        }
+}
+
+TEST_F(CudaDensification, BrokenResidualsOfMixedModelsAreFound) {
+    Gaussians s = with_residuals(random_model(1000, 2, 7), 300);
+    s[Group::kResidual].param[24 * 299 + 23] = kNan;
+    s[Group::kMean].param[3 * 999] = kInf;
+    const Both both(s);
+    const PruneStats a = both.cpu->prune(NonFiniteRows{}), b = both.gpu->prune(NonFiniteRows{});
+    EXPECT_EQ(b.removed, 2);
+    EXPECT_EQ(a.by_group, b.by_group);
+    both.expect_same(0, {});
+}
+
 }  // namespace
 }  // namespace gs::test

@@ -182,6 +182,60 @@ TYPED_TEST(GpuModel, FollowsTheCpuOverManySteps) {
     std::printf("\n");
 }
 
+/// Leaves the residuals of the first `rows` Gaussians.
+void keep_first_residuals(Gaussians& g, std::int64_t rows) {
+    g[Group::kResidual].param.resize(std::size_t(rows) * g[Group::kResidual].width);
+}
+
+TYPED_TEST(GpuModel, ShowsAndLearnsTheSameWithSomeResiduals) {
+    const RandomTarget target(160, 120, 3);
+    const auto vector = [](const std::vector<float>& x) { return std::vector<double>(x.begin(), x.end()); };
+    for (const std::int64_t rows : {0, 1, 517, 1499}) {  // 517: the border lies inside of a warp
+        TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kRelu);
+        keep_first_residuals(t.model, rows);
+        const StepRequest r = this->request(t, target);
+        const auto cpu = make_cpu_backend(t.model.appearance);
+        cpu->upload(t.model);
+        RenderedImage expected, image;
+        cpu->render({r.camera, r.background}, expected);
+        cpu->step(r);
+        const Gaussians want = cpu->download(true);
+        for (const bool separate : {false, true}) {
+            const auto gpu = make_cuda_backend(t.model.appearance, {.separate_appearance = separate});
+            gpu->upload(t.model);
+            gpu->render({r.camera, r.background}, image);
+            EXPECT_LE(relative_distance(image.rgb, vector(expected.rgb)), kHalf<TypeParam> ? 1e-2 : 1e-4);
+            gpu->step(r);
+            const Gaussians now = gpu->download(true);
+            for (int g = 0; g < kNumGroups; ++g) {
+                ASSERT_EQ(now.groups[g].m.size(), want.groups[g].m.size()) << kGroupNames[g];
+                EXPECT_LE(relative_distance(now.groups[g].m, vector(want.groups[g].m)), kHalf<TypeParam> ? 2e-2 : 1e-3)
+                    << kGroupNames[g] << ", " << rows << " residuals" << (separate ? ", separate" : "");
+            }
+            EXPECT_LE(relative_distance(now.shared.m, vector(want.shared.m)), 1e-2);
+        }
+    }
+}
+
+TYPED_TEST(GpuModel, ValuesResidualsLikeTheCpu) {
+    const RandomTarget targets[] = {{160, 120, 3, false, false, 1}, {160, 120, 4, true, false, 2}};
+    for (const std::int64_t rows : {0, 517, 1500}) {
+        TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kRelu);
+        keep_first_residuals(t.model, rows);
+        const auto cpu = make_cpu_backend(t.model.appearance), gpu = make_cuda_backend(t.model.appearance);
+        cpu->upload(t.model), gpu->upload(t.model);
+        const auto view = [&](std::size_t k) { return this->request(t, targets[k]); };
+        const ResidualScores a = cpu->residual_scores(2, view), b = gpu->residual_scores(2, view);
+        ASSERT_EQ(b.worth.size(), 1500u);
+        EXPECT_LE(relative_distance(b.worth, {a.worth.begin(), a.worth.end()}), kHalf<TypeParam> ? 3e-2 : 1e-3);
+        EXPECT_LE(relative_distance(b.mean_base, {a.mean_base.begin(), a.mean_base.end()}), 1e-2);
+        for (std::size_t k = 0; k < 2; ++k) {
+            const double error = cpu->squared_error(view(k));
+            EXPECT_NEAR(gpu->squared_error(view(k)), error, (kHalf<TypeParam> ? 1e-2 : 1e-4) * error);
+        }
+    }
+}
+
 TYPED_TEST(GpuModel, IsRepeatableToTheBitOnRequest) {
     const RandomTarget target(160, 120, 3);
     const TestScene t = this->scene(this->info.max_degree_limit, ColorActivation::kRelu, 20000);

@@ -97,15 +97,11 @@ template <class Model, class Real> struct Projected {
     }
     ParameterView<Real> view() const {
         const auto p = [&](Group g) { return params[int(g)].data(); };
-        return {model.count,
-                p(Group::kMean),
-                p(Group::kScale),
-                p(Group::kRotation),
-                p(Group::kOpacity),
-                p(Group::kBase),
-                p(Group::kResidual),
-                model[Group::kResidual].width,
-                model.appearance.activation,
+        return {model.count,           p(Group::kMean),
+                p(Group::kScale),      p(Group::kRotation),
+                p(Group::kOpacity),    p(Group::kBase),
+                p(Group::kResidual),   model[Group::kResidual].width,
+                model.num_residuals(), model.appearance.activation,
                 shared.data()};
     }
     GaussianGeometry<Real> geometry(std::int64_t i) const {

@@ -85,6 +85,23 @@ TEST(Checkpoint, ModelWithoutResidualRoundTrips) {
     EXPECT_EQ(back.state[Group::kBase].v, c.state[Group::kBase].v);
 }
 
+TEST(Checkpoint, ResidualsOfTheFirstGaussiansRoundTrip) {
+    const TempFolder folder;
+    for (const std::size_t with : {std::size_t(0), std::size_t(1)}) {
+        Checkpoint c = sample(true);
+        auto& residuals = c.state[Group::kResidual];
+        for (auto* data : {&residuals.param, &residuals.m, &residuals.v})
+            data->resize(with * std::size_t(residuals.width));
+        write_checkpoint(folder / "c.safetensors", c);
+        const Gaussians back = read_checkpoint(folder / "c.safetensors").state;
+        EXPECT_EQ(back.num_residuals(), std::int64_t(with));
+        EXPECT_TRUE(back.is_mixed());
+        EXPECT_EQ(back[Group::kResidual].param, residuals.param);
+        EXPECT_EQ(back[Group::kResidual].m, residuals.m);
+        EXPECT_EQ(back[Group::kResidual].v, residuals.v);
+    }
+}
+
 TEST(Checkpoint, NonFiniteValueIsNamedByTensorAndRow) {
     const TempFolder folder;
     Checkpoint c = sample(true);

@@ -163,6 +163,38 @@ TEST(GaussianPly, OtherActivationsExportTheVisibleBaseColor) {
     EXPECT_EQ(raw.values[19], -2);
 }
 
+TEST(GaussianPly, OnlyTheFirstGaussiansMayHaveAResidual) {
+    const TempFolder folder;
+    for (const char* model : {"sh", "nasg", "neural"}) {
+        SCOPED_TRACE(model);
+        Gaussians g = random_gaussians(6, {model, appearance_model(model).default_max_degree, ColorActivation::kRelu});
+        auto& residuals = g[Group::kResidual];
+        for (const std::int64_t with : {0, 2, 5}) {
+            Gaussians mixed = g;
+            mixed[Group::kResidual].param.resize(std::size_t(with * residuals.width));
+            write_ply(folder / "p.ply", mixed, {});
+            EXPECT_CONTAINS(raw_ply(folder / "p.ply").header, "comment gsapp residuals " + std::to_string(with) + "\n");
+            const Gaussians back = read_ply(folder / "p.ply");
+            EXPECT_EQ(back.num_residuals(), with);
+            EXPECT_EQ(back[Group::kResidual].param, mixed[Group::kResidual].param);
+            EXPECT_EQ(back[Group::kOpacity].param, mixed[Group::kOpacity].param);
+        }
+        write_ply(folder / "p.ply", g, {});
+        std::string text = slurp(folder / "p.ply");
+        EXPECT_EQ(text.find("residuals"), std::string::npos);
+        // A program that moved the rows and kept the comment: nothing is lost.
+        text.insert(text.find("element vertex"), "comment gsapp residuals 2\n");
+        spit(folder / "p.ply", text);
+        EXPECT_EQ(read_ply(folder / "p.ply").num_residuals(), 6);
+        for (const char* bad : {"7", "-1", "many"}) {
+            std::string wrong = text;
+            wrong.replace(wrong.find("residuals 2"), 11, std::string("residuals ") + bad);
+            spit(folder / "p.ply", wrong);
+            EXPECT_CONTAINS(message_of<DataError>([&] { read_ply(folder / "p.ply"); }), "cannot understand");
+        }
+    }
+}
+
 TEST(GaussianPly, SpansSeveralChunks) {
     const TempFolder folder;
     const Gaussians g = random_gaussians(30001, {"sh", 1, ColorActivation::kRelu});

@@ -33,6 +33,14 @@ class ForwardingBackend : public Backend, public BackendTimer {
     DensifyStats densify(const DensifyRequest& request) override { return inner_->densify(request); }
     void reset_opacity() override { inner_->reset_opacity(); }
     std::vector<float> scores(const std::vector<RenderRequest>& views) override { return inner_->scores(views); }
+    std::int64_t num_residuals() const override { return inner_->num_residuals(); }
+    double squared_error(const StepRequest& view) override { return inner_->squared_error(view); }
+    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override {
+        return inner_->residual_scores(num_views, step_on);
+    }
+    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
+        inner_->keep_residuals(marks, bases);
+    }
     PruneStats prune(const PruneRequest& request) override { return inner_->prune(request); }
     void morton_sort() override { inner_->morton_sort(); }
 

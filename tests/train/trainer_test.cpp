@@ -201,6 +201,55 @@ TEST_P(TrainModels, ResumingWithAnActiveResidualEqualsNotStopping) {
     EXPECT_TRUE(residuals.width == 0 || moved > 0) << "the residual learns";
 }
 
+/// Options of a run in which 30 % keep a residual, by the schedule of a whole run of 60 iterations: the choice falls
+/// before iteration 51.
+TrainOptions mixed_options(const fs::path& folder) {
+    TrainOptions o = small_options(folder, Strategy::kMcmc);
+    o.schedule = ScheduleKind::kProgress;
+    o.appearance_share = 0.3;
+    return o;
+}
+
+TEST(TrainMixed, ResumingAroundTheChoiceEqualsNotStopping) {
+    const Scene scene = small_scene();
+    const test::TemporaryFolder folder;
+    TrainOptions whole = mixed_options(folder.path() / "whole");
+    whole.checkpoint_iterations = {30, 50, 55};
+    const TrainSummary summary = run(whole, scene);
+    EXPECT_NEAR(summary.residual_share, 0.3, 0.01);
+    const RunFolder folder_of_whole{whole.model};
+    for (const std::int64_t stop : whole.checkpoint_iterations) {
+        TrainOptions rest = mixed_options(folder.path() / std::to_string(stop));
+        rest.resume = folder_of_whole.checkpoint(stop).string();
+        run(rest, scene);
+        EXPECT_EQ(bytes_of(RunFolder{rest.model}.point_cloud(60)), bytes_of(folder_of_whole.point_cloud(60))) << stop;
+    }
+    const Gaussians back = read_ply(folder_of_whole.point_cloud(60));
+    EXPECT_TRUE(back.is_mixed());
+    EXPECT_EQ(back.num_residuals(), std::llround(summary.residual_share * double(back.count)));
+}
+
+TEST(TrainMixed, AShareOfAllChangesNothing) {
+    const Scene scene = small_scene();
+    const test::TemporaryFolder folder;
+    TrainOptions one = mixed_options(folder.path() / "one"), all = mixed_options(folder.path() / "all");
+    one.appearance_share = 1, all.appearance_share = TrainOptions{}.appearance_share;
+    run(one, scene), run(all, scene);
+    EXPECT_EQ(bytes_of(RunFolder{one.model}.point_cloud(60)), bytes_of(RunFolder{all.model}.point_cloud(60)));
+}
+
+TEST_P(TrainModels, TrainWithSomeResiduals) {
+    const test::TemporaryFolder folder;
+    TrainOptions o = mixed_options(folder.path() / "m");
+    o.appearance = GetParam()->name;
+    const TrainSummary summary = run(o, small_scene());
+    const Gaussians model = read_ply(RunFolder{o.model}.point_cloud(60));
+    if (model[Group::kResidual].width > 0) {
+        EXPECT_NEAR(summary.residual_share, 0.3, 0.01);
+        EXPECT_EQ(model.num_residuals(), std::llround(summary.residual_share * double(model.count)));
+    }
+}
+
 TEST_P(TrainStrategies, DoesNotDependOnTheNumberOfThreads) {
     const test::TemporaryFolder tmp;
     const Scene scene = small_scene(true);

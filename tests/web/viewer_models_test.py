@@ -25,6 +25,8 @@ CASES = {
     "neural": GLOSSY + ["3200"],
     "neural_wide": GLOSSY + ["1200"],
     "neural_3layers": GLOSSY + ["1200"],
+    "sh, mixed": GLOSSY + ["1200", "--appearance-share", "0.3"],
+    "neural, mixed": GLOSSY + ["1200", "--appearance-share", "0.3"],
     "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
 }
 VIEWS = (0, 3, 7)

@@ -10,6 +10,8 @@ export interface Fields {
   neurons: number;
   hiddenLayers: number;
   flags: number;
+  /** Gaussians with a residual; all, if undefined. */
+  numResiduals?: number;
   model: number;
   weights: Uint16Array;
   /** x, y, z of each Gaussian as half-precision bits. */
@@ -30,13 +32,14 @@ export function encode(fields: Partial<Fields> = {}): ArrayBuffer {
     positions: [[0x3c00, 0xc100, 0x0000]], testCameras: [CAMERA], photometric: [], payload: new Uint32Array(), trailer: TRAILER, ...fields,
   };
   const rows = Math.ceil(f.count / 2048);
-  const flags = f.flags | ((f.model & 3) << 3) | ((f.model & 4) << 4) | (f.photometric.length ? 1 << 7 : 0);
+  const flags = f.flags | ((f.model & 3) << 3) | ((f.model & 4) << 4) | (f.photometric.length ? 1 << 7 : 0) | (f.numResiduals === undefined ? 0 : 1 << 8);
   const parts: ArrayBufferView[] = [];
   const text = (s: string) => parts.push(new TextEncoder().encode(s));
   const words = (...w: number[]) => parts.push(new Uint32Array(w));
   const floats = (...w: number[]) => parts.push(new Float32Array(w));
   text('NGSPLAT\n');
   words(f.count, 2048, rows, f.featureDim, 0, f.bandMask, f.colorActivation, f.residualActivation, f.neurons, f.hiddenLayers, flags);
+  if (f.numResiduals !== undefined) words(f.numResiduals);
   floats(0.01, -0.5);
   if (f.model === 1) floats(6.3, 12.7, 3.1);
   floats(0, 0, 0, 0, -1, 0, 3);

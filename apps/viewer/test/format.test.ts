@@ -72,6 +72,15 @@ describe('parseScene', () => {
     expect(scene.payload.map((b) => b.data[0])).toEqual(scene.payload.map((_, k) => 2048 * scene.payload.slice(0, k).reduce((sum, b) => sum + b.words * b.layers, 0)));
   });
 
+  it('reads texels of the residuals that exist alone', () => {
+    const some = parseScene(encode({ count: 5000, numResiduals: 2049, model: 3, featureDim: 1, payload: new Uint32Array(2 * texels(4, 2).length) }));
+    expect(some).toMatchObject({ count: 5000, textureHeight: 3, numResiduals: 2049, payloadHeight: 2 });
+    expect(some.payload[0].data.length).toBe(2 * 2048 * 4 * 2);
+    const none = parseScene(encode({ count: 3, numResiduals: 0, model: 3, featureDim: 1 }));
+    expect(none).toMatchObject({ numResiduals: 0, payloadHeight: 0 });
+    expect(parseScene(encode({ model: 3, featureDim: 1, payload: texels(4, 2) }))).toMatchObject({ numResiduals: 3, payloadHeight: 1 });
+  });
+
   it('reads photometric values of every test view', () => {
     const numbers = Array.from({ length: 18 + 9 + 2 * 9 }, (_, i) => i + 1);
     const { photometric } = parseScene(encode({ testCameras: [CAMERA, CAMERA], photometric: numbers }));
@@ -110,7 +119,9 @@ describe('parseScene', () => {
     ['bands with a gap', encode({ bandMask: 0b1010 }), /shBandMask is 10, expected bands 1 to at most 3/],
     ['bands beyond the third', encode({ bandMask: 0b11110 }), /shBandMask is 30, expected/],
     ['a model of a newer version', encode({ model: 7 }), /number 7 is unknown/],
-    ['flags of a newer version', changed(48, 8 | 1 << 9), /newer/],
+    ['flags of a newer version', changed(48, 8 | 1 << 10), /newer/],
+    ['as many residuals as Gaussians', encode({ numResiduals: 3, model: 3, featureDim: 1, payload: texels(4, 2) }), /3 of 3 Gaussians have a residual/],
+    ['fewer texels than residuals', encode({ count: 5000, numResiduals: 2049, model: 3, featureDim: 1, payload: texels(4, 2) }), /truncated: appearance of 2049 Gaussians|unknown bytes|would take/],
     ['more cameras than bytes', changed(100, 0xffffffff), /truncated: 4294967295 test cameras/],
     ['another number of weights', encode({ model: 0, featureDim: 16, bandMask: 2, neurons: 16, hiddenLayers: 1, flags: 4, payload: texels(4, 2) }), /0 texels of weights, its model 28/],
     ['a network of no known size', encode({ model: 0, neurons: 0xfffffffc, hiddenLayers: 0x7fffffff }), /nNeurons is 4294967292, expected a multiple of 4 up to 256/],

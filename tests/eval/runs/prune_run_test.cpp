@@ -28,7 +28,10 @@ TEST(PruneRun, WritesARunThatOpensAndSaysWhatChanged) {
     SavedRun pruned = open_saved_run(output, std::nullopt);
     EXPECT_EQ(pruned.iteration, 100);
     EXPECT_EQ(pruned.options.model, output);
-    EXPECT_EQ(pruned.backend->download(false)[Group::kResidual].param, std::vector<float>(9, 0.0f));
+    EXPECT_EQ(pruned.backend->num_residuals(), 0);
+    EXPECT_EQ(pruned.backend->download(false)[Group::kResidual].param, std::vector<float>());
+    const PruneReport again = prune_run(pruned, saved.folder.path() / "again");
+    EXPECT_EQ(again.pruned, 0) << "there is nothing left to take";
     std::ifstream file(output / "pruned.json");
     EXPECT_EQ(nlohmann::ordered_json::parse(file), prune_report_json(report));
 }
@@ -53,10 +56,10 @@ TEST(PruneRun, ReportsSharesAndScores) {
     PruneReport report{
         .run = "run/", .iteration = 10, .num_gaussians = 200, .pruned = 50, .bytes_saved = 1000, .num_cameras = 7};
     report.before = PruneScores{30.0, 0.9}, report.after = PruneScores{29.5, 0.89};
-    EXPECT_EQ(
-        format_prune_report(report),
-        "50 of 200 Gaussians (25.0 %) show no view dependence in 7 training views; 1000 bytes need not be stored\n"
-        "test views: PSNR 30.000 before, 29.500 after; SSIM 0.90000 before, 0.89000 after\n");
+    EXPECT_EQ(format_prune_report(report),
+              "50 of 200 Gaussians (25.0 %) show their view dependence in none of 7 training views and lose it: 1000 "
+              "bytes less\n"
+              "test views: PSNR 30.000 before, 29.500 after; SSIM 0.90000 before, 0.89000 after\n");
     EXPECT_EQ(prune_report_json(report)["share"], 0.25);
     EXPECT_EQ(prune_report_json(report)["after"]["PSNR"], 29.5);
     EXPECT_EQ(pruned_folder("out/run/"), "out/run-pruned");

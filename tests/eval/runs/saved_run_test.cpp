@@ -92,7 +92,8 @@ TEST(SavedRun, FactsNameModelAndStrategy) {
     options.source = "builtin:glossy";
     Scene scene;
     scene.split_rule = "every 8th";
-    const RunFacts facts = run_facts(options, scene, {0, 0, 0}, 12);
+    const auto backend = make_cpu_backend({"sh", 3, ColorActivation::kRelu});
+    const RunFacts facts = run_facts(options, scene, {0, 0, 0}, *backend);
     EXPECT_EQ(facts.model, "sh (degree 3)");
     EXPECT_EQ(facts.strategy, "mcmc");
     EXPECT_EQ(facts.split_rule, "every 8th");

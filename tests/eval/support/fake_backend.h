@@ -44,6 +44,10 @@ class FakeBackend : public Backend, public BackendTimer {
     std::vector<float> scores(const std::vector<RenderRequest>&) override { return {}; }
     PruneStats prune(const PruneRequest&) override { return {}; }
     void morton_sort() override {}
+    std::int64_t num_residuals() const override { return count(); }
+    ResidualScores residual_scores(std::size_t, const StepSource&) override { return {}; }
+    double squared_error(const StepRequest&) override { return 0; }
+    void keep_residuals(const std::vector<std::uint8_t>&, const std::vector<float>&) override {}
 };
 
 }  // namespace gs::test

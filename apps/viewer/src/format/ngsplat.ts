@@ -52,6 +52,9 @@ export interface TexelBlock extends TextureShape {
 export interface Scene extends Trailer {
   count: number;
   textureHeight: number;
+  /** Gaussians whose colour depends on the view, the first ones: only these have texels in the payload. */
+  numResiduals: number;
+  payloadHeight: number;
   model: ModelCode;
   /** What the model's GLSL is told of the file. */
   constants: Record<string, number>;
@@ -111,13 +114,15 @@ export function parseScene(buffer: ArrayBuffer): Scene {
   const id = ((flags >> 3) & 3) | (((flags >> 6) & 1) << 2);
   const model = models.get(id);
   if (!model) throw new FormatError(`appearance model number ${id} is unknown to this viewer; the file may be newer`);
-  if (flags >> 8) throw new FormatError(`flags ${flags} are unknown to this viewer; the file may be newer`);
+  if (flags >> 9) throw new FormatError(`flags ${flags} are unknown to this viewer; the file may be newer`);
   if (width !== TEXTURE_WIDTH) throw new FormatError(`the texture width is ${width}, not ${TEXTURE_WIDTH}`);
   if (textureHeight !== Math.ceil(count / TEXTURE_WIDTH)) throw new FormatError(`${count} Gaussians do not fill ${textureHeight} rows of ${TEXTURE_WIDTH}`);
   if (colorActivation > ColorActivation.None) throw new FormatError(`colour activation ${colorActivation} is unknown`);
   if (residualActivation > ResidualActivation.Softplus) throw new FormatError(`residual activation ${residualActivation} is unknown`);
   const { packing } = model;
   const layout = packedLayout(packing, { featureDim, nFrequencies, shBandMask, nNeurons, nHiddenLayers, constantInput: Number(!flag(1)), folded: Number(flag(2)) });
+  const numResiduals = flag(8) ? c.word('number of residuals') : count;
+  if (flag(8) && numResiduals >= count) throw new FormatError(`${numResiduals} of ${count} Gaussians have a residual, not fewer than all`);
   const [baseScale, baseOffset] = c.floats(2, 'range of the base colour');
   const floats = c.floats(packing.floats?.count ?? 0, packing.floats?.name ?? '');
   const center = [...c.floats(3, 'centre')] as Vector;
@@ -140,11 +145,14 @@ export function parseScene(buffer: ArrayBuffer): Scene {
   if (!weights.every(isFiniteHalf)) throw new FormatError('a weight of the model is not finite');
   const texels = TEXTURE_WIDTH * textureHeight;
   const geometry = c.words(4 * texels, `geometry of ${count} Gaussians`);
-  const payload = layout.textures.map((shape) => ({ ...shape, data: c.words(shape.words * shape.layers * texels, `appearance of ${count} Gaussians`) }));
+  const payloadHeight = Math.ceil(numResiduals / TEXTURE_WIDTH);
+  const payload = layout.textures.map((shape) => ({
+    ...shape, data: c.words(shape.words * shape.layers * TEXTURE_WIDTH * payloadHeight, `appearance of ${numResiduals} Gaussians`),
+  }));
   checkMeans(geometry, count);
-  if (layout.halfLayers > 0) checkHalves(payload.at(-1)!, layout.halfLayers, count);
+  if (layout.halfLayers > 0) checkHalves(payload.at(-1)!, layout.halfLayers, numResiduals);
   return {
-    count, textureHeight, model, constants: layout.constants, floats, colorActivation, residualActivation, antialiased: flag(0), exponentialBase: flag(5),
+    count, textureHeight, numResiduals, payloadHeight, model, constants: layout.constants, floats, colorActivation, residualActivation, antialiased: flag(0), exponentialBase: flag(5),
     baseScale, baseOffset, center, up, distance, testCameras, photometric, weights, geometry, payload, appearance: packing.name, background: [0, 0, 0],
     ...readTrailer(c),
   };

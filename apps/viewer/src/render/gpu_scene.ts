@@ -38,11 +38,11 @@ export class GpuScene {
 
   /** `scene` has at least one Gaussian. */
   constructor(readonly scene: Scene) {
-    const height = scene.textureHeight;
-    this.geometry = integers(new DataTexture(scene.geometry, TEXTURE_WIDTH, height), 'RGBA32UI');
+    this.geometry = integers(new DataTexture(scene.geometry, TEXTURE_WIDTH, scene.textureHeight), 'RGBA32UI');
     // Every sampler of a shader needs a texture of its kind, also where the file has nothing for it.
-    const quads = scene.payload.find((block) => block.words === 4);
-    const pairs = scene.payload.find((block) => block.words === 2);
+    const height = scene.payloadHeight;
+    const block = (words: number) => (height > 0 ? scene.payload.find((candidate) => candidate.words === words) : undefined);
+    const quads = block(4), pairs = block(2);
     this.quads = integers(quads ? new DataArrayTexture(quads.data, TEXTURE_WIDTH, height, quads.layers) : new DataArrayTexture(new Uint32Array(4), 1, 1, 1), 'RGBA32UI');
     this.pairs = integers(pairs ? new DataTexture(pairs.data, TEXTURE_WIDTH, height) : new DataTexture(new Uint32Array(2), 1, 1), 'RG32UI');
     this.weights = weightsBlock(scene.weights);

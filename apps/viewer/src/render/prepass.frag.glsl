@@ -13,9 +13,9 @@ uniform float header_floats[GS_FLOATS];
 uniform float base_scale, base_offset;
 uniform vec3 camera_position, camera_forward;
 uniform float center_depth;
-uniform int count, mode;
+uniform int count, num_residuals, mode;
 
-const int kFull = 0, kBase = 1, kResidual = 2, kDepth = 3;
+const int kFull = 0, kBase = 1, kResidual = 2, kDepth = 3, kAppearance = 4;
 
 out vec4 result;
 
@@ -87,19 +87,25 @@ vec3 base_color(uvec4 g) {
 
 vec3 residual(vec3 direction);
 
+// As in eval/runs/appearance_colors.cpp: one colour from everywhere, and from little to much that depends on the view.
+const vec3 kNoResidual = vec3(0.25), kLeastChange = vec3(0.1, 0.3, 0.9), kMostChange = vec3(1.0, 0.8, 0.1);
+
 vec3 shown_color(uvec4 g) {
     vec3 offset = decode_mean(g) - camera_position;
     float depth = dot(offset, camera_forward);
     // White near by, grey at the centre, black far away; the power gives objects around the centre some contrast.
     if (mode == kDepth) return vec3(1.0 / (1.0 + pow(max(depth, 0.0) / center_depth, 3.0)));
+    bool has_residual = texel.y * 2048 + texel.x < num_residuals;
     vec3 base = base_color(g), base_shown = color_activation(base);
     if (mode == kBase) return base_shown;
     vec3 shown = base_shown;
 #if GS_HAS_RESIDUAL
     // Behind the camera nothing is drawn, and on it there is no direction.
-    if (depth > 0.0) shown = color_activation(base + residual(normalize(offset)));
+    if (has_residual && depth > 0.0) shown = color_activation(base + residual(normalize(offset)));
 #endif
-    return mode == kResidual ? abs(shown - base_shown) : shown;
+    vec3 change = abs(shown - base_shown);
+    if (mode == kAppearance) return has_residual ? mix(kLeastChange, kMostChange, min(1.0, 4.0 * (change.r + change.g + change.b) / 3.0)) : kNoResidual;
+    return mode == kResidual ? change : shown;
 }
 
 void main() {

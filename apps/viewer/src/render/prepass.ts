@@ -11,8 +11,8 @@ import { renderTarget, type Precision } from './target';
 import gaussianCode from './gaussian.glsl?raw';
 import prepassCode from './prepass.frag.glsl?raw';
 
-export type Mode = 'full' | 'base' | 'residual' | 'depth';
-export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth'];
+export type Mode = 'full' | 'base' | 'residual' | 'depth' | 'appearance';
+export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth', 'appearance'];
 
 function defines(scene: Scene): Defines {
   const quads = scene.payload.find((block) => block.words === 4)?.layers ?? 0;
@@ -43,7 +43,7 @@ export class Prepass {
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
     this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
       geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, ...(scene.floats.length > 0 ? { header_floats: scene.floats } : {}),
-      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count,
+      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count, num_residuals: scene.payload.length > 0 ? scene.numResiduals : 0,
       camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
     }), defines(scene));
     if (scene.weights.length > 0) this.pass.material.uniformsGroups = [gpu.weights];

@@ -12,6 +12,7 @@ const MODE_HELP: Record<Mode, string> = {
   base: 'Every Gaussian in the colour that all directions share.',
   residual: 'How far each Gaussian’s colour is from its base, on black.',
   depth: 'Near is white.',
+  appearance: 'Grey: one colour from everywhere. Blue to yellow: how much the colour depends on the view.',
 };
 const KEYS: Record<MovementName, string> = {
   orbit: 'Drag to turn, wheel or pinch to come closer, right button or two fingers to shift. Keys: arrows, + and −, Shift with arrows.',
@@ -87,11 +88,13 @@ export class Panel {
 
 /** What is known of a model. */
 export function sceneInfo(scene: Scene, fileBytes: number, gpuBytes: number): [string, string][] {
-  const words = scene.payload.reduce((sum, block) => sum + block.words * block.layers, 4);
+  const share = scene.payload.length > 0 ? scene.numResiduals / scene.count : 0;
+  const words = scene.payload.reduce((sum, block) => sum + share * block.words * block.layers, 4);
   return [
     ['Gaussians', scene.count.toLocaleString('en')],
     ['Appearance', scene.appearance],
-    ['Bytes per Gaussian', String(4 * words)],
+    ...(share > 0 && share < 1 ? [['View-dependent', `${(100 * share).toFixed(1)} %`]] as [string, string][] : []),
+    ['Bytes per Gaussian', share < 1 ? (4 * words).toFixed(1) : String(4 * words)],
     ['File', megabytes(fileBytes)],
     ['Graphics memory', megabytes(gpuBytes)],
     ['Test views', String(scene.testCameras.length)],

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// Puts handles in the place of residuals, and residuals in the place of handles.
+#include "kernels/densify/residual_handles.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "kernels/densify/densify.h"
+
+namespace gs {
+namespace {
+
+/// Returns the rows that the first `count` handles name; a handle of none gives zeros.
+std::vector<float> rows_of(const std::vector<float>& handles, std::int64_t count, const std::vector<float>& data,
+                           int width) {
+    std::vector<float> out(std::size_t(count) * width, 0.0f);
+    for (std::int64_t i = 0; i < count; ++i)
+        if (const std::int64_t row = row_of_handle(handles[i]); row >= 0)
+            std::copy_n(data.begin() + row * width, width, out.begin() + i * width);
+    return out;
+}
+
+}  // namespace
+
+ResidualHandles::ResidualHandles(Gaussians& state, bool always)
+    : state_(state), active_(state.is_mixed() || (always && state[Group::kResidual].width > 0)) {
+    if (!active_) return;
+    GroupArrays<float>& group = state_[Group::kResidual];
+    const std::int64_t count = state_.num_residuals();
+    residuals_.width = 1;
+    for (auto [handles, data] : {std::pair{&residuals_.param, &group.param}, std::pair{&residuals_.m, &group.m},
+                                 std::pair{&residuals_.v, &group.v}}) {
+        if (data->empty() && count > 0) continue;  // a model without moments
+        handles->resize(std::size_t(state_.count), 0.0f);
+        for (std::int64_t i = 0; i < count; ++i) (*handles)[i] = residual_handle(i);
+    }
+    std::swap(residuals_, group);
+}
+
+ResidualHandles::~ResidualHandles() {
+    if (active_) std::swap(residuals_, state_[Group::kResidual]);
+}
+
+void ResidualHandles::keep(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
+    if (!active_) return;
+    std::vector<float>& handles = state_[Group::kResidual].param;
+    for (std::int64_t i = 0; i < state_.count; ++i) {
+        if (marks[i] || row_of_handle(handles[i]) < 0) continue;
+        handles[i] = 0;
+        if (!bases.empty()) std::copy_n(&bases[3 * i], 3, &state_[Group::kBase].param[3 * i]);
+    }
+}
+
+void ResidualHandles::resolve() {
+    if (!active_) return;
+    GroupArrays<float>& handles = state_[Group::kResidual];
+    std::vector<std::uint32_t> order(std::size_t(state_.count));
+    std::iota(order.begin(), order.end(), 0u);
+    const auto end = std::stable_partition(order.begin(), order.end(),
+                                           [&](std::uint32_t i) { return row_of_handle(handles.param[i]) >= 0; });
+    const std::int64_t count = end - order.begin();
+    if (!std::is_sorted(order.begin(), order.end())) gather_rows(state_, order);
+    GroupArrays<float> out;
+    out.width = residuals_.width;
+    out.param = rows_of(handles.param, count, residuals_.param, out.width);
+    if (!handles.m.empty()) out.m = rows_of(handles.m, count, residuals_.m, out.width);
+    if (!handles.v.empty()) out.v = rows_of(handles.v, count, residuals_.v, out.width);
+    active_ = false;
+    std::swap(handles, out);
+}
+
+}  // namespace gs

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who keeps a residual, and runs in which some lose it.
+#include "lib/train/residual_share.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "kernels/core/error.h"
+#include "lib/model/appearance_spec.h"
+#include "tests/train/forwarding_backend.h"
+
+namespace gs {
+namespace {
+
+const AppearanceSpec kSh{"sh", 3, ColorActivation::kRelu};
+
+/// Ten Gaussians whose worth is given, and whose error grows by what the lost residuals were worth.
+class Worthy : public test::ForwardingBackend {
+  public:
+    explicit Worthy(std::vector<float> worth) : ForwardingBackend(kSh), worth_(std::move(worth)) {}
+    std::int64_t count() const override { return std::int64_t(worth_.size()); }
+    std::int64_t num_residuals() const override { return kept_; }
+    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override {
+        for (std::size_t v = 0; v < num_views; ++v) step_on(v);
+        return {worth_, std::vector<float>(3 * worth_.size())};
+    }
+    double squared_error(const StepRequest&) override {
+        double lost = 0;
+        for (std::int64_t i = kept_; i < count(); ++i) lost += std::isnan(worth_[i]) ? 0 : double(worth_[i]);
+        return 100 + lost;
+    }
+    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
+        EXPECT_EQ(bases.size(), 3 * worth_.size());
+        std::vector<float> kept, lost;
+        for (std::size_t i = 0; i < marks.size(); ++i) (marks[i] ? kept : lost).push_back(worth_[i]);
+        kept_ = std::int64_t(kept.size());
+        kept.insert(kept.end(), lost.begin(), lost.end());
+        worth_ = kept;
+    }
+    Gaussians download(bool) override {
+        saved_ = worth_;
+        saved_kept_ = kept_;
+        return {};
+    }
+    void upload(const Gaussians&) override { worth_ = saved_, kept_ = saved_kept_, ++uploads; }
+    std::vector<float> kept() const { return {worth_.begin(), worth_.begin() + kept_}; }
+    int uploads = 0;
+
+  private:
+    std::vector<float> worth_, saved_;
+    std::int64_t kept_ = std::int64_t(worth_.size()), saved_kept_ = 0;
+};
+
+struct Chosen {
+    std::optional<ResidualChange> change;
+    std::vector<float> kept;
+};
+
+Chosen choose(double share, std::vector<float> worth, double tolerance = 0.1, double position = kResidualChoice) {
+    TrainOptions options;
+    options.appearance_share = share, options.auto_tolerance = tolerance;
+    Scene scene;
+    scene.train.resize(3);
+    Worthy backend(std::move(worth));
+    const ResidualShare residuals(options, kSh, scene);
+    const auto change = residuals.before_step(backend, {.iteration = 9, .position = position, .before = position - 1},
+                                              [](std::size_t) { return StepRequest{}; });
+    return {change, backend.kept()};
+}
+
+const std::vector<float> kWorth = {3, 1, 4, 1, 5, 9, 2, 6, 5, 3};
+
+TEST(ResidualShare, KeepsTheMostWorthyInTheirOrder) {
+    const Chosen chosen = choose(0.4, kWorth);
+    ASSERT_TRUE(chosen.change);
+    EXPECT_EQ(chosen.change->before, 10);
+    EXPECT_EQ(chosen.change->after, 4);
+    EXPECT_EQ(chosen.kept, (std::vector<float>{5, 9, 6, 5}));
+}
+
+TEST(ResidualShare, IsDueOnce) {
+    EXPECT_FALSE(choose(0.4, kWorth, 0.1, kResidualChoice - 1).change);
+    EXPECT_FALSE(choose(0.4, kWorth, 0.1, kResidualChoice + 1).change);
+    EXPECT_FALSE(choose(1, kWorth).change) << "all";
+}
+
+TEST(ResidualShare, AWorthThatIsNoNumberGoesFirst) {
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    EXPECT_EQ(choose(0.5, {nan, 1, -2, nan}).kept, (std::vector<float>{1, -2}));
+    EXPECT_EQ(choose(0, {nan, 1}).kept, std::vector<float>{});
+    EXPECT_EQ(choose(0.5, {}).kept, std::vector<float>{});
+}
+
+TEST(ResidualShare, AutoKeepsWhatTheToleranceNeeds) {
+    std::vector<float> worth(1000);
+    for (int i = 0; i < 1000; ++i) worth[std::size_t(i)] = i < 200 ? 1.0f : 0.001f;
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    const Chosen chosen = choose(nan, worth, 0.1);
+    ASSERT_TRUE(chosen.change);
+    EXPECT_EQ(chosen.change->after, std::int64_t(chosen.kept.size()));
+    EXPECT_GE(chosen.change->after, 200) << "losing three of the worthy costs 0.13 dB";
+    EXPECT_LT(chosen.change->after, 250) << "the next step of the search";
+    EXPECT_LE(chosen.change->loss, 0.1);
+    EXPECT_EQ(choose(nan, std::vector<float>(100, 0.0f)).change->after, 0) << "nothing is worth anything";
+    const Chosen none = choose(nan, std::vector<float>(100, 50.0f));
+    EXPECT_EQ(none.change->after, 100) << "everything is";
+    EXPECT_EQ(none.kept.size(), 100u);
+}
+
+TEST(ResidualShare, BytesAreAnotherWayToSayIt) {
+    TrainOptions options;
+    EXPECT_EQ(wanted_residual_share(options, kSh), 1);
+    options.appearance_bytes = 12 + 45;
+    EXPECT_DOUBLE_EQ(*wanted_residual_share(options, kSh), 0.25);
+    options.appearance_bytes = 12;
+    EXPECT_EQ(wanted_residual_share(options, kSh), 0);
+    options.appearance_bytes = 1e6;
+    EXPECT_EQ(wanted_residual_share(options, kSh), 1);
+    EXPECT_EQ(wanted_residual_share(options, {"none", 0, ColorActivation::kRelu}), 1);
+    options.appearance_bytes = 11;
+    EXPECT_THROW(wanted_residual_share(options, kSh), UsageError);
+    options.appearance_bytes = 0, options.appearance_share = std::nan("");
+    EXPECT_FALSE(wanted_residual_share(options, kSh));
+}
+
+}  // namespace
+}  // namespace gs
