@@ -73,7 +73,7 @@ class Backend {
     virtual std::vector<float> scores(const std::vector<RenderRequest>& views) = 0;
     /// Returns the number K of Gaussians that have a residual. They are the first rows.
     virtual std::int64_t num_residuals() const = 0;
-    /// Returns what each residual is worth to `num_views` training views (kernels/densify/residual_score.h).
+    /// Returns what each residual is worth to `num_views` training views (kernels/blend/residual_score.h).
     virtual ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) = 0;
     /// Returns half the squared error of a training view, weighted by its mask, summed over pixels and channels.
     virtual double squared_error(const StepRequest& view) = 0;

@@ -6,10 +6,10 @@
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
 #include "kernels/backends/cpu_rasterizer.h"
+#include "kernels/blend/residual_score.h"
 #include "kernels/core/ceilings.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
-#include "kernels/densify/residual_score.h"
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/ppisp/ppisp.h"
@@ -199,10 +199,11 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         auto& s = raster_.seconds;
         const double gaussians = work_.gaussians, pairs = work_.pairs;
         const ModelInfo& info = appearance_model(state_.appearance.model);
-        const bool residual = state_.active_degree > 0;
-        const double values = 14.0 + (residual ? state_[Group::kResidual].width : 0);  // used parameters of a Gaussian
-        const double operations = residual ? info.operations : 0,
-                     operations_backward = residual ? info.operations_backward : 0;
+        // Of a mixed model the costs of a residual are those of a mean Gaussian.
+        const double share =
+            state_.active_degree > 0 && state_.count > 0 ? double(state_.num_residuals()) / double(state_.count) : 0;
+        const double values = 14.0 + share * state_[Group::kResidual].width;  // used parameters of a Gaussian
+        const double operations = share * info.operations, operations_backward = share * info.operations_backward;
         // The instructions are counted in the templates: fragment_alpha 17 (10 of them for exp2) + blend_fragment 10
         // forward, fragment_alpha 17 + blend_fragment_backward 34 backward. A splat has 40 bytes, its sums 36.
         std::vector<StageCost> costs = {

@@ -8,10 +8,10 @@
 #include <cstring>
 
 #include "appearance/model_info.h"
+#include "kernels/blend/residual_scores_cuda.h"
 #include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/densify/residual_handles_cuda.h"
-#include "kernels/densify/residual_scores_cuda.h"
 
 namespace gs {
 namespace {
@@ -539,9 +539,11 @@ void CudaBackend::measure_stages(bool on) {
 std::vector<StageCost> CudaBackend::take_stage_costs() {
     synchronize();
     const ModelInfo& info = appearance_model(meta_.appearance.model);
-    const bool residual = meta_.active_degree > 0;
-    return times_.take(residual ? model_.width[int(Group::kResidual)] : 0, residual ? info.operations : 0,
-                       residual ? info.operations_backward : 0);
+    // Of a mixed model the costs of a residual are those of a mean Gaussian.
+    const double share =
+        meta_.active_degree > 0 && model_.count > 0 ? double(model_.num_residuals()) / double(model_.count) : 0;
+    return times_.take(share * model_.width[int(Group::kResidual)], share * info.operations,
+                       share * info.operations_backward);
 }
 
 Ceilings CudaBackend::measure_ceilings() {

@@ -15,7 +15,7 @@ namespace gs {
 namespace {
 
 /// Each step of the search for a share keeps this much of the last one.
-constexpr double kShareStep = 0.8;
+constexpr double kShareStep = 0.9;
 /// The views on which the search measures: enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
 
@@ -111,8 +111,7 @@ ResidualChange ResidualShare::choose_by_loss(Backend& backend, ResidualScores sc
         move_rows(scores.worth, 1, marks), move_rows(scores.mean_base, 3, marks);
     }
     backend.upload(whole);
-    if (change.after < change.before)
-        backend.keep_residuals(marks_of_best(all.worth, change.after), all.mean_base);
+    if (change.after < change.before) backend.keep_residuals(marks_of_best(all.worth, change.after), all.mean_base);
     return change;
 }
 

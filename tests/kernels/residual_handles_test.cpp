@@ -6,9 +6,9 @@
 #include <numeric>
 
 #include "kernels/backend.h"
+#include "kernels/blend/residual_score.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/residual_handles.h"
-#include "kernels/densify/residual_score.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {
@@ -30,8 +30,7 @@ Gaussians model_of(std::int64_t marked) {
         if (i % 11 == 5) std::fill_n(s[Group::kRotation].param.begin() + 4 * i, 4, 0.0f);
         auto& residuals = s[Group::kResidual];
         residuals.param[9 * i] = i < marked;
-        if (i >= marked)
-            std::fill_n(&residuals.m[9 * i], 9, 0.0f), std::fill_n(&residuals.v[9 * i], 9, 0.0f);
+        if (i >= marked) std::fill_n(&residuals.m[9 * i], 9, 0.0f), std::fill_n(&residuals.v[9 * i], 9, 0.0f);
     }
     s.gradient_sum.resize(kRows), s.gradient_count.assign(kRows, 2.0f);
     for (std::int64_t i = 0; i < kRows; ++i) s.gradient_sum[i] = 1e-4f * float(i % 9);

@@ -9,7 +9,9 @@
 namespace gs {
 namespace {
 
-std::vector<float> color_of(const Gaussians& g) { return appearance_colors(g, std::vector<View>(1))[Group::kBase].param; }
+std::vector<float> color_of(const Gaussians& g) {
+    return appearance_colors(g, std::vector<View>(1))[Group::kBase].param;
+}
 
 TEST(AppearanceColors, GoFromGreyThroughBlueToYellow) {
     Gaussians g = test::one_sh_gaussian(0.0f);

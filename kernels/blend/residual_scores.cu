@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gathers what residuals are worth, on the device.
-#include "kernels/densify/residual_scores_cuda.h"
+#include "kernels/blend/residual_scores_cuda.h"
 
 namespace gs {
 namespace {
@@ -57,8 +57,8 @@ void CudaResidualScores::keep_gradients(const std::uint32_t* counts, const Packe
     GS_CUDA_LAUNCHED("keep_color_gradients");
 }
 
-void CudaResidualScores::add(const ParameterView<float>& params, const std::uint32_t* counts,
-                             const PackedSplat* splats, const PackedSums* sums) {
+void CudaResidualScores::add(const ParameterView<float>& params, const std::uint32_t* counts, const PackedSplat* splats,
+                             const PackedSums* sums) {
     if (num_residuals_ == 0) return;
     add_view<<<num_blocks(num_residuals_, kScoreBlock), kScoreBlock, 0, stream_>>>(params, counts, splats, sums,
                                                                                    gradients_.get(), sums_.get());

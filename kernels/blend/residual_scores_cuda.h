@@ -3,8 +3,8 @@
 #pragma once
 
 #include "kernels/blend/blend_cuda.h"
+#include "kernels/blend/residual_score.h"
 #include "kernels/cuda/device_memory.h"
-#include "kernels/densify/residual_score.h"
 #include "kernels/requests.h"
 #include "kernels/splat/gaussian_rows_device.h"
 
