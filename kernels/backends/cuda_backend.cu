@@ -107,7 +107,8 @@ std::string CudaBackend::describe() const {
 void CudaBackend::upload(const Gaussians& state) {
     abandon_steps();  // they belong to the old model
     stats_ = {};
-    model_.count = model_.without_residual = 0;  // stays 0 if there is no memory
+    model_.count = model_.without_residual = 0;
+    model_.broken = true;  // stays so if there is no memory
     meta_ = Gaussians{};
     meta_.appearance = state.appearance, meta_.active_degree = state.active_degree, meta_.step = state.step;
     for (int g = 0; g < kNumGroups; ++g) {
@@ -140,6 +141,7 @@ void CudaBackend::upload(const Gaussians& state) {
     ppisp_.upload(state.ppisp);
     sizes_ = {};  // PPISP takes some of the scratch block
     model_.count = state.count;
+    model_.broken = false;
     model_.without_residual = state.is_mixed() ? state.count - state.num_residuals() : 0;
     half_residuals_current_ = false;
     lazy_.reset(meta_.step);
@@ -147,6 +149,7 @@ void CudaBackend::upload(const Gaussians& state) {
 }
 
 Gaussians CudaBackend::download(bool with_moments) {
+    if (model_.broken) throw DeviceError("the model was lost when memory ran out while its rows were moved");
     settle();
     GS_CUDA(cudaStreamSynchronize(stream_));
     Gaussians out = meta_;
@@ -209,7 +212,8 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
         shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
                                      std::size_t(kernels_.shared.count));
     if (options_.separate_appearance && kernels_.directional) {
-        separate_.dL_dresiduals = c.take<float>(model_.floats(int(Group::kResidual)));
+        separate_.dL_dresiduals =
+            c.take<float>(std::size_t(std::min(sizes.n, model_.num_residuals())) * model_.width[int(Group::kResidual)]);
         separate_.dL_dmeans = c.take<Vec3<float>>(sizes.n);
     }
     dL_dimage_ = c.take<float>(3 * pixels);
@@ -668,6 +672,7 @@ void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const s
     DeviceBuffer<unsigned char> device_marks;
     DeviceBuffer<float> device_bases;
     device_marks.upload(marks), device_bases.upload(bases);
+    GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
     CudaResidualHandles residuals(model_, stream_, true);
     residuals.keep(device_marks.get(), device_bases.get());
     residuals.resolve(scratch_);

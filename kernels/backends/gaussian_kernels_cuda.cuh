@@ -84,8 +84,10 @@ __device__ Vec3<float> warp_residual(const PreprocessArgs& a, std::int64_t i, bo
         if (mask && a.degree > 0 && a.mode != RenderMode::kBaseOnly) {
             memory.load(a, i - (threadIdx.x & 31), mask, shown ? a.lazy.lag(i) : 0);
             const Vec3<float> direction = shown ? a.params.direction(i, a.camera.position).unit : Vec3<float>{0, 0, 1};
-            return WarpAppearance<Model>(scratch, a.shared.prepared)
-                .residual(memory.rows, a.params.residual_width, direction, a.degree, shown);
+            const Vec3<float> residual =
+                WarpAppearance<Model>(scratch, a.shared.prepared)
+                    .residual(memory.rows, a.params.residual_width, direction, a.degree, shown);
+            if (shown) return residual;
         }
     }
     return {0, 0, 0};
@@ -371,7 +373,10 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
                 Vec3<float> dL_ddirection;
                 appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients,
                                     dL_ddirection);
-                dL_dmean = direction_pullback(direction, dL_ddirection);
+                if (shown)
+                    dL_dmean = direction_pullback(direction, dL_ddirection);
+                else
+                    residual = {0, 0, 0};  // of a Gaussian without one
             } else {
                 load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
                 if (shown) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];

@@ -20,7 +20,7 @@ inline DeviceMemoryCount& device_memory_count() {
     return count;
 }
 
-/// Device memory that grows geometrically and never shrinks.
+/// Device memory that grows geometrically, and shrinks only on request.
 template <class T> class DeviceBuffer {
   public:
     DeviceBuffer() = default;
@@ -54,7 +54,7 @@ template <class T> class DeviceBuffer {
         if (n >= capacity_) return;
         DeviceBuffer smaller;
         if (n > 0) {
-            smaller.allocate(n);
+            if (!smaller.try_allocate(n)) return;  // for both there is no room
             GS_CUDA(cudaDeviceSynchronize());
             GS_CUDA(cudaMemcpy(smaller.data_, data_, n * sizeof(T), cudaMemcpyDeviceToDevice));
         }

@@ -19,6 +19,8 @@ struct CudaModel {
     DeviceBuffer<float> gradient_sum, gradient_count;
     /// In the place of the residuals and their moments while rows of a mixed model move (residual_handles_cuda.h).
     DeviceBuffer<float> handles[3];
+    bool rows_moved = false;  ///< whether rows moved since the handles took their place
+    bool broken = false;      ///< whether an error came between that and the return of the residuals
     DeviceBuffer<float> shared_param, shared_m, shared_v;  ///< weights that all Gaussians share
     DeviceBuffer<unsigned> shared_prepared;                ///< these weights in the form that kernels read
 

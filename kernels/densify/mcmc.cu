@@ -87,6 +87,7 @@ struct RowsToFill {
 void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const RowsToFill& rows, float min_opacity,
                std::int64_t iteration, std::uint64_t seed, cudaStream_t stream) {
     const auto [num_rows, to, stream_of_draws] = rows;
+    model.rows_moved = true;
     GS_CUDA(cudaMemsetAsync(space.copies, 0, n * sizeof *space.copies, stream));
     draw_rows<<<num_blocks(num_rows, kRowBlock), kRowBlock, 0, stream>>>(num_rows, n, space.sums, seed, stream_of_draws,
                                                                          iteration, space.from, space.copies);

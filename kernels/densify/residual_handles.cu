@@ -49,12 +49,14 @@ CudaResidualHandles::CudaResidualHandles(CudaModel& model, cudaStream_t stream, 
     }
     swap_arrays();
     model_.width[kResidual] = 1, model_.without_residual = 0;
+    model_.rows_moved = false;
 }
 
 CudaResidualHandles::~CudaResidualHandles() {
     if (!active_) return;
     swap_arrays();
     model_.width[kResidual] = width_, model_.without_residual = without_residual_;
+    if (model_.rows_moved) model_.broken = true;  // the residuals are no longer those of their rows
 }
 
 void CudaResidualHandles::swap_arrays() {

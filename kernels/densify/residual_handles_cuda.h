@@ -11,7 +11,8 @@ class CudaResidualHandles {
   public:
     /// `always`: for a model whose Gaussians all have a residual, too.
     CudaResidualHandles(CudaModel& model, cudaStream_t stream, bool always = false);
-    /// Puts the residuals back as they were, unless they were resolved.
+    /// Puts the residuals back as they were, unless they were resolved. If rows have moved by then, which only an error
+    /// leads to, the model is broken.
     ~CudaResidualHandles();
     CudaResidualHandles(const CudaResidualHandles&) = delete;
     CudaResidualHandles& operator=(const CudaResidualHandles&) = delete;

@@ -77,6 +77,7 @@ __global__ void mark_invisible_rows(std::int64_t n, const float* raw_opacities, 
 
 void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept, std::int64_t total,
                  const RowSlice& slice, cudaStream_t stream) {
+    model.rows_moved = true;
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.width[g];
         gather_array(model.param[g].get(), width, InOrder{order}, total, slice, stream);

@@ -157,17 +157,15 @@ FileCoordinates coordinate_comments(const PlyReader& file) {
     return coordinates;
 }
 
-/// Returns how many Gaussians have a residual: all, unless a comment says otherwise. Throws DataError for a comment
-/// that it cannot understand.
+/// Returns how many Gaussians have a residual: all, unless a comment says otherwise. (A comment of a larger number
+/// comes from a program that removed rows and kept it.) Throws DataError for a comment that it cannot understand.
 std::int64_t residuals_comment(const PlyReader& file) {
     for (const std::string& comment : file.header().comments) {
         if (!comment.starts_with(kResidualsComment)) continue;
         std::istringstream words(comment.substr(std::strlen(kResidualsComment)));
         std::int64_t count = -1;
-        if (!(words >> count) || count < 0 || count > file.header().count)
-            file.fail(
-                fmt::format("cannot understand 'comment {}' in a file of {} Gaussians", comment, file.header().count));
-        return count;
+        if (!(words >> count) || count < 0) file.fail(fmt::format("cannot understand 'comment {}'", comment));
+        return std::min(count, file.header().count);
     }
     return file.header().count;
 }

@@ -19,9 +19,11 @@ constexpr double kShareStep = 0.9;
 /// The views on which the search measures: enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
 
-/// Marks the `kept` highest worths, the first rows of equal ones; what is no number has the lowest.
-std::vector<std::uint8_t> marks_of_best(const std::vector<float>& worth, std::int64_t kept) {
-    std::vector<std::uint32_t> order(worth.size());
+/// Marks the `kept` highest worths of the first `num_residuals` rows, the first rows of equal ones; what is no number
+/// has the lowest.
+std::vector<std::uint8_t> marks_of_best(const std::vector<float>& worth, std::int64_t num_residuals,
+                                        std::int64_t kept) {
+    std::vector<std::uint32_t> order(static_cast<std::size_t>(num_residuals));
     std::iota(order.begin(), order.end(), 0u);
     const auto value = [&](std::uint32_t i) { return std::isnan(worth[i]) ? -INFINITY : worth[i]; };
     std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return value(a) > value(b); });
@@ -47,18 +49,19 @@ std::vector<double> view_errors(Backend& backend, std::size_t num_views, const S
     const std::size_t sampled = std::min(num_views, kMostViews);
     std::vector<double> errors;
     for (std::size_t k = 0; k < sampled; ++k) {
-        const double error = backend.squared_error(step_on(k * num_views / sampled));
-        if (std::isfinite(error)) errors.push_back(std::max(error, 1e-12));
+        errors.push_back(backend.squared_error(step_on(k * num_views / sampled)));
     }
     return errors;
 }
 
 /// Returns by how many decibels the PSNR fell, on average.
 double mean_loss(const std::vector<double>& before, const std::vector<double>& after) {
-    double sum = 0;
-    const std::size_t n = std::min(before.size(), after.size());
-    for (std::size_t k = 0; k < n; ++k) sum += 10 * std::log10(after[k] / before[k]);
-    return n > 0 ? sum / double(n) : 0;
+    constexpr double kLeast = 1e-12;  // of views that are met exactly, or masked
+    double sum = 0, count = 0;
+    for (std::size_t k = 0; k < before.size(); ++k)
+        if (std::isfinite(before[k]) && std::isfinite(after[k]))
+            sum += 10 * std::log10(std::max(after[k], kLeast) / std::max(before[k], kLeast)), ++count;
+    return count > 0 ? sum / count : 0;
 }
 
 }  // namespace
@@ -89,7 +92,7 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     if (wanted >= change.before) return change;
     const ResidualScores scores = backend.residual_scores(scene_.train.size(), step_on);
     if (!share_) return choose_by_loss(backend, scores, step_on);
-    backend.keep_residuals(marks_of_best(scores.worth, wanted), scores.mean_base);
+    backend.keep_residuals(marks_of_best(scores.worth, change.before, wanted), scores.mean_base);
     change.after = backend.num_residuals();
     return change;
 }
@@ -102,7 +105,7 @@ ResidualChange ResidualShare::choose_by_loss(Backend& backend, ResidualScores sc
     const std::vector<double> before = view_errors(backend, scene_.train.size(), step_on);
     for (auto kept = std::int64_t(double(change.before) * kShareStep);;
          kept = std::int64_t(double(kept) * kShareStep)) {
-        const std::vector<std::uint8_t> marks = marks_of_best(scores.worth, kept);
+        const std::vector<std::uint8_t> marks = marks_of_best(scores.worth, backend.num_residuals(), kept);
         backend.keep_residuals(marks, scores.mean_base);
         const double loss = mean_loss(before, view_errors(backend, scene_.train.size(), step_on));
         if (!(loss <= options_.auto_tolerance)) break;
@@ -111,7 +114,8 @@ ResidualChange ResidualShare::choose_by_loss(Backend& backend, ResidualScores sc
         move_rows(scores.worth, 1, marks), move_rows(scores.mean_base, 3, marks);
     }
     backend.upload(whole);
-    if (change.after < change.before) backend.keep_residuals(marks_of_best(all.worth, change.after), all.mean_base);
+    if (change.after < change.before)
+        backend.keep_residuals(marks_of_best(all.worth, change.before, change.after), all.mean_base);
     return change;
 }
 

@@ -186,7 +186,11 @@ TEST(GaussianPly, OnlyTheFirstGaussiansMayHaveAResidual) {
         text.insert(text.find("element vertex"), "comment gsapp residuals 2\n");
         spit(folder / "p.ply", text);
         EXPECT_EQ(read_ply(folder / "p.ply").num_residuals(), 6);
-        for (const char* bad : {"7", "-1", "many"}) {
+        std::string longer = text;
+        longer.replace(longer.find("residuals 2"), 11, "residuals 7");
+        spit(folder / "p.ply", longer);
+        EXPECT_EQ(read_ply(folder / "p.ply").num_residuals(), 6) << "rows were removed";
+        for (const char* bad : {"-1", "many"}) {
             std::string wrong = text;
             wrong.replace(wrong.find("residuals 2"), 11, std::string("residuals ") + bad);
             spit(folder / "p.ply", wrong);
