@@ -59,9 +59,7 @@ PackedLayout packed_layout(const PackedHeader& header) {
 PackedAppearance make_packed(const PackedHeader& header, const Gaussians& gaussians) {
     const PackedLayout layout = packed_layout(header);
     // Without textures the residuals are not stored, whatever the model has.
-    const std::int64_t rows = layout.texture_words.empty() ? 0
-                              : gaussians.is_mixed()       ? gaussians.num_residuals()
-                                                           : gaussians.count;
+    const std::int64_t rows = layout.texture_words.empty() ? 0 : gaussians.num_rows(Group::kResidual);
     PackedAppearance packed{header, std::vector<std::uint16_t>(std::size_t(layout.weight_halves)), rows, {}};
     for (const int words : layout.texture_words) packed.textures.emplace_back(std::size_t(rows * words));
     return packed;

@@ -7,6 +7,7 @@
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
 #include "kernels/core/parallel.h"
+#include "kernels/preprocess/gaussian_device.h"
 
 namespace gs {
 namespace {
@@ -32,10 +33,6 @@ Gaussians appearance_colors(const Gaussians& model, const std::vector<View>& vie
     out.ppisp = {};
     auto& residuals = out[Group::kResidual];
     residuals.param.clear(), residuals.m.clear(), residuals.v.clear();
-    const auto shown = [&](const Vec3<double>& y) {
-        return Vec3<double>{color_activation(activation, y.x), color_activation(activation, y.y),
-                            color_activation(activation, y.z)};
-    };
     parallel_for_rows(model.count, [&](std::int64_t i) {
         float* base = out[Group::kBase].param.data() + 3 * i;
         const float* mean = model[Group::kMean].param.data() + 3 * i;
@@ -48,9 +45,10 @@ Gaussians appearance_colors(const Gaussians& model, const std::vector<View>& vie
             double change = 0;
             for (const Vec3<double>& position : positions) {
                 const Vec3<double> direction = view_direction<double>({mean[0], mean[1], mean[2]}, position).unit;
-                const Vec3<double> d =
-                    shown(y + info.residual(shared.data(), params.data(), direction, model.active_degree)) - shown(y);
-                change += (gs_abs(d.x) + gs_abs(d.y) + gs_abs(d.z)) / 3;
+                const Vec3<double> residual =
+                    info.residual(shared.data(), params.data(), direction, model.active_degree);
+                const Vec3<double> d = gaussian_color(activation, y, residual, RenderMode::kResidualOnly);
+                change += (d.x + d.y + d.z) / 3;
             }
             const double t = std::min(1.0, kChangeScale * change / double(std::max<std::size_t>(1, positions.size())));
             for (int c = 0; c < 3; ++c) color[c] = kLeastChange[c] + t * (kMostChange[c] - kLeastChange[c]);

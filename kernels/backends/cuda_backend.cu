@@ -142,7 +142,7 @@ void CudaBackend::upload(const Gaussians& state) {
     sizes_ = {};  // PPISP takes some of the scratch block
     model_.count = state.count;
     model_.broken = false;
-    model_.without_residual = state.is_mixed() ? state.count - state.num_residuals() : 0;
+    model_.without_residual = state.count - state.num_rows(Group::kResidual);
     half_residuals_current_ = false;
     lazy_.reset(meta_.step);
     GS_CUDA(cudaDeviceSynchronize());
@@ -648,7 +648,7 @@ ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSou
         const StepRequest r = step_on(view);
         CudaBins bins;
         TargetImage target;
-        enqueue_error(r, scores.error(), bins, target);
+        enqueue_error(r, nullptr, bins, target);
         if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
         const SlotMap slots = binning_.slots();
         const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};

@@ -99,7 +99,7 @@ class CudaBackend final : public Backend, private BackendTimer {
     /// Renders a view, making room until it fits, and waits.
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
     /// Renders a training view and writes the gradient of half its squared error to dL_dimage_. Adds that error to
-    /// *error, on the device. `bins` and `target` become those of the view.
+    /// *error, on the device, unless that is null. `bins` and `target` become those of the view.
     void enqueue_error(const StepRequest& r, double* error, CudaBins& bins, TargetImage& target);
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.

@@ -44,7 +44,6 @@ __global__ void write_scores(ParameterView<float> params, const ResidualSums* su
 
 CudaResidualScores::CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream)
     : num_residuals_(num_residuals), stream_(stream) {
-    GS_CUDA(cudaMemsetAsync(error_.reserve(1), 0, sizeof(double), stream));
     if (num_residuals == 0) return;
     gradients_.reserve(num_residuals);
     GS_CUDA(cudaMemsetAsync(sums_.reserve(num_residuals), 0, num_residuals * sizeof(ResidualSums), stream));

@@ -15,8 +15,6 @@ class CudaResidualScores {
   public:
     CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream);
 
-    /// Returns a place on the device for the views' error.
-    double* error() const { return error_.get(); }
     /// Keeps the gradients by the colours, from the backward pass of a view's error. `counts` of 0: out of view.
     void keep_gradients(const std::uint32_t* counts, const PackedSums* sums);
     /// Adds the view, with the sums of the backward pass of its weights.
@@ -30,7 +28,6 @@ class CudaResidualScores {
     cudaStream_t stream_;
     DeviceBuffer<Vec3<float>> gradients_;
     DeviceBuffer<ResidualSums> sums_;
-    DeviceBuffer<double> error_;
 };
 
 }  // namespace gs

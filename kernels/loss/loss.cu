@@ -194,13 +194,13 @@ __global__ void __launch_bounds__(kThreads, 4)
     finish_sums(partials, control);
 }
 
-/// With a thread per pixel of a row and channel. Without `error` it writes the weights alone.
+/// With a thread per pixel of a row and channel. Without an image it writes the weights alone. `error` may be null.
 __global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
     const int x = blockIdx.x * kThreads + threadIdx.x, y = blockIdx.y, c = blockIdx.z;
     float squared = 0;
     if (a.inside(x, y)) {
         const std::size_t at = c * a.plane() + a.pixel(x, y);
-        const float weight = a.weight(x, y), difference = error ? a.in.image[at] - a.target(c, x, y) : 1.0f;
+        const float weight = a.weight(x, y), difference = a.in.image ? a.in.image[at] - a.target(c, x, y) : 1.0f;
         out[at] = weight * difference;
         squared = 0.5f * weight * difference * difference;
     }

@@ -91,7 +91,7 @@ ShProjection project_to_sh(const Gaussians& g, int degree) {
     sh.active_degree = degree;
     auto& rest = sh[Group::kResidual];
     rest.width = 3 * ((degree + 1) * (degree + 1) - 1);
-    const std::int64_t num_residuals = g.is_mixed() ? g.num_residuals() : g.count;
+    const std::int64_t num_residuals = g.num_rows(Group::kResidual);
     rest.param.assign(std::size_t(num_residuals * rest.width), 0.0f);
     std::vector<double> errors(static_cast<std::size_t>(g.count)), weights(static_cast<std::size_t>(g.count));
     parallel_for_rows(g.count, [&](std::int64_t i) {

@@ -44,13 +44,11 @@ void move_rows(std::vector<float>& values, int columns, const std::vector<std::u
     values.swap(out);
 }
 
-/// Returns the squared error of each of the sampled views, weighted by its mask and averaged over its pixels.
+/// Returns half the squared error of each of the sampled views.
 std::vector<double> view_errors(Backend& backend, std::size_t num_views, const StepSource& step_on) {
     const std::size_t sampled = std::min(num_views, kMostViews);
     std::vector<double> errors;
-    for (std::size_t k = 0; k < sampled; ++k) {
-        errors.push_back(backend.squared_error(step_on(k * num_views / sampled)));
-    }
+    for (std::size_t k = 0; k < sampled; ++k) errors.push_back(backend.squared_error(step_on(k * num_views / sampled)));
     return errors;
 }
 
