@@ -128,6 +128,10 @@ template <class T> GS_HD T color_activation(ColorActivation kind, T y) {
     return y;
 }
 
+template <class T> GS_HD Vec3<T> activate(ColorActivation kind, const Vec3<T>& y) {
+    return {color_activation(kind, y.x), color_activation(kind, y.y), color_activation(kind, y.z)};
+}
+
 /// Returns phi'(y), computed from y: computed from the stored colour it would cancel near saturation
 /// (docs/math/appearance.md#colour-activation). It ignores the limit kLargestColor, so that a colour can return from
 /// above it.

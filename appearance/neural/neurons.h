@@ -72,8 +72,8 @@ template <class T, int kWidth> struct LaneNeurons {
     GS_HD void relu() {
         for (int k = 0; k < kVectors; ++k) v[k] = lane_max(Lanes<T>(T(0)), v[k]);
     }
-    GS_HD T operator[](int i) const { return v[i / kLanes].v[i % kLanes]; }
-    GS_HD void set(int i, T x) { v[i / kLanes].v[i % kLanes] = x; }
+    GS_HD T operator[](int i) const { return v[i / kLanes][i % kLanes]; }
+    GS_HD void set(int i, T x) { v[i / kLanes].set(i % kLanes, x); }
 };
 
 template <class T, int kWidth>

@@ -140,7 +140,6 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         const auto params = ParameterView<float>::of(state_);
         std::vector<ResidualSums> sums(std::size_t(params.num_residuals), ResidualSums{});
         std::vector<Vec3<float>> gradients(sums.size());
-        ResidualScores out;
         for (std::size_t view = 0; view < num_views; ++view) {
             const StepRequest r = step_on(view);
             squared_error(r);
@@ -155,14 +154,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
                     sums[i].add(weight, gradients[i], raster_.color(i), activate(params.activation, params.base(i)));
             });
         }
-        out.worth.resize(std::size_t(state_.count), 0.0f);
-        out.mean_base = state_[Group::kBase].param;
-        for (std::size_t i = 0; i < sums.size(); ++i) {
-            const Vec3<float> base = sums[i].mean_base(params.activation, params.base(std::int64_t(i)));
-            out.worth[i] = sums[i].worth();
-            out.mean_base[3 * i] = base.x, out.mean_base[3 * i + 1] = base.y, out.mean_base[3 * i + 2] = base.z;
-        }
-        return out;
+        return residual_scores_of(sums, params.activation, state_[Group::kBase].param);
     }
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override {
         ResidualHandles residuals(state_, true);

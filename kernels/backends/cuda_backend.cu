@@ -69,6 +69,11 @@ __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
 }
 
+/// Returns room for so many instances and some more.
+std::int64_t room_for(std::int64_t num_instances) {
+    return std::min(num_instances + num_instances / 4 + 1024, std::int64_t(kMaxInstances));
+}
+
 int padded(int size, int tile) { return (size + tile - 1) / tile * tile; }
 
 }  // namespace
@@ -201,12 +206,12 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     transmittance_ = c.take<float>(pixels);
     ppisp_.take(c, sizes.width, sizes.height, sizes.for_step);
     binning_.take_results(c, sizes.n, sizes.capacity, sizes.width, sizes.height, options_.deterministic);
-    if (sizes.for_step) blend_.take(c, sizes.capacity, tiles);
     // The buffers that only binning uses share their place with those that are needed only after it.
     const std::size_t at = c.at();
     binning_.take_temporaries(c);
     if (!sizes.for_step) return;
     c.rewind(at);
+    blend_.take(c, sizes.capacity, tiles);
     sums_ = c.take<PackedSums>(sizes.n);
     if (kernels_.shared.count > 0)
         shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
@@ -309,7 +314,7 @@ void CudaBackend::make_room(unsigned long long num_instances) {
                           "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg "
                           "or render at a lower --resolution");
     needed_ = std::max(needed_, std::int64_t(num_instances));
-    capacity_ = std::int64_t(std::min(kMaxInstances, num_instances + num_instances / 4 + 1024));
+    capacity_ = room_for(std::int64_t(num_instances));
 }
 
 void CudaBackend::forget(const Step& s) {
@@ -504,6 +509,9 @@ void CudaBackend::finish_oldest() {
     // Room is made ahead of need.
     if (status.num_instances > std::uint64_t(capacity_) / 10 * 9)
         capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
+    // What was not needed for a while is given up: all of the room is sorted.
+    const auto recent = recent_instances_.add(std::int64_t(status.num_instances));
+    if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
     const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
     stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
     stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;
@@ -663,7 +671,8 @@ ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSou
         scores.add(params(), binning_.input().counts, splats_, sums_);
         GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
     }
-    return scores.download(params());
+    return residual_scores_of(scores.download(), meta_.appearance.activation,
+                              model_.param[int(Group::kBase)].download(3 * n));
 }
 void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
     settle();
@@ -673,6 +682,7 @@ void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const s
     DeviceBuffer<float> device_bases;
     device_marks.upload(marks), device_bases.upload(bases);
     GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
+    scratch_.release();                // its memory is needed while rows are copied
     CudaResidualHandles residuals(model_, stream_, true);
     residuals.keep(device_marks.get(), device_bases.get());
     residuals.resolve(scratch_);
@@ -688,6 +698,9 @@ PruneStats CudaBackend::prune(const PruneRequest& request) {
         stats.removed = change_rows([&](CudaDensify& d) { return d.prune_lowest_scores(scores.get(), lowest->ratio); });
     } else {
         stats.removed = change_rows([](CudaDensify& d) { return d.prune_invisible(); });
+        // No Gaussians will come in their place.
+        scratch_.release();
+        model_.shrink_rows();
     }
     return stats;
 }

@@ -10,6 +10,7 @@
 
 #include "kernels/backends/images_cuda.h"
 #include "kernels/backends/model_kernels_cuda.h"
+#include "kernels/backends/recent_most.h"
 #include "kernels/backends/stage_times_cuda.h"
 #include "kernels/blend/score_cuda.h"
 #include "kernels/densify/densify_cuda.h"
@@ -131,7 +132,8 @@ class CudaBackend final : public Backend, private BackendTimer {
 
     Scratch scratch_;
     Sizes sizes_;
-    std::int64_t capacity_ = 0, needed_ = 0;      ///< number of instances that there is room for, and that were seen
+    std::int64_t capacity_ = 0, needed_ = 0;  ///< number of instances that there is room for, and that were seen
+    RecentMost recent_instances_;
     int largest_width_ = 0, largest_height_ = 0;  ///< largest sides of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;

@@ -32,11 +32,11 @@ template <class Real> struct BlockGeometry {
 
     BlockGeometry(int x0, int y0) {
         for (int lane = 0; lane < kLanes; ++lane) {
-            block_x.v[lane] = Real(x0 + kCpuBlock * (lane % 4));
-            block_y.v[lane] = Real(y0 + kCpuBlock * (lane / 4));
+            block_x.set(lane, Real(x0 + kCpuBlock * (lane % 4)));
+            block_y.set(lane, Real(y0 + kCpuBlock * (lane / 4)));
             for (int k = 0; k < 4; ++k) {
-                px[k].v[lane] = Real(x0 + kCpuBlock * k + lane % 4) + Real(0.5);
-                py[k].v[lane] = Real(y0 + kCpuBlock * k + lane / 4) + Real(0.5);
+                px[k].set(lane, Real(x0 + kCpuBlock * k + lane % 4) + Real(0.5));
+                py[k].set(lane, Real(y0 + kCpuBlock * k + lane / 4) + Real(0.5));
             }
         }
     }

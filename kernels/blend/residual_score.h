@@ -9,20 +9,20 @@
 
 #include "appearance/contract.h"
 #include "kernels/core/vec.h"
+#include "kernels/requests.h"
 
 namespace gs {
 
 /// The sums of a Gaussian over the views that show it.
 struct ResidualSums {
-    float weight, color[3], change[3], change_squared, gradient[3], gradient_change;
+    float weight, change[3], change_squared, gradient[3], gradient_change;
 
     /// Adds a view that shows the Gaussian in `color`, and would show it in `base` without its residual.
     GS_HD void add(float w, const Vec3<float>& dL_dcolor, const Vec3<float>& full, const Vec3<float>& base) {
-        const float g[3] = {dL_dcolor.x, dL_dcolor.y, dL_dcolor.z}, c[3] = {full.x, full.y, full.z},
+        const float g[3] = {dL_dcolor.x, dL_dcolor.y, dL_dcolor.z},
                     r[3] = {full.x - base.x, full.y - base.y, full.z - base.z};
         weight += w;
         for (int k = 0; k < 3; ++k) {
-            color[k] += w * c[k];
             change[k] += w * r[k], change_squared += w * r[k] * r[k];
             gradient[k] += g[k], gradient_change += g[k] * r[k];
         }
@@ -35,11 +35,13 @@ struct ResidualSums {
             mean_squared += change[k] * change[k] / weight, mean_gradient += gradient[k] * change[k] / weight;
         return 0.5f * (change_squared - mean_squared) - (gradient_change - mean_gradient);
     }
-    /// Returns the base colour that shows the mean colour; `base` where no view shows the Gaussian.
+    /// Returns the base colour that shows the mean colour of a Gaussian whose base is `base`, which it stays where no
+    /// view shows the Gaussian.
     GS_HD Vec3<float> mean_base(ColorActivation activation, const Vec3<float>& base) const {
         if (!(weight > 0)) return base;
-        return {inverse(activation, color[0] / weight), inverse(activation, color[1] / weight),
-                inverse(activation, color[2] / weight)};
+        const Vec3<float> shown = activate(activation, base);
+        return {inverse(activation, shown.x + change[0] / weight), inverse(activation, shown.y + change[1] / weight),
+                inverse(activation, shown.z + change[2] / weight)};
     }
 
   private:
@@ -49,5 +51,18 @@ struct ResidualSums {
         return unbounded && color >= 1 ? color - 0.5f : inverse_color_activation(activation, color);
     }
 };
+
+/// Returns the scores of all Gaussians, of which the first have sums. `bases` (n,3): the base colours.
+inline ResidualScores residual_scores_of(const std::vector<ResidualSums>& sums, ColorActivation activation,
+                                         std::vector<float> bases) {
+    ResidualScores out{std::vector<float>(bases.size() / 3, 0.0f), std::move(bases)};
+    for (std::size_t i = 0; i < sums.size(); ++i) {
+        float* base = &out.mean_base[3 * i];
+        const Vec3<float> mean = sums[i].mean_base(activation, {base[0], base[1], base[2]});
+        base[0] = mean.x, base[1] = mean.y, base[2] = mean.z;
+        out.worth[i] = sums[i].worth();
+    }
+    return out;
+}
 
 }  // namespace gs

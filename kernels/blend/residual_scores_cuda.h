@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// The sums of the Gaussians of a model that have a residual: 60 bytes each, while it lives.
+/// The sums of the Gaussians of a model that have a residual: 48 bytes each, while it lives.
 class CudaResidualScores {
   public:
     CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream);
@@ -20,8 +20,8 @@ class CudaResidualScores {
     /// Adds the view, with the sums of the backward pass of its weights.
     void add(const ParameterView<float>& params, const std::uint32_t* counts, const PackedSplat* splats,
              const PackedSums* sums);
-    /// Waits for the stream and returns the scores of all Gaussians.
-    ResidualScores download(const ParameterView<float>& params);
+    /// Waits for the stream and returns the sums.
+    std::vector<ResidualSums> download() const;
 
   private:
     std::int64_t num_residuals_;

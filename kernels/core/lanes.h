@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Vectors of sixteen lanes, with which the CPU blends sixteen pixels at once.
 //
-// `Lanes<T>` is a compiler vector of 16 values. With AVX-512, the few operations that compilers turn into poor code
-// (compare + select, exp2, reciprocal) use its instructions. Every operation has an overload for a plain scalar, so the
-// same templates serve one pixel (tests, CUDA) and sixteen.
+// `Lanes<T>` holds 16 values in compiler vectors as large as the machine's registers. With AVX-512, the few operations
+// that compilers turn into poor code (compare + select, exp2, reciprocal) use its instructions. Every operation has an
+// overload for a plain scalar, so the same templates serve one pixel (tests, CUDA) and sixteen.
 #pragma once
 
 #include <cstdint>
 
 #include "kernels/core/portable.h"
 
-#if defined(__AVX512F__) && defined(__AVX512DQ__) && !defined(__CUDACC__)
+#if defined(__AVX__) && !defined(__CUDACC__)
 #include <immintrin.h>
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
 #define GS_AVX512 1
+#endif
 #endif
 
 namespace gs {
@@ -51,97 +53,122 @@ GS_HD double reciprocal(double x) { return 1.0 / x; }
 
 inline constexpr int kLanes = 16;
 
+/// The bytes of a vector that the machine has registers for. Compilers keep larger ones in memory, and compare them
+/// lane by lane.
+#if defined(GS_AVX512)
+inline constexpr int kPartBytes = 64;
+#elif defined(__AVX__)
+inline constexpr int kPartBytes = 32;
+#else
+inline constexpr int kPartBytes = 16;
+#endif
+
 template <class T> struct LaneTypes;
 template <> struct LaneTypes<float> {
-    typedef float Vector __attribute__((vector_size(64)));
-    typedef std::int32_t Bits __attribute__((vector_size(64)));
+    typedef float Part __attribute__((vector_size(kPartBytes)));
+    typedef std::int32_t Bits __attribute__((vector_size(kPartBytes)));
 };
 template <> struct LaneTypes<double> {
-    typedef double Vector __attribute__((vector_size(128)));
-    typedef std::int64_t Bits __attribute__((vector_size(128)));
+    typedef double Part __attribute__((vector_size(kPartBytes)));
+    typedef std::int64_t Bits __attribute__((vector_size(kPartBytes)));
 };
-
-template <class T> struct LaneMask {
-#ifdef GS_AVX512
-    std::uint16_t bits;
-    GS_HD LaneMask operator&(LaneMask o) const { return {std::uint16_t(bits & o.bits)}; }
-#else
-    typename LaneTypes<T>::Bits bits;
-    GS_HD LaneMask operator&(LaneMask o) const { return {bits & o.bits}; }
-#endif
-};
+template <class T> inline constexpr int kPartLanes = kPartBytes / int(sizeof(T));
+template <class T> inline constexpr int kParts = kLanes / kPartLanes<T>;
 
 template <class T> struct Lanes {
-    typename LaneTypes<T>::Vector v;
+    using Part = typename LaneTypes<T>::Part;
+    Part parts[kParts<T>];
 
     Lanes() = default;
-    GS_HD Lanes(typename LaneTypes<T>::Vector x) : v(x) {}
-    GS_HD explicit Lanes(T x) { v = x - typename LaneTypes<T>::Vector{}; }
-    static GS_HD Lanes load(const T* p) {
+    GS_HD explicit Lanes(T x) {
+        for (Part& part : parts) part = x - Part{};
+    }
+    /// Returns the lanes whose k-th part is fn(k).
+    template <class Fn> static GS_HD Lanes of(Fn fn) {
         Lanes r;
-        __builtin_memcpy(&r.v, p, sizeof r.v);
+        for (int k = 0; k < kParts<T>; ++k) r.parts[k] = fn(k);
         return r;
     }
-    GS_HD void store(T* p) const { __builtin_memcpy(p, &v, sizeof v); }
-    GS_HD Lanes operator+(Lanes o) const { return v + o.v; }
-    GS_HD Lanes operator-(Lanes o) const { return v - o.v; }
-    GS_HD Lanes operator*(Lanes o) const { return v * o.v; }
-    GS_HD Lanes operator-() const { return -v; }
+    static GS_HD Lanes load(const T* p) {
+        Lanes r;
+        __builtin_memcpy(r.parts, p, sizeof r.parts);
+        return r;
+    }
+    GS_HD void store(T* p) const { __builtin_memcpy(p, parts, sizeof parts); }
+    GS_HD T operator[](int lane) const { return parts[lane / kPartLanes<T>][lane % kPartLanes<T>]; }
+    GS_HD void set(int lane, T x) { parts[lane / kPartLanes<T>][lane % kPartLanes<T>] = x; }
+    GS_HD Lanes operator+(const Lanes& o) const {
+        return of([&](int k) { return parts[k] + o.parts[k]; });
+    }
+    GS_HD Lanes operator-(const Lanes& o) const {
+        return of([&](int k) { return parts[k] - o.parts[k]; });
+    }
+    GS_HD Lanes operator*(const Lanes& o) const {
+        return of([&](int k) { return parts[k] * o.parts[k]; });
+    }
+    GS_HD Lanes operator-() const {
+        return of([&](int k) { return -parts[k]; });
+    }
 };
 
 // --- sixteen lanes ------------------------------------------------------------------------------------------------
 #ifdef GS_AVX512
 
+template <class T> struct LaneMask {
+    std::uint16_t bits;
+    GS_HD LaneMask operator&(LaneMask o) const { return {std::uint16_t(bits & o.bits)}; }
+};
+template <class T> GS_HD unsigned mask_bits(LaneMask<T> m) { return m.bits; }
+
 // The maskz forms compile to the plain instructions; the plain intrinsics read an uninitialized operand inside GCC's
 // header, which GCC 12 warns about (GCC bug 105593).
 inline constexpr __mmask16 kAllLanes = 0xffff;
 
-GS_HD LaneMask<float> at_least(Lanes<float> a, Lanes<float> b) {
-    return {_mm512_cmp_ps_mask((__m512)a.v, (__m512)b.v, _CMP_GE_OQ)};
+GS_HD __m512 vector_of(const Lanes<float>& x) { return (__m512)x.parts[0]; }
+GS_HD Lanes<float> lanes_of(__m512 x) {
+    return Lanes<float>::of([&](int) { return (Lanes<float>::Part)x; });
 }
-GS_HD LaneMask<double> at_least(Lanes<double> a, Lanes<double> b) {
-    typedef double Half __attribute__((vector_size(64)));
-    Half ah[2], bh[2];
-    __builtin_memcpy(ah, &a.v, sizeof ah);
-    __builtin_memcpy(bh, &b.v, sizeof bh);
-    const unsigned lo = _mm512_cmp_pd_mask((__m512d)ah[0], (__m512d)bh[0], _CMP_GE_OQ);
-    const unsigned hi = _mm512_cmp_pd_mask((__m512d)ah[1], (__m512d)bh[1], _CMP_GE_OQ);
+
+GS_HD LaneMask<float> at_least(const Lanes<float>& a, const Lanes<float>& b) {
+    return {_mm512_cmp_ps_mask(vector_of(a), vector_of(b), _CMP_GE_OQ)};
+}
+GS_HD LaneMask<double> at_least(const Lanes<double>& a, const Lanes<double>& b) {
+    const unsigned lo = _mm512_cmp_pd_mask((__m512d)a.parts[0], (__m512d)b.parts[0], _CMP_GE_OQ);
+    const unsigned hi = _mm512_cmp_pd_mask((__m512d)a.parts[1], (__m512d)b.parts[1], _CMP_GE_OQ);
     return {std::uint16_t(lo | hi << 8)};
 }
-GS_HD Lanes<float> select(LaneMask<float> m, Lanes<float> a, Lanes<float> b) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_mask_blend_ps(m.bits, (__m512)b.v, (__m512)a.v));
+GS_HD Lanes<float> select(LaneMask<float> m, const Lanes<float>& a, const Lanes<float>& b) {
+    return lanes_of(_mm512_mask_blend_ps(m.bits, vector_of(b), vector_of(a)));
 }
-GS_HD Lanes<double> select(LaneMask<double> m, Lanes<double> a, Lanes<double> b) {
+GS_HD Lanes<double> select(LaneMask<double> m, const Lanes<double>& a, const Lanes<double>& b) {
     Lanes<double> r;
-    for (int i = 0; i < kLanes; ++i) r.v[i] = m.bits >> i & 1 ? a.v[i] : b.v[i];
+    for (int i = 0; i < kLanes; ++i) r.set(i, m.bits >> i & 1 ? a[i] : b[i]);
     return r;
 }
-template <class T> GS_HD unsigned mask_bits(LaneMask<T> m) { return m.bits; }
-GS_HD Lanes<float> gs_fma(Lanes<float> a, Lanes<float> b, Lanes<float> c) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_fmadd_ps((__m512)a.v, (__m512)b.v, (__m512)c.v));
+GS_HD Lanes<float> gs_fma(const Lanes<float>& a, const Lanes<float>& b, const Lanes<float>& c) {
+    return lanes_of(_mm512_fmadd_ps(vector_of(a), vector_of(b), vector_of(c)));
 }
-GS_HD Lanes<float> reciprocal(Lanes<float> x) {
+GS_HD Lanes<float> reciprocal(const Lanes<float>& x) {
     // One Newton step on the 14-bit estimate makes the relative error less than 2^-23.
-    const __m512 r = _mm512_maskz_rcp14_ps(kAllLanes, (__m512)x.v);
-    const __m512 e = _mm512_fnmadd_ps((__m512)x.v, r, _mm512_set1_ps(1.0f));
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_fmadd_ps(r, e, r));
+    const __m512 r = _mm512_maskz_rcp14_ps(kAllLanes, vector_of(x));
+    const __m512 e = _mm512_fnmadd_ps(vector_of(x), r, _mm512_set1_ps(1.0f));
+    return lanes_of(_mm512_fmadd_ps(r, e, r));
 }
-GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_max_ps(kAllLanes, (__m512)a.v, (__m512)b.v));
+GS_HD Lanes<float> lane_max(const Lanes<float>& a, const Lanes<float>& b) {
+    return lanes_of(_mm512_maskz_max_ps(kAllLanes, vector_of(a), vector_of(b)));
 }
-GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_min_ps(kAllLanes, (__m512)a.v, (__m512)b.v));
+GS_HD Lanes<float> lane_min(const Lanes<float>& a, const Lanes<float>& b) {
+    return lanes_of(_mm512_maskz_min_ps(kAllLanes, vector_of(a), vector_of(b)));
 }
-GS_HD Lanes<float> round_lanes(Lanes<float> x) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_roundscale_ps(
-        kAllLanes, (__m512)x.v, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
+GS_HD Lanes<float> round_lanes(const Lanes<float>& x) {
+    return lanes_of(_mm512_maskz_roundscale_ps(kAllLanes, vector_of(x), _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
 }
-GS_HD Lanes<float> scale_by_power_of_two(Lanes<float> x, Lanes<float> n) {
-    return Lanes<float>((LaneTypes<float>::Vector)_mm512_maskz_scalef_ps(kAllLanes, (__m512)x.v, (__m512)n.v));
+GS_HD Lanes<float> scale_by_power_of_two(const Lanes<float>& x, const Lanes<float>& n) {
+    return lanes_of(_mm512_maskz_scalef_ps(kAllLanes, vector_of(x), vector_of(n)));
 }
-GS_HD float sum_lanes(Lanes<float> x) {
-    const __m256 a = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 0),
-                                   _mm512_maskz_extractf32x8_ps(0xff, (__m512)x.v, 1));
+GS_HD float sum_lanes(const Lanes<float>& x) {
+    const __m256 a = _mm256_add_ps(_mm512_maskz_extractf32x8_ps(0xff, vector_of(x), 0),
+                                   _mm512_maskz_extractf32x8_ps(0xff, vector_of(x), 1));
     const __m128 b = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
     const __m128 c = _mm_add_ps(b, _mm_movehl_ps(b, b));
     return _mm_cvtss_f32(_mm_add_ss(c, _mm_movehdup_ps(c)));
@@ -149,32 +176,67 @@ GS_HD float sum_lanes(Lanes<float> x) {
 
 #else
 
-template <class T> GS_HD LaneMask<T> at_least(Lanes<T> a, Lanes<T> b) { return {a.v >= b.v}; }
-template <class T> GS_HD Lanes<T> select(LaneMask<T> m, Lanes<T> a, Lanes<T> b) { return Lanes<T>(m.bits ? a.v : b.v); }
-template <class T> GS_HD unsigned mask_bits(LaneMask<T> m) {
+template <class T> struct LaneMask {
+    typename LaneTypes<T>::Bits bits[kParts<T>];
+    GS_HD LaneMask operator&(const LaneMask& o) const {
+        LaneMask r;
+        for (int k = 0; k < kParts<T>; ++k) r.bits[k] = bits[k] & o.bits[k];
+        return r;
+    }
+};
+template <class T> GS_HD unsigned mask_bits(const LaneMask<T>& m) {
     unsigned r = 0;
-    for (int i = 0; i < kLanes; ++i) r |= unsigned(m.bits[i] & 1) << i;
+    for (int k = 0; k < kParts<T>; ++k) {
+#ifdef __AVX__
+        const unsigned part = sizeof(T) == 4 ? unsigned(_mm256_movemask_ps((__m256)m.bits[k]))
+                                             : unsigned(_mm256_movemask_pd((__m256d)m.bits[k]));
+#else
+        unsigned part = 0;
+        for (int i = 0; i < kPartLanes<T>; ++i) part |= unsigned(m.bits[k][i] & 1) << i;
+#endif
+        r |= part << (k * kPartLanes<T>);
+    }
     return r;
 }
-GS_HD Lanes<float> gs_fma(Lanes<float> a, Lanes<float> b, Lanes<float> c) { return a.v * b.v + c.v; }
-GS_HD Lanes<float> reciprocal(Lanes<float> x) { return Lanes<float>(1.0f / x.v); }
-GS_HD Lanes<float> lane_max(Lanes<float> a, Lanes<float> b) { return Lanes<float>(a.v > b.v ? a.v : b.v); }
-GS_HD Lanes<float> lane_min(Lanes<float> a, Lanes<float> b) { return Lanes<float>(a.v < b.v ? a.v : b.v); }
-GS_HD Lanes<float> round_lanes(Lanes<float> x) {
+template <class T> GS_HD LaneMask<T> at_least(const Lanes<T>& a, const Lanes<T>& b) {
+    LaneMask<T> r;
+    for (int k = 0; k < kParts<T>; ++k) r.bits[k] = a.parts[k] >= b.parts[k];
+    return r;
+}
+template <class T> GS_HD Lanes<T> select(const LaneMask<T>& m, const Lanes<T>& a, const Lanes<T>& b) {
+    return Lanes<T>::of([&](int k) { return m.bits[k] ? a.parts[k] : b.parts[k]; });
+}
+GS_HD Lanes<float> gs_fma(const Lanes<float>& a, const Lanes<float>& b, const Lanes<float>& c) {
+    return Lanes<float>::of([&](int k) { return a.parts[k] * b.parts[k] + c.parts[k]; });
+}
+GS_HD Lanes<float> reciprocal(const Lanes<float>& x) {
+    return Lanes<float>::of([&](int k) { return 1.0f / x.parts[k]; });
+}
+GS_HD Lanes<float> lane_max(const Lanes<float>& a, const Lanes<float>& b) {
+    return Lanes<float>::of([&](int k) { return a.parts[k] > b.parts[k] ? a.parts[k] : b.parts[k]; });
+}
+GS_HD Lanes<float> lane_min(const Lanes<float>& a, const Lanes<float>& b) {
+    return Lanes<float>::of([&](int k) { return a.parts[k] < b.parts[k] ? a.parts[k] : b.parts[k]; });
+}
+GS_HD Lanes<float> round_lanes(const Lanes<float>& x) {
     // Adding 1.5*2^23 pushes the fraction out of the mantissa. This is exact for |x| < 2^22, which exp2's clamp
     // ensures.
-    const LaneTypes<float>::Vector magic = 12582912.0f - LaneTypes<float>::Vector{};
-    volatile LaneTypes<float>::Vector shifted = x.v + magic;
-    return Lanes<float>(shifted - magic);
+    const Lanes<float> magic(12582912.0f);
+    return (x + magic) - magic;
 }
-GS_HD Lanes<float> scale_by_power_of_two(Lanes<float> x, Lanes<float> n) {
-    const LaneTypes<float>::Bits e = (__builtin_convertvector(n.v, LaneTypes<float>::Bits) + 127) << 23;
-    return Lanes<float>(x.v * (LaneTypes<float>::Vector)e);
+GS_HD Lanes<float> scale_by_power_of_two(const Lanes<float>& x, const Lanes<float>& n) {
+    using Types = LaneTypes<float>;
+    return Lanes<float>::of([&](int k) {
+        const Types::Bits exponent = (__builtin_convertvector(n.parts[k], Types::Bits) + 127) << 23;
+        return x.parts[k] * (Types::Part)exponent;
+    });
 }
-GS_HD float sum_lanes(Lanes<float> x) {
-    float s[8];
-    for (int i = 0; i < 8; ++i) s[i] = x.v[i] + x.v[i + 8];
-    for (int n = 4; n; n /= 2)
+GS_HD float sum_lanes(const Lanes<float>& x) {
+    Lanes<float>::Part sum = x.parts[0];
+    for (int k = 1; k < kParts<float>; ++k) sum += x.parts[k];
+    float s[kPartLanes<float>];
+    __builtin_memcpy(s, &sum, sizeof s);
+    for (int n = kPartLanes<float> / 2; n; n /= 2)
         for (int i = 0; i < n; ++i) s[i] += s[i + n];
     return s[0];
 }
@@ -183,7 +245,7 @@ GS_HD float sum_lanes(Lanes<float> x) {
 
 /// Returns 2^min(x,0) with relative error below 2e-7, and 0 below x = -126. After the integer part is rounded off, a
 /// polynomial serves on [-1/2,1/2] (coefficients: Cephes exp2f).
-GS_HD Lanes<float> exp2_nonpositive(Lanes<float> x) {
+GS_HD Lanes<float> exp2_nonpositive(const Lanes<float>& x) {
     using L = Lanes<float>;
     const L clamped = lane_min(lane_max(x, L(-126.0f)), L(0.0f));
     const L n = round_lanes(clamped), f = clamped - n;
@@ -198,18 +260,26 @@ GS_HD Lanes<float> exp2_nonpositive(Lanes<float> x) {
 }
 
 // Double lanes serve the reference backend of the tests, so plain loops are enough.
-GS_HD Lanes<double> gs_fma(Lanes<double> a, Lanes<double> b, Lanes<double> c) { return a.v * b.v + c.v; }
-GS_HD Lanes<double> reciprocal(Lanes<double> x) { return Lanes<double>(1.0 / x.v); }
-GS_HD Lanes<double> lane_max(Lanes<double> a, Lanes<double> b) { return Lanes<double>(a.v > b.v ? a.v : b.v); }
-GS_HD Lanes<double> lane_min(Lanes<double> a, Lanes<double> b) { return Lanes<double>(a.v < b.v ? a.v : b.v); }
-inline Lanes<double> exp2_nonpositive(Lanes<double> x) {
+GS_HD Lanes<double> gs_fma(const Lanes<double>& a, const Lanes<double>& b, const Lanes<double>& c) {
+    return Lanes<double>::of([&](int k) { return a.parts[k] * b.parts[k] + c.parts[k]; });
+}
+GS_HD Lanes<double> reciprocal(const Lanes<double>& x) {
+    return Lanes<double>::of([&](int k) { return 1.0 / x.parts[k]; });
+}
+GS_HD Lanes<double> lane_max(const Lanes<double>& a, const Lanes<double>& b) {
+    return Lanes<double>::of([&](int k) { return a.parts[k] > b.parts[k] ? a.parts[k] : b.parts[k]; });
+}
+GS_HD Lanes<double> lane_min(const Lanes<double>& a, const Lanes<double>& b) {
+    return Lanes<double>::of([&](int k) { return a.parts[k] < b.parts[k] ? a.parts[k] : b.parts[k]; });
+}
+inline Lanes<double> exp2_nonpositive(const Lanes<double>& x) {
     Lanes<double> r;
-    for (int i = 0; i < kLanes; ++i) r.v[i] = exp2_nonpositive(double(x.v[i]));
+    for (int i = 0; i < kLanes; ++i) r.set(i, exp2_nonpositive(x[i]));
     return r;
 }
-inline double sum_lanes(Lanes<double> x) {
+inline double sum_lanes(const Lanes<double>& x) {
     double s = 0;
-    for (int i = 0; i < kLanes; ++i) s += x.v[i];
+    for (int i = 0; i < kLanes; ++i) s += x[i];
     return s;
 }
 

@@ -148,6 +148,8 @@ class Scratch {
         Carver c(block_.reserve(count.most()));
         layout(c);
     }
+    /// Gives the memory back. Pieces taken before become invalid.
+    void release() { block_.shrink(0); }
     std::int64_t bytes() const { return block_.bytes(); }
 
   private:

@@ -46,6 +46,16 @@ struct CudaModel {
             for (auto* moment : moments(g)) moment->grow(std::size_t(n) * width[g], floats(g));
         }
     }
+    /// Gives back the memory of rows that are gone, where it is more than an eighth.
+    void shrink_rows() {
+        for (int g = 0; g < kNumGroups; ++g) {
+            const auto shrink = [n = floats(g)](DeviceBuffer<float>& buffer) {
+                if (buffer.capacity() > n + n / 8) buffer.shrink(n);
+            };
+            shrink(param[g]);
+            for (auto* moment : moments(g)) shrink(*moment);
+        }
+    }
     std::int64_t bytes() const {
         std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes();
         for (int g = 0; g < kNumGroups; ++g) sum += param[g].bytes() + m[g].bytes() + v[g].bytes();

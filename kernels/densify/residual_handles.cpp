@@ -10,12 +10,12 @@
 namespace gs {
 namespace {
 
-/// Returns the rows that the first `count` handles name; a handle of none gives zeros.
-std::vector<float> rows_of(const std::vector<float>& handles, std::int64_t count, const std::vector<float>& data,
-                           int width) {
+/// Returns the rows that the handles of the first `count` rows in `order` name; a handle of none gives zeros.
+std::vector<float> rows_of(const std::vector<float>& handles, const std::vector<std::uint32_t>& order,
+                           std::int64_t count, const std::vector<float>& data, int width) {
     std::vector<float> out(std::size_t(count) * width, 0.0f);
     for (std::int64_t i = 0; i < count; ++i)
-        if (const std::int64_t row = row_of_handle(handles[i]); row >= 0)
+        if (const std::int64_t row = row_of_handle(handles[order[i]]); row >= 0)
             std::copy_n(data.begin() + row * width, width, out.begin() + i * width);
     return out;
 }
@@ -59,12 +59,12 @@ void ResidualHandles::resolve() {
     const auto end = std::stable_partition(order.begin(), order.end(),
                                            [&](std::uint32_t i) { return row_of_handle(handles.param[i]) >= 0; });
     const std::int64_t count = end - order.begin();
-    if (!std::is_sorted(order.begin(), order.end())) gather_rows(state_, order);
-    GroupArrays<float> out;
+    GroupArrays<float> out;  // before rows move, since memory may run out here
     out.width = residuals_.width;
-    out.param = rows_of(handles.param, count, residuals_.param, out.width);
-    if (!handles.m.empty()) out.m = rows_of(handles.m, count, residuals_.m, out.width);
-    if (!handles.v.empty()) out.v = rows_of(handles.v, count, residuals_.v, out.width);
+    out.param = rows_of(handles.param, order, count, residuals_.param, out.width);
+    if (!handles.m.empty()) out.m = rows_of(handles.m, order, count, residuals_.m, out.width);
+    if (!handles.v.empty()) out.v = rows_of(handles.v, order, count, residuals_.v, out.width);
+    if (!std::is_sorted(order.begin(), order.end())) gather_rows(state_, order);
     active_ = false;
     std::swap(handles, out);
 }

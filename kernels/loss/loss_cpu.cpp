@@ -42,38 +42,49 @@ template <class Real> void filter_row(const Real* in, const SsimTaps<Real>& taps
 template <class Real> struct Plane {
     const Real* data;
     int width, height;
-    const Real* row(int y) const { return data + std::size_t(y) * width; }
 };
 
-/// Computes the vertical moments of row y with zero padding: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy.
-template <class Real>
-void vertical_moments(Plane<Real> a, Plane<Real> b, int y, const SsimTaps<Real>& taps, Real* const out[5]) {
-    const int w = a.width;
-    for (int k = 0; k < 5; ++k) std::fill(out[k], out[k] + w, Real(0));
-    Real *o0 = out[0], *o1 = out[1], *o2 = out[2], *o3 = out[3], *o4 = out[4];
-    for (int j = std::max(0, y - kSsimRadius); j <= std::min(a.height - 1, y + kSsimRadius); ++j) {
-        const Real g = taps.g[std::abs(j - y)];
-        const Real *p = a.row(j), *q = b.row(j);
-#pragma omp simd
-        for (int x = 0; x < w; ++x) {
-            const Real gp = g * p[x], gq = g * q[x];
-            o0[x] += gp;
-            o1[x] += gq;
-            o2[x] += gp * p[x];
-            o3[x] += gq * q[x];
-            o4[x] += gp * q[x];
+/// The rows of a plane that the window of row y covers, from the top; zeros beyond the plane.
+template <class Real> struct Window {
+    static constexpr int kRows = 2 * kSsimRadius + 1;
+    const Real* rows[kRows];
+
+    Window(const Plane<Real>& plane, int y, const Real* zeros) {
+        for (int t = 0; t < kRows; ++t) {
+            const int j = y + t - kSsimRadius;
+            rows[t] = j >= 0 && j < plane.height ? plane.data + std::size_t(j) * plane.width : zeros;
         }
+    }
+};
+
+/// Computes the vertical moments of a window: out[0..4] = G*x, G*y, G*x^2, G*y^2, G*xy. Sums stay in registers over the
+/// rows.
+template <class Real>
+void vertical_moments(const Window<Real>& a, const Window<Real>& b, const SsimTaps<Real>& taps, int width,
+                      Real* const out[5]) {
+    Real *o0 = out[0], *o1 = out[1], *o2 = out[2], *o3 = out[3], *o4 = out[4];
+#pragma omp simd
+    for (int x = 0; x < width; ++x) {
+        Real mx = 0, my = 0, xx = 0, yy = 0, xy = 0;
+#pragma GCC unroll 11
+        for (int t = 0; t < Window<Real>::kRows; ++t) {
+            const Real g = taps.g[t < kSsimRadius ? kSsimRadius - t : t - kSsimRadius], p = a.rows[t][x],
+                       q = b.rows[t][x], gp = g * p, gq = g * q;
+            mx += gp, my += gq, xx += gp * p, yy += gq * q, xy += gp * q;
+        }
+        o0[x] = mx, o1[x] = my, o2[x] = xx, o3[x] = yy, o4[x] = xy;
     }
 }
 
-/// Filters a map vertically (zero padding) and writes row y of the result.
-template <class Real> void filter_column(Plane<Real> map, int y, const SsimTaps<Real>& taps, Real* out) {
-    std::fill(out, out + map.width, Real(0));
-    for (int j = std::max(0, y - kSsimRadius); j <= std::min(map.height - 1, y + kSsimRadius); ++j) {
-        const Real g = taps.g[std::abs(j - y)];
-        const Real* in = map.row(j);
+/// Filters a window vertically.
+template <class Real> void filter_column(const Window<Real>& in, const SsimTaps<Real>& taps, int width, Real* out) {
 #pragma omp simd
-        for (int x = 0; x < map.width; ++x) out[x] += g * in[x];
+    for (int x = 0; x < width; ++x) {
+        Real sum = 0;
+#pragma GCC unroll 11
+        for (int t = 0; t < Window<Real>::kRows; ++t)
+            sum += taps.g[t < kSsimRadius ? kSsimRadius - t : t - kSsimRadius] * in.rows[t][x];
+        out[x] = sum;
     }
 }
 
@@ -159,11 +170,12 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(10, w);  // 5 rows filtered vertically, then these filtered in both directions
+        RowScratch<Real> v(11, w);  // 5 rows filtered vertically, then these filtered in both directions, and zeros
+        const Real* const zeros = v.row(10);
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
         double ssim_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
-            vertical_moments(a, b, y, taps, vertical);
+            vertical_moments(Window<Real>(a, y, zeros), Window<Real>(b, y, zeros), taps, w, vertical);
             for (int k = 0; k < 5; ++k) filter_row(v.row(k), taps, w, v.row(5 + k));
             const Real *f0 = v.row(5), *f1 = v.row(6), *f2 = v.row(7), *f3 = v.row(8), *f4 = v.row(9);
             Real* p = &maps_[(3 * c) * pixels + std::size_t(y) * w];
@@ -186,14 +198,17 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(6, w);
+        RowScratch<Real> v(7, w);
+        const Real* const zeros = v.row(6);
         double l1_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             for (int k = 0; k < 3; ++k) {
-                filter_column(Plane<Real>{&maps_[(3 * c + k) * pixels], w, h}, y, taps, v.row(k));
+                const Plane<Real> map{&maps_[(3 * c + k) * pixels], w, h};
+                filter_column(Window<Real>(map, y, zeros), taps, w, v.row(k));
                 filter_row(v.row(k), taps, w, v.row(3 + k));
             }
-            const Real *fp = v.row(3), *fq = v.row(4), *fr = v.row(5), *px = a.row(y), *ty = b.row(y);
+            const Real *fp = v.row(3), *fq = v.row(4), *fr = v.row(5), *px = a.data + std::size_t(y) * w,
+                       *ty = b.data + std::size_t(y) * w;
             const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
             Real* out = dL_dimage + c * pixels + std::size_t(y) * w;
             Real row_sum = 0;

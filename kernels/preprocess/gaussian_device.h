@@ -12,10 +12,6 @@ template <class Real> GS_HD bool is_finite(const Vec3<Real>& v) {
     return gs_isfinite(v.x) && gs_isfinite(v.y) && gs_isfinite(v.z);
 }
 
-template <class Real> GS_HD Vec3<Real> activate(ColorActivation activation, const Vec3<Real>& y) {
-    return {color_activation(activation, y.x), color_activation(activation, y.y), color_activation(activation, y.z)};
-}
-
 /// Returns the colour of a Gaussian from its base colour and its residual.
 template <class Real>
 GS_HD Vec3<Real> gaussian_color(ColorActivation activation, const Vec3<Real>& base, const Vec3<Real>& residual,

@@ -142,6 +142,9 @@ constexpr RecipeValue kFrontier[] = {
     {"coarse-until", &TrainOptions::coarse_until, 0.2},
 };
 
+/// final-rate of runs in which Gaussians lose their residuals.
+constexpr double kMixedFinalRate = 0.1;
+
 /// Decides what `auto` stands for, and puts the values of recipe frontier in place of what was not named.
 void apply_recipe(TrainOptions& options) {
     if (options.recipe == Recipe::kAuto) {
@@ -149,7 +152,13 @@ void apply_recipe(TrainOptions& options) {
                              !options.frame_limit.empty() || options.target_psnr > 0;
         options.recipe = limited || options.preset != Preset::kNone ? Recipe::kFrontier : Recipe::kPaper;
     }
-    if (options.recipe != Recipe::kFrontier) return;
+    if (options.recipe != Recipe::kFrontier) {
+        // Where Gaussians lose their residuals, the rest of the run is fine tuning.
+        const bool mixed =
+            options.appearance_bytes > 0 || !(options.appearance_share == 0 || options.appearance_share == 1);
+        if (mixed && !options.named.contains("final-rate")) options.final_rate = kMixedFinalRate;
+        return;
+    }
     for (const RecipeValue& entry : kFrontier)
         if (!options.named.contains(entry.key)) options.*entry.field = entry.value;
     if (!options.named.contains("growth-by")) options.growth_by = GrowthBy::kGradient;

@@ -194,19 +194,18 @@ std::vector<Option> appearance_options() {
                "be enough, found in a part of the time of the training"),
         number(
             "appearance-share", &O::appearance_share, {0, 1},
-            "share of the Gaussians whose colour depends on the view at the end; they are chosen late in the run, by "
-            "what that is worth to the training views; auto: as few as cost at most auto-tolerance when the others "
-            "lose it")
+            "share of the Gaussians whose colour depends on the view at the end; they are chosen from half of the run "
+            "on, by what that is worth to the training views; auto: a third, and fewer where that does not yet cost "
+            "auto-tolerance. Unless final-rate is named it is 0.1 then")
             .or_word("auto")
             .or_max_word("all"),
         number(
             "appearance-bytes", &O::appearance_bytes, {0, 1e6, "bytes"},
             "the same as a mean size: 4 bytes a parameter, 3 of them for the base colour; 0: appearance-share decides"),
-        number(
-            "auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
-            "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
-            "best one's; with appearance-share auto: how far that of the training views may fall at once, before the "
-            "rest of the run makes up for part of it"),
+        number("auto-tolerance", &O::auto_tolerance, {0, 100, "dB"},
+               "with appearance auto: how far the PSNR of the chosen model on the held-out views may be below the "
+               "best one's; with appearance-share auto: the last choice ends when the training views have lost a "
+               "quarter of this"),
     };
 }
 

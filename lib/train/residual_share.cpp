@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 #include "kernels/core/error.h"
@@ -14,34 +15,59 @@
 namespace gs {
 namespace {
 
-/// Each step of the search for a share keeps this much of the last one.
+constexpr int kNumStages = int(std::size(kResidualStages));
+/// With a tolerance, at most this share keeps a residual: less than 40 % of the bytes of sh or sv for all. What that
+/// costs at once says little of what it costs in the end (docs/math/residuals.md#on-a-gpu).
+constexpr double kMostShare = 1.0 / 3;
+/// The part of the tolerance that may be lost at once before the search ends: the stages before have cost something,
+/// too.
+constexpr double kPartAtOnce = 0.25;
+/// Each further step of the search keeps this much of the last one.
 constexpr double kShareStep = 0.9;
 /// The views on which the search measures: enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
 
-/// Marks the `kept` highest worths of the first `num_residuals` rows, the first rows of equal ones; what is no number
-/// has the lowest.
-std::vector<std::uint8_t> marks_of_best(const std::vector<float>& worth, std::int64_t num_residuals,
-                                        std::int64_t kept) {
-    std::vector<std::uint32_t> order(static_cast<std::size_t>(num_residuals));
-    std::iota(order.begin(), order.end(), 0u);
-    const auto value = [&](std::uint32_t i) { return std::isnan(worth[i]) ? -INFINITY : worth[i]; };
-    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return value(a) > value(b); });
-    std::vector<std::uint8_t> marks(worth.size(), 0);
-    for (std::int64_t k = 0; k < kept; ++k) marks[order[std::size_t(k)]] = 1;
-    return marks;
-}
+/// The rows in the order of what their residuals are worth.
+class Ranking {
+  public:
+    /// The first rows of equal worths come first, and what is no number last.
+    Ranking(const std::vector<float>& worth, std::int64_t num_residuals) : ranks_(worth.size(), kNone) {
+        std::vector<std::uint32_t> order(static_cast<std::size_t>(num_residuals));
+        std::iota(order.begin(), order.end(), 0u);
+        const auto value = [&](std::uint32_t i) { return std::isnan(worth[i]) ? -INFINITY : worth[i]; };
+        std::stable_sort(order.begin(), order.end(),
+                         [&](std::uint32_t a, std::uint32_t b) { return value(a) > value(b); });
+        for (std::size_t k = 0; k < order.size(); ++k) ranks_[order[k]] = std::uint32_t(k);
+    }
+    /// Marks the `kept` best rows, and follows them as Backend::keep_residuals moves them.
+    std::vector<std::uint8_t> keep(std::int64_t kept) {
+        std::vector<std::uint8_t> marks;
+        for (const std::uint32_t rank : ranks_) marks.push_back(rank < kept);
+        std::stable_partition(ranks_.begin(), ranks_.end(), [&](std::uint32_t rank) { return rank < kept; });
+        return marks;
+    }
 
-/// Moves what belongs to rows as Backend::keep_residuals moves these: `columns` values a row.
-void move_rows(std::vector<float>& values, int columns, const std::vector<std::uint8_t>& marks) {
+  private:
+    static constexpr std::uint32_t kNone = 0xffffffff;
+    std::vector<std::uint32_t> ranks_;
+};
+
+/// Moves what belongs to rows, three values each, as Backend::keep_residuals moves these.
+void move_rows(std::vector<float>& values, const std::vector<std::uint8_t>& marks) {
     std::vector<float> out;
     out.reserve(values.size());
     for (const std::uint8_t mark : {1, 0})
         for (std::size_t i = 0; i < marks.size(); ++i)
-            if (marks[i] == mark)
-                out.insert(out.end(), values.begin() + std::ptrdiff_t(i) * columns,
-                           values.begin() + std::ptrdiff_t(i + 1) * columns);
+            if (marks[i] == mark) out.insert(out.end(), &values[3 * i], &values[3 * i] + 3);
     values.swap(out);
+}
+
+/// Returns the number of the last stage, from 1, that is due before the step at `moment`, or 0.
+int stage_at(const Moment& moment) {
+    int due = 0;
+    for (int k = 0; k < kNumStages; ++k)
+        if (moment.before < kResidualStages[k] && moment.position >= kResidualStages[k]) due = k + 1;
+    return due;
 }
 
 /// Returns half the squared error of each of the sampled views.
@@ -83,38 +109,29 @@ ResidualShare::ResidualShare(const TrainOptions& options, const AppearanceSpec& 
 
 std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const Moment& moment,
                                                          const StepSource& step_on) const {
-    if (share_ == 1 || moment.before >= kResidualChoice || moment.position < kResidualChoice) return std::nullopt;
-    ResidualChange change{.before = backend.num_residuals()};
-    change.after = change.before;
-    const std::int64_t wanted = share_ ? std::llround(*share_ * double(backend.count())) : 0;
-    if (wanted >= change.before) return change;
-    const ResidualScores scores = backend.residual_scores(scene_.train.size(), step_on);
-    if (!share_) return choose_by_loss(backend, scores, step_on);
-    backend.keep_residuals(marks_of_best(scores.worth, change.before, wanted), scores.mean_base);
-    change.after = backend.num_residuals();
-    return change;
-}
-
-ResidualChange ResidualShare::choose_by_loss(Backend& backend, ResidualScores scores, const StepSource& step_on) const {
-    ResidualChange change{.before = backend.num_residuals()};
-    change.after = change.before;
-    const Gaussians whole = backend.download(true);
-    const ResidualScores all = scores;
-    const std::vector<double> before = view_errors(backend, scene_.train.size(), step_on);
-    for (auto kept = std::int64_t(double(change.before) * kShareStep);;
-         kept = std::int64_t(double(kept) * kShareStep)) {
-        const std::vector<std::uint8_t> marks = marks_of_best(scores.worth, backend.num_residuals(), kept);
+    const int stage = share_ == 1 ? 0 : stage_at(moment);
+    if (stage == 0) return std::nullopt;
+    const bool last = stage == kNumStages, searches = last && !share_;
+    ResidualChange change;
+    // Densification is over at the end, so what cannot be seen then never will be: it takes no part in the share.
+    if (last) change.pruned = backend.prune(InvisibleRows{}).removed;
+    change.before = change.after = backend.num_residuals();
+    const double share = std::pow(share_.value_or(kMostShare), double(stage) / kNumStages);
+    std::int64_t kept = std::llround(share * double(backend.count()));
+    if (kept >= change.before) return change;
+    const std::size_t num_views = scene_.train.size();
+    const std::vector<double> errors = searches ? view_errors(backend, num_views, step_on) : std::vector<double>{};
+    ResidualScores scores = backend.residual_scores(num_views, step_on);
+    Ranking ranking(scores.worth, change.before);
+    for (;; kept = std::int64_t(double(kept) * kShareStep)) {
+        const std::vector<std::uint8_t> marks = ranking.keep(kept);
         backend.keep_residuals(marks, scores.mean_base);
-        const double loss = mean_loss(before, view_errors(backend, scene_.train.size(), step_on));
-        if (!(loss <= options_.auto_tolerance)) break;
-        change.after = kept, change.loss = loss;
-        if (kept == 0) return change;
-        move_rows(scores.worth, 1, marks), move_rows(scores.mean_base, 3, marks);
+        change.after = kept;
+        if (!searches) return change;
+        change.loss = mean_loss(errors, view_errors(backend, num_views, step_on));
+        if (kept == 0 || !(change.loss < kPartAtOnce * options_.auto_tolerance)) return change;
+        move_rows(scores.mean_base, marks);
     }
-    backend.upload(whole);
-    if (change.after < change.before)
-        backend.keep_residuals(marks_of_best(all.worth, change.before, change.after), all.mean_base);
-    return change;
 }
 
 }  // namespace gs

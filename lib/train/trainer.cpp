@@ -350,6 +350,7 @@ class Run {
                  100 * double(change->after) / double(std::max<std::int64_t>(1, backend_->count())));
         writer_.log({{"event", "residuals"},
                      {"iteration", iteration_ + 1},
+                     {"pruned", change->pruned},
                      {"before", change->before},
                      {"after", change->after},
                      {"num_gaussians", backend_->count()},

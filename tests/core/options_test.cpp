@@ -241,6 +241,22 @@ TEST(Options, ARecipeLeavesNamedOptionsAlone) {
     EXPECT_TRUE(kept_from_recipe(paper).empty());
 }
 
+TEST(Options, RatesFallWhereGaussiansLoseTheirResiduals) {
+    const auto final_rate = [](double share, double bytes, bool named) {
+        TrainOptions options = with_source();
+        options.appearance_share = share, options.appearance_bytes = bytes;
+        if (named) options.named = {"final-rate"};
+        validate(options);
+        return options.final_rate;
+    };
+    EXPECT_EQ(final_rate(1, 0, false), 1);
+    EXPECT_EQ(final_rate(0, 0, false), 1) << "as none";
+    EXPECT_EQ(final_rate(0.5, 0, false), 0.1);
+    EXPECT_EQ(final_rate(std::nan(""), 0, false), 0.1);
+    EXPECT_EQ(final_rate(1, 50, false), 0.1);
+    EXPECT_EQ(final_rate(0.5, 0, true), 1);
+}
+
 TEST(Options, ContradictionsWithATimeLimitAreRefused) {
     const auto refused = [](const std::function<void(TrainOptions&)>& change) {
         TrainOptions options = with_source();

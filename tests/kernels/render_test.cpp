@@ -66,11 +66,11 @@ TEST(Render, LanesAndScalarAgree) {
         Splat<float> s{};
         s.mean = {3.2f, 1.7f}, s.a = 0.4f, s.b = 0.1f, s.c = 0.3f, s.opacity = sigmoid(alpha_raw);
         Lanes<float> px, py;
-        for (int k = 0; k < kLanes; ++k) px.v[k] = 0.5f + k % 4, py.v[k] = 0.5f + k / 4;
+        for (int k = 0; k < kLanes; ++k) px.set(k, 0.5f + k % 4), py.set(k, 0.5f + k / 4);
         const auto lanes = fragment_alpha(FragmentShape<Lanes<float>>::from(s), px, py);
         for (int k = 0; k < kLanes; ++k) {
-            const auto one = fragment_alpha(FragmentShape<float>::from(s), float(px.v[k]), float(py.v[k]));
-            EXPECT_NEAR(lanes.alpha.v[k], one.alpha, 4e-7f * one.alpha);
+            const auto one = fragment_alpha(FragmentShape<float>::from(s), px[k], py[k]);
+            EXPECT_NEAR(lanes.alpha[k], one.alpha, 4e-7f * one.alpha);
         }
     }
 }
@@ -78,12 +78,12 @@ TEST(Render, LanesAndScalarAgree) {
 TEST(Render, ExpOfLanesIsAccurate) {
     double worst = 0;
     for (double x = -125; x <= 0; x += 0.00371) {
-        const double got = exp2_nonpositive(Lanes<float>(float(x))).v[3], want = std::exp2(double(float(x)));
+        const double got = exp2_nonpositive(Lanes<float>(float(x)))[3], want = std::exp2(double(float(x)));
         worst = std::max(worst, std::abs(got - want) / want);
     }
     EXPECT_LT(worst, 2e-7);
-    EXPECT_LT(exp2_nonpositive(Lanes<float>(-1e30f)).v[0], 1e-37f);
-    EXPECT_EQ(exp2_nonpositive(Lanes<float>(5.0f)).v[0], 1.0f);
+    EXPECT_LT(exp2_nonpositive(Lanes<float>(-1e30f))[0], 1e-37f);
+    EXPECT_EQ(exp2_nonpositive(Lanes<float>(5.0f))[0], 1.0f);
 }
 
 // Is a tile or block that holds a visible pixel ever called untouched?

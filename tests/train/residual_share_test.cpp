@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "kernels/core/error.h"
@@ -16,7 +17,9 @@ namespace {
 
 const AppearanceSpec kSh{"sh", 3, ColorActivation::kRelu};
 
-/// Ten Gaussians whose worth is given, and whose error grows by what the lost residuals were worth.
+constexpr float kInvisible = -100;
+
+/// Gaussians whose worth is given, and whose error grows by what the lost residuals were worth.
 class Worthy : public test::ForwardingBackend {
   public:
     explicit Worthy(std::vector<float> worth) : ForwardingBackend(kSh), worth_(std::move(worth)) {}
@@ -39,26 +42,28 @@ class Worthy : public test::ForwardingBackend {
         kept.insert(kept.end(), lost.begin(), lost.end());
         worth_ = kept;
     }
-    Gaussians download(bool) override {
-        saved_ = worth_;
-        saved_kept_ = kept_;
-        return {};
+    PruneStats prune(const PruneRequest& request) override {
+        EXPECT_TRUE(std::holds_alternative<InvisibleRows>(request));
+        PruneStats stats;
+        stats.removed = std::int64_t(std::erase(worth_, kInvisible));
+        kept_ -= stats.removed;
+        return stats;
     }
-    void upload(const Gaussians&) override { worth_ = saved_, kept_ = saved_kept_, ++uploads; }
     std::vector<float> kept() const { return {worth_.begin(), worth_.begin() + kept_}; }
-    int uploads = 0;
 
   private:
-    std::vector<float> worth_, saved_;
-    std::int64_t kept_ = std::int64_t(worth_.size()), saved_kept_ = 0;
+    std::vector<float> worth_;
+    std::int64_t kept_ = std::int64_t(worth_.size());
 };
+
+constexpr double kLast = kResidualStages[std::size(kResidualStages) - 1];
 
 struct Chosen {
     std::optional<ResidualChange> change;
     std::vector<float> kept;
 };
 
-Chosen choose(double share, std::vector<float> worth, double tolerance = 0.1, double position = kResidualChoice) {
+Chosen choose(double share, std::vector<float> worth, double tolerance = 0.1, double position = kLast) {
     TrainOptions options;
     options.appearance_share = share, options.auto_tolerance = tolerance;
     Scene scene;
@@ -80,10 +85,31 @@ TEST(ResidualShare, KeepsTheMostWorthyInTheirOrder) {
     EXPECT_EQ(chosen.kept, (std::vector<float>{5, 9, 6, 5}));
 }
 
-TEST(ResidualShare, IsDueOnce) {
-    EXPECT_FALSE(choose(0.4, kWorth, 0.1, kResidualChoice - 1).change);
-    EXPECT_FALSE(choose(0.4, kWorth, 0.1, kResidualChoice + 1).change);
-    EXPECT_FALSE(choose(1, kWorth).change) << "all";
+TEST(ResidualShare, ComesInStagesByEqualFactors) {
+    const std::vector<float> worth(10000, 1.0f);
+    double share = 1;
+    for (const double stage : kResidualStages) {
+        share *= std::pow(0.4, 1.0 / std::size(kResidualStages));
+        const Chosen chosen = choose(0.4, worth, 0.1, stage);
+        ASSERT_TRUE(chosen.change);
+        EXPECT_NEAR(double(chosen.change->after), 10000 * share, 1);
+        EXPECT_FALSE(choose(0.4, worth, 0.1, stage - 1).change);
+        EXPECT_FALSE(choose(0.4, worth, 0.1, stage + 1).change);
+    }
+    EXPECT_FALSE(choose(1, worth).change) << "all";
+}
+
+TEST(ResidualShare, OfSeveralStagesAtOnceTheLastCounts) {
+    TrainOptions options;
+    options.appearance_share = 0.4;
+    Scene scene;
+    scene.train.resize(3);
+    Worthy backend(kWorth);
+    const ResidualShare residuals(options, kSh, scene);
+    const auto change = residuals.before_step(backend, {.iteration = 9, .position = 29000, .before = 0},
+                                              [](std::size_t) { return StepRequest{}; });
+    ASSERT_TRUE(change);
+    EXPECT_EQ(change->after, 4);
 }
 
 TEST(ResidualShare, AWorthThatIsNoNumberGoesFirst) {
@@ -93,20 +119,29 @@ TEST(ResidualShare, AWorthThatIsNoNumberGoesFirst) {
     EXPECT_EQ(choose(0.5, {}).kept, std::vector<float>{});
 }
 
-TEST(ResidualShare, AutoKeepsWhatTheToleranceNeeds) {
+TEST(ResidualShare, IsAShareOfWhatCanBeSeen) {
+    std::vector<float> worth = kWorth;
+    worth.insert(worth.begin() + 3, 10, kInvisible);
+    const Chosen chosen = choose(0.4, worth);
+    EXPECT_EQ(chosen.change->pruned, 10);
+    EXPECT_EQ(chosen.change->before, 10);
+    EXPECT_EQ(chosen.kept, (std::vector<float>{5, 9, 6, 5}));
+}
+
+TEST(ResidualShare, AutoGoesOnUntilTheLossReachesAQuarterOfTheTolerance) {
     std::vector<float> worth(1000);
-    for (int i = 0; i < 1000; ++i) worth[std::size_t(i)] = i < 200 ? 1.0f : 0.001f;
+    for (int i = 0; i < 1000; ++i) worth[std::size_t(i)] = i < 200 ? 1.0f : 0.0002f;
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const Chosen chosen = choose(nan, worth, 0.1);
     ASSERT_TRUE(chosen.change);
     EXPECT_EQ(chosen.change->after, std::int64_t(chosen.kept.size()));
-    EXPECT_GE(chosen.change->after, 200) << "losing three of the worthy costs 0.13 dB";
-    EXPECT_LT(chosen.change->after, 225) << "the next step of the search";
-    EXPECT_LE(chosen.change->loss, 0.1);
+    EXPECT_LT(chosen.change->after, 200) << "losing one of the worthy costs 0.04 dB";
+    EXPECT_GE(chosen.change->after, 175) << "the next step of the search";
+    EXPECT_GE(chosen.change->loss, 0.025);
+    EXPECT_EQ(choose(nan, worth, 0).change->after, 333) << "a third, whatever it costs";
     EXPECT_EQ(choose(nan, std::vector<float>(100, 0.0f)).change->after, 0) << "nothing is worth anything";
-    const Chosen none = choose(nan, std::vector<float>(100, 50.0f));
-    EXPECT_EQ(none.change->after, 100) << "everything is";
-    EXPECT_EQ(none.kept.size(), 100u);
+    EXPECT_EQ(choose(nan, std::vector<float>(100, 50.0f)).change->after, 33) << "everything is";
+    EXPECT_EQ(choose(nan, {1}).change->after, 0);
 }
 
 TEST(ResidualShare, BytesAreAnotherWayToSayIt) {
