@@ -113,7 +113,7 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     if (stage == 0) return std::nullopt;
     const bool last = stage == kNumStages, searches = last && !share_;
     ResidualChange change;
-    // Densification is over at the end, so what cannot be seen then never will be: it takes no part in the share.
+    // With densification over, what cannot be seen now never will be: it takes no part in the share.
     if (last) change.pruned = backend.prune(InvisibleRows{}).removed;
     change.before = change.after = backend.num_residuals();
     const double share = std::pow(share_.value_or(kMostShare), double(stage) / kNumStages);
