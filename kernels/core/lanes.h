@@ -112,6 +112,20 @@ template <class T> struct Lanes {
 };
 
 // --- sixteen lanes ------------------------------------------------------------------------------------------------
+// With AVX-512, float lanes have overloads of these below.
+template <class T> GS_HD Lanes<T> gs_fma(const Lanes<T>& a, const Lanes<T>& b, const Lanes<T>& c) {
+    return Lanes<T>::of([&](int k) { return a.parts[k] * b.parts[k] + c.parts[k]; });
+}
+template <class T> GS_HD Lanes<T> reciprocal(const Lanes<T>& x) {
+    return Lanes<T>::of([&](int k) { return T(1) / x.parts[k]; });
+}
+template <class T> GS_HD Lanes<T> lane_max(const Lanes<T>& a, const Lanes<T>& b) {
+    return Lanes<T>::of([&](int k) { return a.parts[k] > b.parts[k] ? a.parts[k] : b.parts[k]; });
+}
+template <class T> GS_HD Lanes<T> lane_min(const Lanes<T>& a, const Lanes<T>& b) {
+    return Lanes<T>::of([&](int k) { return a.parts[k] < b.parts[k] ? a.parts[k] : b.parts[k]; });
+}
+
 #ifdef GS_AVX512
 
 template <class T> struct LaneMask {
@@ -206,18 +220,6 @@ template <class T> GS_HD LaneMask<T> at_least(const Lanes<T>& a, const Lanes<T>&
 template <class T> GS_HD Lanes<T> select(const LaneMask<T>& m, const Lanes<T>& a, const Lanes<T>& b) {
     return Lanes<T>::of([&](int k) { return m.bits[k] ? a.parts[k] : b.parts[k]; });
 }
-GS_HD Lanes<float> gs_fma(const Lanes<float>& a, const Lanes<float>& b, const Lanes<float>& c) {
-    return Lanes<float>::of([&](int k) { return a.parts[k] * b.parts[k] + c.parts[k]; });
-}
-GS_HD Lanes<float> reciprocal(const Lanes<float>& x) {
-    return Lanes<float>::of([&](int k) { return 1.0f / x.parts[k]; });
-}
-GS_HD Lanes<float> lane_max(const Lanes<float>& a, const Lanes<float>& b) {
-    return Lanes<float>::of([&](int k) { return a.parts[k] > b.parts[k] ? a.parts[k] : b.parts[k]; });
-}
-GS_HD Lanes<float> lane_min(const Lanes<float>& a, const Lanes<float>& b) {
-    return Lanes<float>::of([&](int k) { return a.parts[k] < b.parts[k] ? a.parts[k] : b.parts[k]; });
-}
 GS_HD Lanes<float> round_lanes(const Lanes<float>& x) {
     // Adding 1.5*2^23 pushes the fraction out of the mantissa. This is exact for |x| < 2^22, which exp2's clamp
     // ensures.
@@ -260,18 +262,6 @@ GS_HD Lanes<float> exp2_nonpositive(const Lanes<float>& x) {
 }
 
 // Double lanes serve the reference backend of the tests, so plain loops are enough.
-GS_HD Lanes<double> gs_fma(const Lanes<double>& a, const Lanes<double>& b, const Lanes<double>& c) {
-    return Lanes<double>::of([&](int k) { return a.parts[k] * b.parts[k] + c.parts[k]; });
-}
-GS_HD Lanes<double> reciprocal(const Lanes<double>& x) {
-    return Lanes<double>::of([&](int k) { return 1.0 / x.parts[k]; });
-}
-GS_HD Lanes<double> lane_max(const Lanes<double>& a, const Lanes<double>& b) {
-    return Lanes<double>::of([&](int k) { return a.parts[k] > b.parts[k] ? a.parts[k] : b.parts[k]; });
-}
-GS_HD Lanes<double> lane_min(const Lanes<double>& a, const Lanes<double>& b) {
-    return Lanes<double>::of([&](int k) { return a.parts[k] < b.parts[k] ? a.parts[k] : b.parts[k]; });
-}
 inline Lanes<double> exp2_nonpositive(const Lanes<double>& x) {
     Lanes<double> r;
     for (int i = 0; i < kLanes; ++i) r.set(i, exp2_nonpositive(x[i]));
