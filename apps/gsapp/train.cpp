@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp train`: trains a run, or the same with several seeds, and prints the table of scores.
+#include <charconv>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "apps/gsapp/command.h"
 #include "eval/experiments/seeds.h"
 #include "eval/experiments/train_run.h"
 #include "eval/report/comparison_format.h"
+#include "kernels/core/error.h"
 #include "lib/core/options_cli.h"
 #include "lib/core/progress.h"
 
@@ -19,6 +22,17 @@ void print_table(const std::vector<TableRow>& rows, bool quiet) {
     if (rows.empty()) return;
     const std::string table = format_comparison(compare_runs(rows), TableFormat::kMarkdown);
     std::fputs(table.c_str(), !quiet && default_progress_style() == ProgressStyle::kJsonLines ? stderr : stdout);
+}
+
+/// Returns the port of --view, which may be left out. Throws UsageError for what is none.
+std::optional<int> port_of(const std::string& text) {
+    if (text.empty()) return std::nullopt;
+    int port = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
+    if (error != std::errc() || end != text.data() + text.size() || port < 0 || port > 65535)
+        throw UsageError("option view: '" + text + "' is no port, which is a number from 0 to 65535" +
+                         " (a scene is named before --view, or with -s)");
+    return port;
 }
 
 }  // namespace
@@ -39,14 +53,24 @@ void add_train_command(CLI::App& app, Command& selected) {
                      "and print mean "
                      "and deviation. Called again, trains only what is missing")
         ->check(CLI::Range(1, 1000));
+    const auto view = std::make_shared<std::string>();
+    CLI::Option* view_option =
+        command
+            ->add_option("--view", *view,
+                         "Show the training in a browser on this machine while it goes on, at this port of 127.0.0.1 "
+                         "(without a number 8000, or any free one); 0 takes any free one")
+            ->expected(0, 1)
+            ->type_name("[PORT]");
     command->callback([=, &selected] {
         selected = [=] {
             const TrainOptions options = arguments->resolve();
+            std::optional<LiveView> live;
+            if (view_option->count() > 0) live = LiveView{port_of(*view)};
             if (*num_runs > 0)
                 print_table(train_seeds(options, *num_runs,
-                                        [&](const TrainOptions& one) { return train_run(one, *frame_rounds); }),
+                                        [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live); }),
                             options.quiet);
-            else if (const auto row = train_run(options, *frame_rounds))
+            else if (const auto row = train_run(options, *frame_rounds, live))
                 print_table({*row}, options.quiet);
         };
     });

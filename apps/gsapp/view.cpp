@@ -1,31 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp view: serves an export to a browser on this machine.
+// gsapp view: shows an export, a run or a point cloud in a browser on this machine.
 #include <fmt/format.h>
 
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "apps/gsapp/command.h"
+#include "eval/live/saved_page.h"
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 #include "lib/export/file_server.h"
+#include "lib/model/run_folder.h"
 
 namespace gs {
 namespace {
 
 struct ViewArguments {
-    std::string folder;
+    std::string target;
     int port = 8000;
 };
+
+/// Returns whether `target` is a file or folder that is packed first: a point cloud, or a run.
+bool has_to_be_packed(const std::filesystem::path& target) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(target, ignored))
+        return std::filesystem::is_regular_file(RunFolder{target}.config(), ignored);
+    return target.extension() == ".ply";
+}
 
 /// Returns the path of what a browser is to open: the viewer's page, or the scene of an export without the viewer.
 /// Throws UsageError for what is no folder, DataError for a folder that holds neither.
 std::string page_of(const std::filesystem::path& folder) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(folder, ignored))
-        throw UsageError(fmt::format("'{}' is not a folder; gsapp export RUN -o DIR makes one", folder.string()));
+        throw UsageError(fmt::format(
+            "'{}' is neither a folder nor a .ply file; gsapp view shows what gsapp export wrote, a run, or a point cloud",
+            folder.string()));
     if (std::filesystem::is_regular_file(folder / "index.html", ignored)) return "";
     if (!std::filesystem::is_regular_file(folder / "scene.ngsplat", ignored))
         throw DataError(
@@ -39,21 +52,38 @@ std::string page_of(const std::filesystem::path& folder) {
     return "scene.ngsplat";
 }
 
-void run_view(const ViewArguments& arguments) {
-    const std::string page = page_of(arguments.folder);
-    FileServer server(arguments.folder, arguments.port);
-    catch_interrupts();
-    std::fputs(fmt::format("http://127.0.0.1:{}/{}\n", server.port(), page).c_str(), stdout);
+void print_address(const std::string& address) {
+    std::fputs((address + "\n").c_str(), stdout);
     std::fflush(stdout);
-    server.run();  // until Ctrl-C, which is the way to end it: exit code 0
+}
+
+/// Serves until Ctrl-C, which is the way to end it: exit code 0.
+void run_view(const ViewArguments& arguments) {
+    if (has_to_be_packed(arguments.target)) {
+        catch_interrupts();
+        SavedPage page(arguments.target, arguments.port);
+        print_address(page.address());
+        page.run();
+        return;
+    }
+    const std::string page = page_of(arguments.target);
+    FileServer server(arguments.target, arguments.port);
+    catch_interrupts();
+    print_address(fmt::format("http://127.0.0.1:{}/{}", server.port(), page));
+    server.run();
 }
 
 }  // namespace
 
 void add_view_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<ViewArguments>();
-    CLI::App* command = app.add_subcommand("view", "Serve an export to a browser on this machine, until Ctrl-C");
-    command->add_option("folder", arguments->folder, "Folder that gsapp export wrote")->required()->type_name("DIR");
+    CLI::App* command = app.add_subcommand(
+        "view", "Show an export, a run or a point cloud in a browser on this machine, until Ctrl-C");
+    command
+        ->add_option("target", arguments->target,
+                     "Folder that gsapp export wrote, run folder (also of a run that is still training), or .ply file")
+        ->required()
+        ->type_name("DIR|RUN|FILE.ply");
     command->add_option("--port", arguments->port, "Port on 127.0.0.1; 0 takes any free one")
         ->capture_default_str()
         ->check(CLI::Range(0, 65535));

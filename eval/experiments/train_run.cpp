@@ -12,6 +12,7 @@
 #include "eval/auto/find_appearance.h"
 #include "eval/experiments/plan.h"
 #include "eval/experiments/target_views.h"
+#include "eval/live/live_training.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/training_evaluation.h"
 #include "kernels/core/clock.h"
@@ -159,6 +160,17 @@ void require_same_training_views(const Checkpoint& checkpoint, const TrainOption
             "cannot be resumed with it, nor the other way round");
 }
 
+/// Adds the page to what a training calls.
+TrainHooks watched(TrainHooks hooks, LiveTraining& live) {
+    hooks.between = [&live](const TrainProgress& now, Backend& backend) { return live.between(now, backend); };
+    hooks.evaluate = [&live, evaluate = std::move(hooks.evaluate)](std::int64_t iteration, Backend& backend,
+                                                                   bool last) {
+        if (evaluate) evaluate(iteration, backend, last);
+        if (last) live.finish(iteration, backend);
+    };
+    return hooks;
+}
+
 }  // namespace
 
 std::string free_run_folder(const fs::path& parent, const TrainOptions& options, const std::string& suffix) {
@@ -169,7 +181,7 @@ std::string free_run_folder(const fs::path& parent, const TrainOptions& options,
     }
 }
 
-std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
+std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view) {
     setup_log(shown_messages(options));
     if (options.device == Device::kCuda && !cuda_available())
         throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
@@ -189,6 +201,12 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
     Plan plan;
     const std::size_t held_out = target ? target->count() : 0;
     if (options.appearance != kAutoAppearance) plan = make_plan(options, scene, held_out);
+    std::optional<LiveTraining> live;  // refused, too, while an earlier run is whole
+    if (view) {
+        live.emplace(options, scene, view->port);
+        log_info("watch it at {}", live->address());
+        progress.event({{"event", "view"}, {"address", live->address()}});
+    }
     RunStart start = open_run(options);
     if (start.checkpoint) {
         require_same_test_views(*start.checkpoint, scene, options);
@@ -212,8 +230,15 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds) {
         hooks.evaluate = std::ref(evaluation);
     else if (options.eval)
         log_warning("--eval: there are no test views ({})", scene.split_rule);
+    if (live) hooks = watched(std::move(hooks), *live);
     const auto lock = start.lock;
-    const TrainSummary summary = train(options, scene, std::move(start), progress, hooks);
+    TrainSummary summary;
+    try {
+        summary = train(options, scene, std::move(start), progress, hooks);
+    } catch (const std::exception& e) {
+        if (live) live->end(dynamic_cast<const Interrupted*>(&e) ? "stopped" : "failed", e.what());
+        throw;
+    }
     progress.finish();
     lock->check_folder();
     describe_training(summary);

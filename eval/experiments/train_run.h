@@ -16,11 +16,16 @@ namespace gs {
 std::string free_run_folder(const std::filesystem::path& parent, const TrainOptions& options,
                             const std::string& suffix = "");
 
+/// That the training is shown in a browser while it goes on.
+struct LiveView {
+    std::optional<int> port;  ///< on 127.0.0.1, 0 = any free one; empty = the usual one, or any free one
+};
+
 /// Trains one run of checked options in the folder `options.model` (empty: a free one in output/), chooses the
 /// appearance before where the options say auto, and with `options.eval` scores the views held out. `frame_rounds`:
 /// rounds through these in which frames of the trained model are timed; 0 = none. Sets up the log, which also goes to
 /// the folder, catches interrupts, and shows the progress. Returns the row for tables where views were scored. Throws
 /// what load_scene, open_run, find_appearance and train throw.
-std::optional<TableRow> train_run(TrainOptions options, int frame_rounds);
+std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view = {});
 
 }  // namespace gs

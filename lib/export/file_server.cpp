@@ -115,14 +115,17 @@ bool keep_one_range(httplib::Request& request, ssize_t size) {
     return true;
 }
 
-/// Answers a request for a file in `root`, which must be canonical. Returns the status; an error has no body yet.
-int answer(const fs::path& root, httplib::Request& request, httplib::Response& response) {
+/// Returns the status of a request that is not to be answered at all, else 0.
+int refusal(const httplib::Request& request) {
     // Any port, because a tunnel to another machine has its own.
     static const std::regex local(R"((localhost|127\.0\.0\.1|\[::1\])(:\d{0,5})?)", std::regex::icase);
     if (request.get_header_value_count("Host") != 1) return 400;
-    if (!std::regex_match(request.get_header_value("Host"), local)) return 421;
-    if (request.method != "GET" && request.method != "HEAD") return 405;
-    const auto file = served_file(root, request.path);
+    return std::regex_match(request.get_header_value("Host"), local) ? 0 : 421;
+}
+
+/// Answers with a file, or a range of it. Returns the status; an error has no body yet.
+int answer_file(const std::optional<fs::path>& file, const std::shared_ptr<void>& held, httplib::Request& request,
+                httplib::Response& response) {
     std::error_code error;
     const auto size = file ? fs::file_size(*file, error) : 0;
     const auto stream = std::make_shared<std::ifstream>();
@@ -140,7 +143,7 @@ int answer(const fs::path& root, httplib::Request& request, httplib::Response& r
         return 200;
     }
     response.set_content_provider(size, content_type(*file),
-                                  [stream](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+                                  [stream, held](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
                                       std::string bytes(std::min(length, kChunk), '\0');
                                       stream->seekg(std::streamoff(offset));
                                       return bool(stream->read(bytes.data(), std::streamsize(bytes.size()))) &&
@@ -149,11 +152,39 @@ int answer(const fs::path& root, httplib::Request& request, httplib::Response& r
     return request.ranges.empty() ? 200 : 206;
 }
 
+/// Returns what the handler says to a request, if it is one that a handler may see.
+std::optional<WebAnswer> handled(const WebHandler& handler, const httplib::Request& request) {
+    const bool has_body = request.has_header("Transfer-Encoding") ||
+                          (request.has_header("Content-Length") && request.get_header_value("Content-Length") != "0");
+    const bool known = request.method == "GET" || request.method == "HEAD" || request.method == "POST";
+    if (!handler || !known || has_body) return std::nullopt;
+    WebRequest web{request.method, request.path, {}, request.get_header_value("X-Gsapp-Token")};
+    web.query.insert(request.params.begin(), request.params.end());
+    return handler(web);
+}
+
+/// Answers a request by the handler, or for a file in `root`, which must be canonical. Returns the status; an error has
+/// no body yet.
+int answer(const fs::path& root, const WebHandler& handler, httplib::Request& request, httplib::Response& response) {
+    if (const int status = refusal(request)) return status;
+    if (const auto web = handled(handler, request)) {
+        if (!web->file.empty()) return answer_file(web->file, web->held, request, response);
+        request.ranges.clear();
+        response.set_header("Cache-Control", "no-store");
+        if (!web->location.empty()) response.set_header("Location", web->location);
+        if (web->status < 400) response.set_content(web->text, web->type);
+        return web->status;
+    }
+    if (request.method != "GET" && request.method != "HEAD") return 405;
+    return answer_file(served_file(root, request.path), nullptr, request, response);
+}
+
 /// Gives an error its sentence and ends the connection: a body that was not read would be taken for the next request,
 /// by which a page of another site could get round the check of the host.
 void refuse(httplib::Request& request, httplib::Response& response) {
     static const std::map<int, std::string> sentences = {
         {400, "this is no request for a file"},
+        {403, "only the page whose address gsapp printed may do this"},
         {404, "not found"},
         {405, "files are only read here, by GET and HEAD"},
         {414, "the address is too long"},
@@ -179,7 +210,8 @@ struct FileServer::Implementation {
     std::atomic<bool> stopped = false;
 };
 
-FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::make_unique<Implementation>()) {
+FileServer::FileServer(const fs::path& folder, int port, WebHandler handler)
+    : implementation_(std::make_unique<Implementation>()) {
     std::error_code error;
     const fs::path root = fs::canonical(folder, error);
     if (error || !fs::is_directory(root, error))
@@ -197,16 +229,16 @@ FileServer::FileServer(const fs::path& folder, int port) : implementation_(std::
     server.set_keep_alive_timeout(2);  // s; a waiting thread looks at its socket a hundred times a second
     server.set_write_timeout(30);      // s; a page may be busy with what it has
     // The library hands its own, changeable request over as const, and answers by the ranges in it.
-    server.set_pre_routing_handler([root](const httplib::Request& request, httplib::Response& response) {
-        response.status = answer(root, const_cast<httplib::Request&>(request), response);
+    server.set_pre_routing_handler([root, handler](const httplib::Request& request, httplib::Response& response) {
+        response.status = answer(root, handler, const_cast<httplib::Request&>(request), response);
         return httplib::Server::HandlerResponse::Handled;
     });
-    server.set_error_handler([root](const httplib::Request& constant, httplib::Response& response) {
+    server.set_error_handler([root, handler](const httplib::Request& constant, httplib::Response& response) {
         auto& request = const_cast<httplib::Request&>(constant);
         // The library refuses ranges that it cannot read. RFC 9110, 14.2 has them ignored.
         if (response.status == 416 && !response.has_header("Content-Range")) {
             request.ranges.clear();
-            response.status = answer(root, request, response);
+            response.status = answer(root, handler, request, response);
         }
         if (response.status >= 400) refuse(request, response);
     });

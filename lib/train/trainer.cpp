@@ -194,11 +194,12 @@ class Run {
     }
 
     void loop() {
+        bool stop = watch() == Wish::kStop;
         double interval_start = seconds_now();
         while (!course_.finished()) {
             timed([&] { iterate(); });
             const bool log = iteration_ % kLogInterval == 0 || course_.finished(), report = progress_.due(iteration_);
-            const bool stop = interrupted() && !course_.finished();
+            stop = (stop || interrupted()) && !course_.finished();
             // What is reported or saved is the state after this iteration, and waiting for it is training time.
             if (log || report || stop || something_is_due()) timed([&] { settle(); });
             if (log) {
@@ -210,6 +211,9 @@ class Run {
                 progress_.update(iteration_, last_.loss, backend_->count());
             }
             save_what_is_due();
+            const double watch_start = seconds_now();
+            stop = (watch() == Wish::kStop || stop) && !course_.finished();
+            interval_start += seconds_now() - watch_start;
             if (stop) {
                 write_checkpoint();
                 progress_.finish();
@@ -217,6 +221,23 @@ class Run {
                                   how_to_continue());
             }
         }
+    }
+
+    /// Shows the training to whoever watches it, and does what they ask for but the end.
+    Wish watch() {
+        if (!hooks_.between) return Wish::kNone;
+        const double start = seconds_now();
+        const Wish wish = hooks_.between({iteration_, course_.expected_iterations(), backend_->count(), last_.loss,
+                                          train_seconds_, iteration_ % kLogInterval == 0},
+                                         *backend_);
+        if (wish == Wish::kSave) {
+            writer_.write_point_cloud(*backend_, iteration_);
+            write_checkpoint();
+            checkpoint_seconds_ = train_seconds_;
+            log_info("iteration {}: checkpoint and point cloud saved", iteration_);
+        }
+        if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
+        return wish;
     }
 
     template <class Fn> void timed(Fn&& fn) {

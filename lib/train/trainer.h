@@ -19,7 +19,24 @@ struct HeldOutPsnr {
     double mean = 0, standard_error = 0;
 };
 
+/// What a watcher of a training may ask for.
+enum class Wish {
+    kNone,
+    kSave,  ///< write a checkpoint and the point cloud
+    kStop,  ///< as Ctrl-C: write a checkpoint and end
+};
+
+/// What a watcher of a training is told between two iterations. The loss is that of a step a little earlier.
+struct TrainProgress {
+    std::int64_t iteration = 0, expected_iterations = 0, num_gaussians = 0;
+    double loss = 0, train_seconds = 0;
+    /// Reading the model now changes nothing of what follows: all its rows are up to date.
+    bool rows_current = false;
+};
+
 struct TrainHooks {
+    /// Called before the first iteration and after every one. It may wait; its time does not count as training time.
+    std::function<Wish(const TrainProgress& progress, Backend& backend)> between;
     /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
     /// and `last`. Its time does not count as training time.
     std::function<void(std::int64_t iteration, Backend& backend, bool last)> evaluate;

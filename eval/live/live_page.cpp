@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+// Answers the requests of a page that watches a model.
+#include "eval/live/live_page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "kernels/core/clock.h"
+#include "kernels/core/error.h"
+#include "lib/core/json_text.h"
+#include "lib/core/log.h"
+#include "lib/core/version.h"
+#include "lib/export/site.h"
+#include "lib/io/image.h"
+
+namespace gs {
+namespace {
+
+constexpr int kUsualPort = 8000;
+/// A page asks every second.
+constexpr double kLooksAwayAfter = 4;
+constexpr std::size_t kMostPoints = 500;  ///< of a curve
+constexpr int kMostPixels = 1600;         ///< along the longer side of a photograph
+constexpr int kJpegQuality = 90;
+
+/// Returns 128 random bits.
+std::string random_name() {
+    std::random_device random;
+    std::string name;
+    for (int k = 0; k < 4; ++k) name += fmt::format("{:08x}", random());
+    return name;
+}
+
+std::filesystem::path built_viewer() {
+    const std::filesystem::path folder = viewer_folder();
+    if (folder.empty()) throw DataError("the web viewer is not built; scripts/build-viewer builds it");
+    return folder;
+}
+
+FileServer serve(std::optional<int> port, const WebHandler& handler) {
+    const std::filesystem::path viewer = built_viewer();
+    if (port) return FileServer(viewer, *port, handler);
+    try {
+        return FileServer(viewer, kUsualPort, handler);
+    } catch (const DataError&) {  // another run has it, most likely
+        return FileServer(viewer, 0, handler);
+    }
+}
+
+/// Returns the photograph of a view as a page shows it: 8-bit rgb on the background, not larger than screens are.
+Image shown_photograph(const View& view, const Vec3<float>& background) {
+    const std::shared_ptr<const ViewImage> loaded = view_image(view);
+    Image image = loaded->color;
+    const double scale = std::min(1.0, double(kMostPixels) / std::max(image.width, image.height));
+    if (scale < 1)
+        image = resize_image(image, std::max(1, int(std::lround(scale * image.width))),
+                             std::max(1, int(std::lround(scale * image.height))));
+    Image out{image.width, image.height, 3, {}, {}};
+    out.u8.reserve(3 * std::size_t(image.width) * image.height);
+    const float behind[3] = {background.x, background.y, background.z};
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x) {
+            const float alpha = image.channels == 4 ? image.value(x, y, 3) : 1.0f;
+            for (int c = 0; c < 3; ++c) {
+                const float value = alpha * image.value(x, y, c) + (1 - alpha) * behind[c];
+                out.u8.push_back(std::uint8_t(255 * std::clamp(value, 0.0f, 1.0f) + 0.5f));
+            }
+        }
+    return out;
+}
+
+}  // namespace
+
+LivePage::LivePage(LivePageFacts facts, std::optional<int> port)
+    : facts_(std::move(facts)),
+      token_(random_name()),
+      id_(random_name()),
+      course_(facts_.log),
+      server_(serve(port, [this](const WebRequest& request) { return answer(request); })) {
+    thread_ = std::thread([this] {
+        try {
+            server_.run();
+        } catch (const std::exception& e) {
+            log_warning("the page is served no more: {}", e.what());
+        }
+    });
+}
+
+LivePage::~LivePage() {
+    server_.stop();
+    thread_.join();
+}
+
+std::string LivePage::address() const {
+    const std::string query = facts_.controls ? "?live&token=" + token_ : "?live";
+    return fmt::format("http://127.0.0.1:{}/{}", server_.port(), query);
+}
+
+bool LivePage::watched() const { return seconds_now() - looked_ < kLooksAwayAfter; }
+
+void LivePage::tell(const nlohmann::ordered_json& fields) {
+    const std::lock_guard lock(mutex_);
+    state_.update(fields);
+    told_last_ = false;
+}
+
+void LivePage::show(const std::filesystem::path& snapshot, std::int64_t iteration) {
+    const std::lock_guard lock(mutex_);
+    snapshot_ = snapshot;
+    snapshot_iteration_ = iteration;
+    ++version_;
+    told_last_ = false;
+}
+
+void LivePage::add_psnr(std::int64_t iteration, double psnr, const std::string& what) {
+    const std::lock_guard lock(mutex_);
+    psnr_.add(iteration, psnr);
+    psnr_of_ = what;
+}
+
+LiveWishes LivePage::wishes() const {
+    const std::lock_guard lock(mutex_);
+    return wishes_;
+}
+
+void LivePage::saved() {
+    const std::lock_guard lock(mutex_);
+    wishes_.save = false;
+}
+
+void LivePage::linger(double seconds) {
+    const auto is_done = [&] {
+        const std::lock_guard lock(mutex_);
+        return told_last_ && (version_ == 0 || fetched_ == version_) &&
+               std::all_of(transfers_.begin(), transfers_.end(), [](const auto& one) { return one.expired(); });
+    };
+    for (const double end = seconds_now() + seconds; seconds_now() < end && watched() && !is_done();)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+}
+
+std::optional<WebAnswer> LivePage::answer(const WebRequest& request) {
+    const std::string& path = request.path;
+    if (path == "/" && !request.query.contains("live")) {
+        if (request.method == "POST") return std::nullopt;
+        WebAnswer page{.status = 302};
+        page.location = "/?live";
+        return page;
+    }
+    const std::string room = "/live/";
+    if (path.rfind(room, 0) != 0) return std::nullopt;
+    const std::string name = path.substr(room.size());
+    if (request.method == "POST") return control(request);
+    if (name == "status.json") return status();
+    if (name.rfind("photograph/", 0) == 0) return photograph(name.substr(std::string("photograph/").size()));
+    const std::lock_guard lock(mutex_);
+    if (version_ == 0 || name != fmt::format("model-{}.ngsplat", version_)) return WebAnswer{.status = 404};
+    fetched_ = version_;
+    WebAnswer model;
+    model.file = snapshot_;
+    model.held = std::make_shared<int>();
+    transfers_.erase(
+        std::remove_if(transfers_.begin(), transfers_.end(), [](const auto& one) { return one.expired(); }),
+        transfers_.end());
+    transfers_.push_back(model.held);
+    return model;
+}
+
+WebAnswer LivePage::status() {
+    looked_ = seconds_now();
+    const std::lock_guard lock(mutex_);
+    told_last_ = true;
+    course_.update();
+    nlohmann::ordered_json json = {{"id", id_},
+                                   {"program", version_text()},
+                                   {"scene", facts_.scene},
+                                   {"appearance", facts_.appearance},
+                                   {"run", facts_.run},
+                                   {"controls", facts_.controls},
+                                   {"iteration", course_.iteration()},
+                                   {"num_gaussians", course_.num_gaussians()},
+                                   {"train_seconds", course_.train_seconds()}};
+    json.update(state_);
+    json["save_pending"] = wishes_.save;
+    json["model"] = version_ == 0 ? nlohmann::ordered_json()
+                                  : nlohmann::ordered_json({{"version", version_},
+                                                            {"iteration", snapshot_iteration_},
+                                                            {"url", fmt::format("live/model-{}.ngsplat", version_)}});
+    json["photographs"] = facts_.views.size();
+    json["loss_curve"] = course_.loss().json(kMostPoints);
+    const bool own = !psnr_.values.empty();
+    json["psnr_curve"] = (own ? psnr_ : course_.psnr()).json(kMostPoints);
+    json["psnr_of"] = own ? psnr_of_ : "held-out views";
+    WebAnswer answer;
+    answer.text = json_text(json);
+    return answer;
+}
+
+WebAnswer LivePage::photograph(const std::string& name) {
+    for (std::size_t k = 0; k < facts_.views.size(); ++k) {
+        if (name != fmt::format("{}.jpg", k)) continue;
+        try {
+            const std::vector<std::uint8_t> bytes =
+                encode_jpeg(shown_photograph(facts_.views[k], facts_.background), kJpegQuality);
+            WebAnswer picture;
+            picture.type = "image/jpeg";
+            picture.text.assign(bytes.begin(), bytes.end());
+            return picture;
+        } catch (const std::exception& e) {  // the training has its own word on images that have gone bad
+            log_debug("photograph {}: {}", facts_.views[k].name, e.what());
+        }
+    }
+    return {.status = 404};
+}
+
+WebAnswer LivePage::control(const WebRequest& request) {
+    if (!facts_.controls || request.token != token_) return {.status = 403};
+    const std::string name = request.path.substr(std::string("/live/").size());
+    const std::lock_guard lock(mutex_);
+    if (name == "pause")
+        wishes_.pause = true;
+    else if (name == "continue")
+        wishes_.pause = false;
+    else if (name == "save")
+        wishes_.save = true;
+    else if (name == "stop")
+        wishes_.stop = true;
+    else
+        return {.status = 404};
+    WebAnswer done;
+    done.text = "{}";
+    return done;
+}
+
+}  // namespace gs

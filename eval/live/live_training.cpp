@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// Feeds the page of a training between its iterations.
+#include "eval/live/live_training.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <system_error>
+#include <thread>
+
+#include "appearance/model_info.h"
+#include "kernels/core/clock.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/log.h"
+#include "lib/model/run_folder.h"
+#include "lib/train/scene_options.h"
+
+namespace gs {
+namespace {
+
+constexpr std::size_t kMeasuredViews = 4;
+constexpr double kTellSeconds = 0.25;  ///< between two news
+constexpr double kRateSeconds = 1;     ///< of training, over which speed is measured
+constexpr double kLingerSeconds = 5;
+
+LivePageFacts facts_of(const TrainOptions& options, const std::vector<View>& views) {
+    return {.scene = scene_name(options.source),
+            .appearance = options.appearance,
+            .run = options.model,
+            .log = RunFolder{options.model}.train_log(),
+            .views = views,
+            .background = options.background.color,
+            .controls = true};
+}
+
+}  // namespace
+
+LiveTraining::LiveTraining(const TrainOptions& options, const Scene& scene, std::optional<int> port)
+    : options_(options),
+      scene_(scene),
+      views_(shown_views(scene)),
+      page_(facts_of(options, views_), port) {
+    page_.tell({{"state", "starting"}, {"iterations", options.iterations}});
+}
+
+LiveTraining::~LiveTraining() {
+    if (packing_.valid()) packing_.wait();
+    page_.linger(kLingerSeconds);
+}
+
+bool LiveTraining::is_packing() const {
+    return packing_.valid() && packing_.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
+}
+
+void LiveTraining::tell(const char* state, const TrainProgress& now) {
+    if (rate_seconds_ < 0 || now.iteration < rate_iteration_) {
+        rate_iteration_ = now.iteration, rate_seconds_ = now.train_seconds;
+    } else if (const double seconds = now.train_seconds - rate_seconds_; seconds >= kRateSeconds) {
+        rate_ = double(now.iteration - rate_iteration_) / seconds;
+        rate_iteration_ = now.iteration, rate_seconds_ = now.train_seconds;
+    }
+    nlohmann::ordered_json news = {{"state", state},
+                                   {"appearance", options_.appearance},
+                                   {"iteration", now.iteration},
+                                   {"iterations", now.expected_iterations},
+                                   {"num_gaussians", now.num_gaussians},
+                                   {"train_seconds", now.train_seconds}};
+    news["loss"] = now.iteration > 0 && std::isfinite(now.loss) ? nlohmann::ordered_json(now.loss) : nlohmann::ordered_json();
+    if (rate_ > 0) {
+        news["iterations_per_second"] = rate_;
+        news["eta_seconds"] = double(now.expected_iterations - now.iteration) / rate_;
+    }
+    page_.tell(news);
+}
+
+void LiveTraining::measure(std::int64_t iteration, Backend& backend) {
+    if (!photographs_) {
+        const std::vector<View> measured = shown_views(scene_, kMeasuredViews);
+        photographs_ = load_photographs(measured, options_.background.color);
+    }
+    if (photographs_->empty()) return;
+    const double psnr =
+        mean_psnr(backend, *photographs_, options_.background.color, backend.download_ppisp().active());
+    page_.add_psnr(iteration, psnr,
+                   fmt::format("{} {} views", photographs_->size(), scene_.test.empty() ? "training" : "test"));
+}
+
+void LiveTraining::take_snapshot(std::int64_t iteration, Backend& backend, bool measured) {
+    started_ = seconds_now();
+    if (!folder_) folder_.emplace(std::filesystem::path(options_.model) / "live");
+    if (measured) measure(iteration, backend);
+    const std::filesystem::path file = folder_->path() / fmt::format("{}.ngsplat", ++num_snapshots_);
+    auto work = [this, file, iteration, model = backend.download(false)] {
+        const double start = seconds_now();
+        try {
+            write_snapshot(file, model,
+                           {scene_name(options_.source), iteration, options_.background.color, scene_.frame, views_});
+            page_.show(file, iteration);
+            page_.tell({{"snapshot_error", nullptr}});
+            std::error_code ignored;  // one that is being sent stays open
+            if (!last_.empty()) std::filesystem::remove(last_, ignored);
+            last_ = file;
+        } catch (const std::exception& e) {
+            page_.tell({{"snapshot_error", e.what()}});
+        }
+        return seconds_now() - start;
+    };
+    device_seconds_ = seconds_now() - started_;
+    packing_ = std::async(std::launch::async, std::move(work));
+}
+
+Wish LiveTraining::between(const TrainProgress& progress, Backend& backend) {
+    if (packing_.valid() && !is_packing()) pace_.spent(started_, device_seconds_ + packing_.get());
+    const LiveWishes wishes = page_.wishes();
+    if (wishes.stop) return Wish::kStop;
+    if (page_.watched()) {
+        const double now = seconds_now();
+        if (now - told_ >= kTellSeconds) {
+            tell("training", progress);
+            told_ = now;
+        }
+        if (progress.rows_current && !packing_.valid() && pace_.due(now))
+            take_snapshot(progress.iteration, backend, progress.iteration > 0);
+    }
+    if (wishes.pause) {
+        tell("paused", progress);
+        while (page_.wishes().pause && !page_.wishes().stop && !interrupted())
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        told_ = 0;
+        if (page_.wishes().stop) return Wish::kStop;
+        tell("training", progress);
+    }
+    if (!wishes.save || !progress.rows_current) return Wish::kNone;
+    page_.saved();
+    page_.tell({{"saved_iteration", progress.iteration}});
+    return Wish::kSave;
+}
+
+void LiveTraining::finish(std::int64_t iteration, Backend& backend) {
+    if (packing_.valid()) packing_.wait();
+    page_.tell({{"state", "finished"}, {"iteration", iteration}, {"num_gaussians", backend.count()}});
+    if (page_.watched()) take_snapshot(iteration, backend, true);
+}
+
+}  // namespace gs

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// A training that can be watched while it goes on.
+#pragma once
+
+#include <future>
+#include <memory>
+#include <optional>
+
+#include "eval/auto/photograph.h"
+#include "eval/live/live_page.h"
+#include "eval/live/pace.h"
+#include "eval/live/snapshot.h"
+#include "lib/core/train_options.h"
+#include "lib/io/temporary.h"
+#include "lib/train/trainer.h"
+
+namespace gs {
+
+/// Serves the page of one training. While nobody looks it costs the training nothing but a look at a clock; what it
+/// costs else is bounded by Pace. It reads the model only where that changes nothing (TrainProgress::rows_current), so
+/// a run that was watched is the same as one that was not.
+class LiveTraining {
+  public:
+    /// `options` and `scene` must outlive the object. Throws what LivePage throws.
+    LiveTraining(const TrainOptions& options, const Scene& scene, std::optional<int> port);
+    /// Waits for a page that is watching to take the last news, a few seconds at most.
+    ~LiveTraining();
+
+    std::string address() const { return page_.address(); }
+
+    /// Does what is due between two iterations: news, a snapshot, what the buttons asked for. Waits while the training
+    /// is paused. Returns what the trainer is to do.
+    Wish between(const TrainProgress& progress, Backend& backend);
+    /// Shows the finished model.
+    void finish(std::int64_t iteration, Backend& backend);
+    /// Says how the training ended, where it did not finish.
+    void end(const std::string& state, const std::string& message) {
+        page_.tell({{"state", state}, {"message", message}});
+    }
+
+  private:
+    void tell(const char* state, const TrainProgress& progress);
+    bool is_packing() const;
+    void take_snapshot(std::int64_t iteration, Backend& backend, bool measure);
+    void measure(std::int64_t iteration, Backend& backend);
+
+    const TrainOptions& options_;
+    const Scene& scene_;
+    const std::vector<View> views_;
+    LivePage page_;
+    Pace pace_;
+    double told_ = 0;                ///< when `tell` last did
+    double rate_ = 0;                ///< iterations per second of training; 0: not known
+    std::int64_t rate_iteration_ = 0;  ///< where the rate was last computed
+    double rate_seconds_ = -1;
+    std::optional<std::vector<Photograph>> photographs_;  ///< read when somebody looks for the first time
+    std::optional<WorkFolder> folder_;                    ///< of snapshots
+    std::filesystem::path last_;                          ///< snapshot
+    int num_snapshots_ = 0;
+    double started_ = 0;           ///< when the last snapshot was begun
+    double device_seconds_ = 0;    ///< what it cost the training before it was packed
+    std::future<double> packing_;  ///< its result is the time that packing took
+};
+
+}  // namespace gs

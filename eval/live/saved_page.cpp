@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Packs what a run has saved, each time that there is something newer.
+#include "eval/live/saved_page.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <system_error>
+#include <thread>
+
+#include "eval/live/snapshot.h"
+#include "eval/runs/saved_run.h"
+#include "kernels/core/error.h"
+#include "lib/core/input_file.h"
+#include "lib/core/interrupt.h"
+#include "lib/core/log.h"
+#include "lib/core/options.h"
+#include "lib/model/bring_into_frame.h"
+#include "lib/model/ply.h"
+#include "lib/model/run_folder.h"
+#include "lib/train/scene_options.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::chrono::milliseconds kLook(50);
+constexpr int kLooksBetweenReads = 40;  ///< a newer model is looked for every two seconds
+
+/// Returns the file of the newest saved model, or an empty path.
+fs::path newest_file(const fs::path& run_folder) {
+    try {
+        if (path_exists(run_folder / "point_cloud"))
+            return RunFolder{run_folder}.point_cloud(latest_point_cloud(run_folder));
+        if (path_exists(run_folder / "checkpoints")) return latest_checkpoint(run_folder);
+    } catch (const DataError&) {  // nothing is in them yet
+    }
+    return {};
+}
+
+/// Returns the Gaussians of a file in the coordinates that its frame makes of them, as a training has them.
+SavedModel read_point_cloud(const fs::path& file) {
+    SavedModel model;
+    model.state = read_ply(file, &model.frame);
+    return model;
+}
+
+}  // namespace
+
+SavedPage::SavedPage(fs::path target, std::optional<int> port)
+    : target_(std::move(target)), is_run_(fs::is_directory(target_)), folder_(fs::temp_directory_path() / "gsapp-view") {
+    LivePageFacts facts;
+    if (is_run_) {
+        const TrainOptions options = load_run_options(target_);
+        const fs::path newest = newest_file(target_);
+        if (newest.empty() && !path_exists(RunFolder{target_}.train_log()))
+            throw DataError(fmt::format("{}: the run has saved no model", target_.string()));
+        scene_ = scene_name(options.source);
+        background_ = options.background.color;
+        SceneOptions scene = scene_options(options);
+        if (!newest.empty()) scene.frame = read_saved_model(target_, std::nullopt).frame;
+        try {
+            const Scene loaded = load_scene(scene);
+            views_ = shown_views(loaded);
+            frame_ = loaded.frame;
+        } catch (const std::exception& e) {
+            log_warning("no photographs are shown: {}", e.what());
+        }
+        facts.appearance = options.appearance;
+        facts.log = RunFolder{target_}.train_log();
+    } else {
+        scene_ = target_.stem().string();
+    }
+    facts.scene = scene_;
+    facts.run = target_.string();
+    facts.views = views_;
+    facts.background = background_;
+    page_.emplace(facts, port);
+    page_->tell({{"state", "saved"}});
+    show_newest();
+}
+
+void SavedPage::show_newest() {
+    const fs::path newest = is_run_ ? newest_file(target_) : target_;
+    if (newest.empty() || newest == shown_) return;
+    SavedModel model = is_run_ ? read_saved_model(target_, std::nullopt) : read_point_cloud(target_);
+    // Without a frame of its own the model takes the one of the photographs' cameras.
+    if (!model.frame && frame_) bring_into_frame(model.state, *frame_);
+    const Frame frame = model.frame.value_or(frame_.value_or(Frame{}));
+    const fs::path file = folder_.path() / fmt::format("{}.ngsplat", ++num_snapshots_);
+    write_snapshot(file, model.state, {scene_, model.iteration, background_, frame, views_});
+    page_->show(file, model.iteration);
+    page_->tell({{"iteration", model.iteration}, {"num_gaussians", model.state.count}});
+    std::error_code ignored;  // one that is being sent stays open
+    if (!snapshot_.empty()) fs::remove(snapshot_, ignored);
+    snapshot_ = file, shown_ = newest;
+}
+
+void SavedPage::run() {
+    for (int looks = 1; !interrupted(); ++looks) {
+        std::this_thread::sleep_for(kLook);
+        if (looks % kLooksBetweenReads != 0) continue;
+        try {
+            show_newest();
+        } catch (const std::exception& e) {  // the run may be writing, or was removed
+            log_debug("{}: {}", target_.string(), e.what());
+        }
+    }
+}
+
+}  // namespace gs
