@@ -43,6 +43,10 @@ export class App {
   private sortedFor = '';
   private scheduled = false;
   private isReserved = false;
+  /** A newer state of the model is there, but not yet its order: the picture before stays. */
+  private awaitsOrder = false;
+  /** Called after every frame. */
+  afterDraw: () => void = () => undefined;
 
   constructor() {
     this.panel = new Panel({
@@ -95,29 +99,52 @@ export class App {
     }
   }
 
-  private unload(): void {
-    this.loaded?.navigator.dispose();
+  /** Shows a newer state of the same model; camera and settings stay. Returns whether it could. */
+  async refresh(source: Source): Promise<boolean> {
+    try {
+      const buffer = await readAll(source, () => undefined);
+      const scene = parseScene(buffer);
+      if (!this.loaded) hideNotice();
+      this.show(source.name, scene, buffer.byteLength, this.loaded?.navigator);
+      return true;
+    } catch (error) {
+      if (!this.loaded) this.fail(`${source.name} cannot be shown`, (error as Error).message);
+      return false;
+    }
+  }
+
+  /** The test view that is shown exactly. */
+  get pinned(): number | undefined {
+    return this.loaded?.navigator.pinned;
+  }
+
+  private unload(keep?: Navigator): void {
+    if (!keep) this.loaded?.navigator.dispose();
     this.loaded?.sorter?.dispose();
     this.loaded = undefined;
     this.renderer.clearScene();
-    document.body.classList.remove('loaded');
+    if (!keep) document.body.classList.remove('loaded');
   }
 
-  private show(name: string, scene: Scene, bytes: number): void {
-    this.unload(); // first, so that both need not fit into memory
+  /** With `keep`, the camera stays as it is. */
+  private show(name: string, scene: Scene, bytes: number, keep?: Navigator): void {
+    this.unload(keep); // first, so that both need not fit into memory
     const centers = sceneCenters(scene);
     this.renderer.setScene(scene);
     document.body.classList.add('loaded');
-    const navigator = new Navigator(scene, this.canvas, () => this.redraw());
-    navigator.setMovement(this.movement);
+    const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
+    if (keep) keep.setScene(scene);
+    else navigator.setMovement(this.movement);
+    this.awaitsOrder = keep !== undefined && scene.count > 0;
     const apply = (order: Uint32Array, count: number) => {
+      this.awaitsOrder = false;
       this.redraw();
       return this.renderer.setOrder(order, count);
     };
     const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, scene, navigator, sorter };
     this.sortedFor = '';
-    this.panel.setScene(scene.name ?? name, scene);
+    if (this.panel.numViews !== scene.testCameras.length || !keep) this.panel.setScene(scene.name ?? name, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     this.benchmarkPanel.clear();
     this.draw();
@@ -149,10 +176,12 @@ export class App {
     const { navigator, sorter } = this.loaded;
     const view = navigator.view(this.canvas.width, this.canvas.height);
     if (poseKey(view) !== this.sortedFor) void this.sort(view);
+    if (this.awaitsOrder) return;
     this.panel.setCamera(navigator.pinned);
     try {
       this.renderer.render(view, this.picture(this.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
+      this.afterDraw();
     } catch (error) {
       this.unload();
       this.fail('This model cannot be drawn', (error as Error).message);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { App } from './app';
 import { fetchSource } from './format/load';
+import { Live } from './live/live';
 import { onFile } from './ui/drop';
 import { showError, showWelcome } from './ui/notice';
 
@@ -11,9 +12,10 @@ declare global {
   }
 }
 
-/** `?model=URL`, or the file that gsapp export puts beside this page. */
+/** `?live`, `?model=URL`, or the file that gsapp export puts beside this page. */
 async function openFirst(app: App): Promise<void> {
-  const wanted = new URLSearchParams(location.search).get('model');
+  const query = new URLSearchParams(location.search), wanted = query.get('model');
+  if (query.has('live')) return void new Live(app);
   if (wanted !== null) return app.open((signal) => fetchSource(wanted, signal));
   const beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
   return beside ? app.open(beside) : showWelcome();

@@ -44,7 +44,7 @@ export class Navigator {
   /** The test view that is shown exactly. */
   pinned: number | undefined;
 
-  constructor(private readonly scene: Scene, canvas: HTMLCanvasElement, changed: () => void) {
+  constructor(private scene: Scene, canvas: HTMLCanvasElement, changed: () => void) {
     this.camera.up.set(...scene.up).normalize();
     const moved = () => {
       this.unpin();
@@ -72,6 +72,12 @@ export class Navigator {
     const { forward, position } = cameraPose(this.camera);
     const offset = this.scene.center.map((c, i) => c - position[i]) as Vector;
     return Math.max(dot(offset, forward), 0.1 * this.scene.distance, 1e-3);
+  }
+
+  /** Goes on with a newer state of the model, from where the camera is. */
+  setScene(scene: Scene): void {
+    this.scene = scene;
+    if (this.pinned !== undefined && this.pinned >= scene.testCameras.length) this.unpin();
   }
 
   pin(index: number): void {

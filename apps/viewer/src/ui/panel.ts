@@ -29,7 +29,7 @@ export interface PanelEvents {
 
 export class Panel {
   private readonly camera = element<HTMLSelectElement>('camera');
-  private numViews = 0;
+  numViews = 0;
 
   constructor(events: PanelEvents) {
     const help = (mode: Mode) => (element('mode-help').textContent = MODE_HELP[mode]);

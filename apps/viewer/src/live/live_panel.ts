@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of the settings that speaks of the training: where it is, its curves, its buttons, and the photograph of the view that is shown.
+
+import { element } from '../ui/elements';
+import { drawCurve } from './chart';
+import type { Control, Curve, Status } from './status';
+
+/** How long "Stop" waits for the second press. */
+const CONFIRM_MILLISECONDS = 4000;
+
+const count = (n: number): string => n.toLocaleString('en');
+
+export function duration(seconds: number): string {
+  const s = Math.round(seconds);
+  if (s < 60) return `${s} s`;
+  return s < 3600 ? `${Math.floor(s / 60)} min ${s % 60} s` : `${Math.floor(s / 3600)} h ${Math.floor((s % 3600) / 60)} min`;
+}
+
+/** One sentence on where the training is. */
+export function stateText(status: Status): string {
+  const { state, iteration, iterations, message } = status, of = iterations ? `${count(iteration)} of ${count(iterations)}` : count(iteration);
+  const left = status.eta_seconds === undefined ? '' : `, ${duration(status.eta_seconds)} left`;
+  const texts: Record<Status['state'], string> = {
+    starting: 'Training begins.',
+    training: `Iteration ${of}${left}`,
+    paused: `Paused after iteration ${of}`,
+    finished: `Finished after ${count(iteration)} iterations`,
+    stopped: `Stopped: ${message ?? ''}`,
+    failed: `Failed: ${message ?? ''}`,
+    saved: iteration > 0 ? `Saved at iteration ${count(iteration)}` : 'Not trained here',
+  };
+  return texts[state] ?? state;
+}
+
+export function facts(status: Status): [string, string][] {
+  const { num_gaussians, iterations_per_second: speed, train_seconds, saved_iteration, save_pending, snapshot_error } = status;
+  return [
+    ['Gaussians', count(num_gaussians)],
+    ...(speed ? [['Iterations per second', speed.toFixed(speed < 10 ? 1 : 0)]] as [string, string][] : []),
+    ...(train_seconds > 0 ? [['Trained for', duration(train_seconds)]] as [string, string][] : []),
+    ...(status.model ? [['Picture of iteration', count(status.model.iteration)]] as [string, string][] : []),
+    ...(save_pending ? [['Saved', 'at the next hundredth iteration']] as [string, string][] : saved_iteration ? [['Saved', `iteration ${count(saved_iteration)}`]] as [string, string][] : []),
+    ...(snapshot_error ? [['No picture', snapshot_error]] as [string, string][] : []),
+  ];
+}
+
+const lastValue = (curve: Curve): number | undefined => curve.values.filter((value) => value !== null).at(-1);
+
+export class LivePanel {
+  private readonly state = element('live-state');
+  private readonly pause = element<HTMLButtonElement>('live-pause');
+  private readonly save = element<HTMLButtonElement>('live-save');
+  private readonly stop = element<HTMLButtonElement>('live-stop');
+  private readonly wantsPhotograph = element<HTMLInputElement>('live-photograph');
+  private readonly photograph = element<HTMLImageElement>('photograph');
+  private status: Status | undefined;
+  private view: number | undefined;
+  private confirming: ReturnType<typeof setTimeout> | undefined;
+
+  constructor(control: (control: Control) => void) {
+    element('live').hidden = false;
+    this.pause.addEventListener('click', () => control(this.status?.state === 'paused' ? 'continue' : 'pause'));
+    this.save.addEventListener('click', () => control('save'));
+    this.stop.addEventListener('click', () => {
+      const confirmed = this.confirming !== undefined;
+      this.unconfirm();
+      if (confirmed) return control('stop');
+      this.stop.textContent = 'Really stop?';
+      this.confirming = setTimeout(() => this.unconfirm(), CONFIRM_MILLISECONDS);
+    });
+    this.wantsPhotograph.addEventListener('change', () => this.showPhotograph());
+    this.photograph.addEventListener('error', () => (this.photograph.hidden = true));
+  }
+
+  private unconfirm(): void {
+    clearTimeout(this.confirming);
+    this.confirming = undefined;
+    this.stop.textContent = 'Stop';
+  }
+
+  /** `mayControl`: whether this page has the token. */
+  show(status: Status, mayControl: boolean): void {
+    this.status = status;
+    this.setState(stateText(status));
+    element('live-info').replaceChildren(...facts(status).flatMap(([term, value]) => {
+      const dt = document.createElement('dt'), dd = document.createElement('dd');
+      dt.textContent = term;
+      dd.textContent = value;
+      return [dt, dd];
+    }));
+    this.showCurve('live-loss', status.loss_curve, (loss) => `Loss ${loss.toFixed(4)}`);
+    this.showCurve('live-psnr', status.psnr_curve, (psnr) => `PSNR ${psnr.toFixed(2)} dB, ${status.psnr_of}`);
+    const runs = status.state === 'training' || status.state === 'paused' || status.state === 'starting';
+    element('live-buttons').hidden = !(status.controls && mayControl && runs);
+    this.pause.textContent = status.state === 'paused' ? 'Continue' : 'Pause';
+    this.save.disabled = status.save_pending;
+    element('live-photograph-row').hidden = status.photographs === 0;
+    this.showPhotograph();
+  }
+
+  private showCurve(id: string, curve: Curve, text: (value: number) => string): void {
+    const last = lastValue(curve), figure = element(id);
+    figure.hidden = last === undefined;
+    if (last === undefined) return;
+    figure.querySelector('figcaption')!.textContent = text(last);
+    drawCurve(figure.querySelector('svg')!, curve, `${text(last)}, over iterations ${curve.iterations[0]} to ${curve.iterations.at(-1)}`);
+  }
+
+  /** Only what changed is read aloud. */
+  private setState(text: string): void {
+    if (this.state.textContent !== text) this.state.textContent = text;
+  }
+
+  showLost(): void {
+    element('live-buttons').hidden = true;
+    const run = this.status ? ` gsapp view ${this.status.run} shows what it saved.` : '';
+    this.setState(`gsapp does not answer any more.${run}`);
+  }
+
+  showRefused(): void {
+    this.setState('Only the page whose address gsapp printed may do this.');
+  }
+
+  /** The test view that is shown exactly, if one is. */
+  setView(view: number | undefined): void {
+    if (view === this.view) return;
+    this.view = view;
+    this.showPhotograph();
+  }
+
+  private showPhotograph(): void {
+    const { view, photograph } = this, has = view !== undefined && view < (this.status?.photographs ?? 0);
+    this.wantsPhotograph.disabled = !has;
+    photograph.hidden = !(has && this.wantsPhotograph.checked);
+    const source = `live/photograph/${view}.jpg`;
+    if (!photograph.hidden && photograph.getAttribute('src') !== source) photograph.src = source;
+  }
+}

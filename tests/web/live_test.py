@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Watches a training in the browser: the picture and the curves change, the buttons pause, save and stop it, and the page outlives it.
+
+Usage: live_test.py GSAPP. Exit status 77: no Chromium, or GSAPP has no viewer.
+"""
+
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+from browser import Browser, find_chromium, check
+from site_server import SOFTWARE_WEBGL, wait_for
+
+STATE = "document.getElementById('live-state').textContent"
+MIDDLE = "gsapp.testViewPixels(0, 'full').then(v => [...v.pixels.slice(4 * v.width * (v.height >> 1), 4 * v.width * ((v.height >> 1) + 1))])"
+
+
+class Program:
+    """gsapp with its lines of output as they come."""
+
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen([str(a) for a in arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.lines = []
+        self.reader = threading.Thread(target=lambda: self.lines.extend(iter(self.process.stdout.readline, "")), daemon=True)
+        self.reader.start()
+
+    def address(self):
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            for line in list(self.lines):
+                if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
+                    return found[0].rstrip('"}')
+            if self.process.poll() is not None:
+                break
+            time.sleep(0.05)
+        raise AssertionError(f"gsapp prints an address, not {self.lines}")
+
+    def exit_code(self):
+        code = self.process.wait(60)
+        self.reader.join()
+        return code
+
+
+def curve(browser, name):
+    return browser.evaluate(f"document.querySelector('#{name} polyline')?.getAttribute('points') ?? ''")
+
+
+def check_training(browser, run):
+    wait_for(browser, f"{STATE}.includes('Iteration') && document.body.classList.contains('loaded')", "the training is shown", 60)
+    check("token" not in browser.evaluate("location.href"), "the address bar does not show the token")
+    check(browser.evaluate("document.getElementById('name').textContent") == "glossy", "with the scene's name")
+    first = browser.evaluate(MIDDLE)
+    wait_for(browser, "(document.querySelector('#live-loss polyline')?.getAttribute('points') ?? '').split(' ').length > 2", "the curve of the loss grows", 60)
+    wait_for(browser, "(document.querySelector('#live-psnr polyline')?.getAttribute('points') ?? '').split(' ').length > 1", "and that of the PSNR", 60)
+    check("test views" in browser.evaluate("document.querySelector('#live-psnr figcaption').textContent"), "which says of what it is")
+    check(browser.evaluate(MIDDLE) != first, "the picture changes")
+    browser.evaluate("document.getElementById('next').click()")
+    wait_for(browser, "!document.getElementById('live-photograph').disabled", "a test view has a photograph")
+    browser.evaluate("document.getElementById('live-photograph').click()")
+    wait_for(browser, "document.getElementById('photograph').naturalWidth > 0 && document.getElementById('photograph').checkVisibility()", "which is shown")
+    check(browser.evaluate("document.getElementById('camera').value") == "1", "the camera stays where it is while pictures come")
+    browser.evaluate("document.getElementById('live-photograph').click()")
+
+    browser.evaluate("document.getElementById('live-pause').click()")
+    wait_for(browser, f"{STATE}.startsWith('Paused')", "it pauses")
+    paused = browser.evaluate(STATE)
+    time.sleep(1.5)
+    check(browser.evaluate(STATE) == paused, "and stays where it is")
+    browser.evaluate("document.getElementById('live-save').click(); document.getElementById('live-pause').click()")
+    wait_for(browser, f"{STATE}.startsWith('Iteration')", "it goes on")
+    wait_for(browser, "/Saved\\s*iteration [\\d,]+00/.test(document.getElementById('live-info').innerText)", "it saves", 60)
+    check(list((run / "checkpoints").glob("*00.safetensors")) and list((run / "point_cloud").glob("*00/point_cloud.ply")), "a checkpoint and a point cloud")
+
+    browser.evaluate("document.getElementById('live-stop').click()")
+    check(browser.evaluate("document.getElementById('live-stop').textContent") == "Really stop?", "it asks before it stops")
+    browser.evaluate("document.getElementById('live-stop').click()")
+    wait_for(browser, f"{STATE}.startsWith('Stopped') || {STATE}.includes('does not answer')", "it stops")
+
+
+def check_after(browser, gsapp, run, port):
+    wait_for(browser, f"{STATE}.includes('gsapp view')", "the page says what shows the run now")
+    check(browser.evaluate("document.body.classList.contains('loaded')") and max(browser.evaluate(MIDDLE)) > 0, "its picture stays")
+    check(browser.evaluate("document.getElementById('live-buttons').hidden"), "without buttons")
+    saved = Program(gsapp, "view", run, "--port", port)
+    saved.address()
+    wait_for(browser, f"{STATE}.startsWith('Saved at iteration')", "and it goes on with the program that serves the run again")
+    check(len(curve(browser, "live-loss").split()) > 2, "with the curve that was")
+    saved.process.terminate()
+    check(saved.exit_code() == 0, "which Ctrl-C ends")
+
+
+def check_point_cloud(browser, gsapp, run):
+    ply = next(run.glob("point_cloud/*/point_cloud.ply"))
+    program = Program(gsapp, "view", ply, "--port", 0)
+    browser.open(program.address())
+    wait_for(browser, "document.body.classList.contains('loaded') && window.gsapp", "a bare point cloud is shown")
+    check(browser.evaluate("document.getElementById('name').textContent") == "point_cloud", "by its name")
+    check(browser.evaluate("document.getElementById('camera').disabled"), "without test views")
+    program.process.terminate()
+    check(program.exit_code() == 0, "until Ctrl-C")
+
+
+def main():
+    chromium, gsapp = find_chromium(), sys.argv[1]
+    if chromium is None:
+        print("skipped: no chromium on PATH")
+        return 77
+    with tempfile.TemporaryDirectory() as name:
+        run = pathlib.Path(name) / "run"
+        training = Program(gsapp, "train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "--threads", 1, "--iterations", 1000000, "--cap-max", 6000, "--eval",
+                           "--view", 0)
+        try:
+            try:
+                address = training.address()
+            except AssertionError:
+                if any("viewer is not built" in line for line in training.lines):
+                    print("skipped: the viewer is not built (scripts/build-viewer)")
+                    return 77
+                raise
+            with Browser(chromium, flags=SOFTWARE_WEBGL) as browser:
+                browser.open(address)
+                check_training(browser, run)
+                check(training.exit_code() == 130, f"as Ctrl-C would: {training.lines[-3:]}")
+                check(browser.errors == [], f"the console is silent while it trains: {browser.errors}")
+                elsewhere = [r for r in browser.requests if not r.startswith((address.split("?")[0], "blob:", "about:"))]
+                check(elsewhere == [], f"the page asks gsapp alone: {elsewhere}")
+                check_after(browser, gsapp, run, re.search(r":(\d+)/", address)[1])
+                check_point_cloud(browser, gsapp, run)
+        finally:
+            training.process.kill()
+    print("passed")
+    return 0
+
+
+sys.exit(main())
