@@ -36,9 +36,10 @@ bool has_to_be_packed(const std::filesystem::path& target) {
 std::string page_of(const std::filesystem::path& folder) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(folder, ignored))
-        throw UsageError(fmt::format(
-            "'{}' is neither a folder nor a .ply file; gsapp view shows what gsapp export wrote, a run, or a point cloud",
-            folder.string()));
+        throw UsageError(
+            fmt::format("'{}' is neither a folder nor a .ply file; gsapp view shows what gsapp export wrote, a run, or "
+                        "a point cloud",
+                        folder.string()));
     if (std::filesystem::is_regular_file(folder / "index.html", ignored)) return "";
     if (!std::filesystem::is_regular_file(folder / "scene.ngsplat", ignored))
         throw DataError(
@@ -77,8 +78,8 @@ void run_view(const ViewArguments& arguments) {
 
 void add_view_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<ViewArguments>();
-    CLI::App* command = app.add_subcommand(
-        "view", "Show an export, a run or a point cloud in a browser on this machine, until Ctrl-C");
+    CLI::App* command =
+        app.add_subcommand("view", "Show an export, a run or a point cloud in a browser on this machine, until Ctrl-C");
     command
         ->add_option("target", arguments->target,
                      "Folder that gsapp export wrote, run folder (also of a run that is still training), or .ply file")

@@ -18,8 +18,8 @@ struct Curve {
         iterations.push_back(iteration);
         values.push_back(value);
     }
-    /// Returns {"iterations": [...], "values": [...]} with at most about `most` points, the last among them. Values that
-    /// are not finite are null.
+    /// Returns {"iterations": [...], "values": [...]} with at most about `most` points, the last among them. Values
+    /// that are not finite are null.
     nlohmann::ordered_json json(std::size_t most) const;
 };
 

@@ -34,7 +34,7 @@ struct LiveWishes {
 };
 
 /// Serves the built viewer, the latest snapshot, the course of the training and photographs on 127.0.0.1
-/// (docs/formats.md#live). All members may be called from any thread.
+/// (docs/formats.md#the-live-page). All members may be called from any thread.
 class LivePage {
   public:
     /// Begins to serve; a port of 0 is any free one, none at all is 8000 or any free one. Throws DataError when the

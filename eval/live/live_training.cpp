@@ -37,10 +37,7 @@ LivePageFacts facts_of(const TrainOptions& options, const std::vector<View>& vie
 }  // namespace
 
 LiveTraining::LiveTraining(const TrainOptions& options, const Scene& scene, std::optional<int> port)
-    : options_(options),
-      scene_(scene),
-      views_(shown_views(scene)),
-      page_(facts_of(options, views_), port) {
+    : options_(options), scene_(scene), views_(shown_views(scene)), page_(facts_of(options, views_), port) {
     page_.tell({{"state", "starting"}, {"iterations", options.iterations}});
 }
 
@@ -66,7 +63,8 @@ void LiveTraining::tell(const char* state, const TrainProgress& now) {
                                    {"iterations", now.expected_iterations},
                                    {"num_gaussians", now.num_gaussians},
                                    {"train_seconds", now.train_seconds}};
-    news["loss"] = now.iteration > 0 && std::isfinite(now.loss) ? nlohmann::ordered_json(now.loss) : nlohmann::ordered_json();
+    news["loss"] =
+        now.iteration > 0 && std::isfinite(now.loss) ? nlohmann::ordered_json(now.loss) : nlohmann::ordered_json();
     if (rate_ > 0) {
         news["iterations_per_second"] = rate_;
         news["eta_seconds"] = double(now.expected_iterations - now.iteration) / rate_;
@@ -80,8 +78,7 @@ void LiveTraining::measure(std::int64_t iteration, Backend& backend) {
         photographs_ = load_photographs(measured, options_.background.color);
     }
     if (photographs_->empty()) return;
-    const double psnr =
-        mean_psnr(backend, *photographs_, options_.background.color, backend.download_ppisp().active());
+    const double psnr = mean_psnr(backend, *photographs_, options_.background.color, backend.download_ppisp().active());
     page_.add_psnr(iteration, psnr,
                    fmt::format("{} {} views", photographs_->size(), scene_.test.empty() ? "training" : "test"));
 }

@@ -49,8 +49,8 @@ class LiveTraining {
     const std::vector<View> views_;
     LivePage page_;
     Pace pace_;
-    double told_ = 0;                ///< when `tell` last did
-    double rate_ = 0;                ///< iterations per second of training; 0: not known
+    double told_ = 0;                  ///< when `tell` last did
+    double rate_ = 0;                  ///< iterations per second of training; 0: not known
     std::int64_t rate_iteration_ = 0;  ///< where the rate was last computed
     double rate_seconds_ = -1;
     std::optional<std::vector<Photograph>> photographs_;  ///< read when somebody looks for the first time

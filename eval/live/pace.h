@@ -9,8 +9,8 @@ namespace gs {
 /// Spaces out work that costs the training time, so that it takes at most a small share of it.
 class Pace {
   public:
-    static constexpr double kMostShare = 0.03;     ///< of the time from the beginning of one piece of work to the next
-    static constexpr double kLeastSeconds = 2.0;   ///< between two pieces
+    static constexpr double kMostShare = 0.03;    ///< of the time from the beginning of one piece of work to the next
+    static constexpr double kLeastSeconds = 2.0;  ///< between two pieces
 
     bool due(double now) const { return now >= next_; }
     /// Says that work was begun at `start` and cost `seconds`.

@@ -49,7 +49,9 @@ SavedModel read_point_cloud(const fs::path& file) {
 }  // namespace
 
 SavedPage::SavedPage(fs::path target, std::optional<int> port)
-    : target_(std::move(target)), is_run_(fs::is_directory(target_)), folder_(fs::temp_directory_path() / "gsapp-view") {
+    : target_(std::move(target)),
+      is_run_(fs::is_directory(target_)),
+      folder_(fs::temp_directory_path() / "gsapp-view") {
     LivePageFacts facts;
     if (is_run_) {
         const TrainOptions options = load_run_options(target_);

@@ -13,18 +13,18 @@ namespace gs {
 
 /// A request that a WebHandler may answer. It comes from this machine, by a name of this machine, and has no body.
 struct WebRequest {
-    std::string method, path;                   ///< GET, HEAD or POST; decoded, without the query
-    std::map<std::string, std::string> query;   ///< decoded
-    std::string token;                          ///< the field X-Gsapp-Token, which pages of other sites cannot send
+    std::string method, path;                  ///< GET, HEAD or POST; decoded, without the query
+    std::map<std::string, std::string> query;  ///< decoded
+    std::string token;                         ///< the field X-Gsapp-Token, which pages of other sites cannot send
 };
 
 /// The answer to a WebRequest: a text, a file, or the address to go to instead.
 struct WebAnswer {
     int status = 200;
     std::string type = "application/json", text = {};
-    std::filesystem::path file = {};   ///< where it is not empty, its bytes are the answer, also in ranges
-    std::string location = {};         ///< with status 302
-    std::shared_ptr<void> held = {};   ///< kept until the file was sent
+    std::filesystem::path file = {};  ///< where it is not empty, its bytes are the answer, also in ranges
+    std::string location = {};        ///< with status 302
+    std::shared_ptr<void> held = {};  ///< kept until the file was sent
 };
 
 /// Answers what is no file of the folder; empty for what is. Called by several threads.
@@ -37,8 +37,8 @@ using WebHandler = std::function<std::optional<WebAnswer>(const WebRequest&)>;
 /// Each connection has a thread of its own, so that clients that wait or are slow delay no others.
 class FileServer {
   public:
-    /// Binds `port`, or any free one for 0. `handler` is asked first, and may also take POST requests. Throws UsageError
-    /// when `folder` is no folder, DataError when the port is taken.
+    /// Binds `port`, or any free one for 0. `handler` is asked first, and may also take POST requests. Throws
+    /// UsageError when `folder` is no folder, DataError when the port is taken.
     FileServer(const std::filesystem::path& folder, int port, WebHandler handler = {});
     ~FileServer();
 

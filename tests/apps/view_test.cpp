@@ -6,6 +6,7 @@
 #include <csignal>
 #include <list>
 
+#include "lib/export/file_server.h"
 #include "tests/apps/program.h"
 #include "tests/export/http_client.h"
 
@@ -22,6 +23,37 @@ TEST(View, AFolderWithoutAnExportIsNamed) {
     EXPECT_NE(empty.err.find("'run' holds no export"), std::string::npos) << empty.err;
     EXPECT_NE(empty.err.find("gsapp export RUN -o DIR"), std::string::npos) << empty.err;
     EXPECT_EQ(program.run("view nowhere --port 0", "timeout 5").exit_code, 2);
+}
+
+TEST(View, ARunAndAPointCloudThatCannotBeShownAreNamed) {
+    const Program program;
+    program.folder().write("bad.ply", "ply\nformat binary_little_endian 1.0\nelement vertex 5\n");
+    const Outcome ply = program.run("view bad.ply --port 0", "timeout 5");
+    EXPECT_EQ(ply.exit_code, 3) << ply.err;
+    EXPECT_NE(ply.err.find("bad.ply"), std::string::npos) << ply.err;
+    std::filesystem::create_directory(program.path("run"));
+    program.folder().write("run/config.yaml", "source: builtin:diffuse\n");
+    const Outcome run = program.run("view run --port 0", "timeout 5");
+    EXPECT_EQ(run.exit_code, 3) << run.err;
+    EXPECT_NE(run.err.find("saved no model"), std::string::npos) << run.err;
+    program.folder().write("picture.png", "");
+    EXPECT_EQ(program.run("view picture.png --port 0", "timeout 5").exit_code, 2);
+}
+
+TEST(View, ATrainingWhosePageCannotBeServedDoesNotBegin) {
+    const Program program;
+    const std::string train = "train -s builtin:diffuse -r 8 --iterations 2 --device cpu -m run";
+    ASSERT_EQ(program.run(train).exit_code, 0);
+    const std::string before = program.read("run/stats/train.jsonl");
+    for (const char* port : {"99999", "-1", "x"}) {
+        const Outcome outcome = program.run(train + " --overwrite --view=" + port);
+        EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+        EXPECT_NE(outcome.err.find("option view"), std::string::npos) << outcome.err;
+    }
+    const FileServer taken(program.folder().path(), 0);
+    const Outcome busy = program.run(train + " --overwrite --view " + std::to_string(taken.port()));
+    EXPECT_EQ(busy.exit_code, 3) << busy.err;
+    EXPECT_EQ(program.read("run/stats/train.jsonl"), before) << "the run of before is still there";
 }
 
 TEST(View, ThePrintedAddressAnswersAndCtrlCEndsItWhileClientsHang) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What gsapp says of a training that it serves (docs/formats.md, "The live page").
+// What gsapp says of a training that it serves (docs/formats.md#the-live-page).
 
 export interface Curve {
   iterations: number[];

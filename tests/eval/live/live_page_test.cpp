@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a page that watches a model is told, and who may press its buttons.
+#include "eval/live/live_page.h"
+
+#include <gtest/gtest.h>
+
+#include "kernels/core/error.h"
+#include "lib/export/site.h"
+#include "tests/core/temporary_folder.h"
+#include "tests/export/http_client.h"
+
+namespace gs::test {
+namespace {
+
+View view_of(int width, int height, int channels) {
+    View view;
+    view.camera.width = width, view.camera.height = height;
+    view.load = [=] {
+        ViewImage image;
+        image.color = {width, height, channels, std::vector<std::uint8_t>(std::size_t(width) * height * channels, 0),
+                       {}};
+        return image;
+    };
+    return view;
+}
+
+class Page : public ::testing::Test {
+  protected:
+    void SetUp() override {
+        if (viewer_folder().empty()) GTEST_SKIP() << "the viewer is not built (scripts/build-viewer)";
+        View bad = view_of(4, 4, 3);
+        bad.load = []() -> ViewImage { throw DataError("gone"); };
+        page_.emplace(LivePageFacts{.scene = "s \"quoted\" \xff",
+                                    .appearance = "sh",
+                                    .run = "run",
+                                    .log = folder_.path() / "train.jsonl",
+                                    .views = {view_of(5, 3, 4), view_of(4000, 10, 3), bad},
+                                    .background = {1, 1, 1},
+                                    .controls = true},
+                      0);
+        const std::string address = page_->address();
+        port_ = std::stoi(address.substr(address.rfind(':') + 1));
+        token_ = address.substr(address.find("token=") + 6);
+    }
+    HttpResult get(const std::string& path, const std::string& method = "GET", const std::string& fields = "") {
+        return http_get(port_, path, fields, method);
+    }
+    HttpResult post(const std::string& name, const std::string& token) {
+        return get("/live/" + name, "POST", "X-Gsapp-Token: " + token + "\r\nContent-Length: 0\r\n");
+    }
+    nlohmann::json status() { return nlohmann::json::parse(get("/live/status.json").body); }
+
+    TemporaryFolder folder_;
+    std::optional<LivePage> page_;
+    int port_ = 0;
+    std::string token_;
+};
+
+TEST_F(Page, TellsWhatIsKnown) {
+    EXPECT_FALSE(page_->watched()) << "nobody has asked yet";
+    page_->tell({{"state", "training"}, {"iteration", 70}});
+    const nlohmann::json json = status();
+    EXPECT_TRUE(page_->watched());
+    EXPECT_EQ(json["state"], "training");
+    EXPECT_EQ(json["iteration"], 70);
+    EXPECT_EQ(json["photographs"], 3);
+    EXPECT_TRUE(json["model"].is_null());
+    page_->add_psnr(70, 20.5, "2 test views");
+    EXPECT_EQ(status()["psnr_curve"]["values"], nlohmann::json({20.5}));
+    EXPECT_EQ(status()["psnr_of"], "2 test views");
+}
+
+TEST_F(Page, ShowsTheLatestSnapshotAlone) {
+    EXPECT_EQ(get("/live/model-0.ngsplat").status, 404);
+    folder_.write("a.ngsplat", "first");
+    folder_.write("b.ngsplat", "second");
+    page_->show(folder_.path() / "a.ngsplat", 100);
+    EXPECT_EQ(get("/live/model-1.ngsplat").body, "first");
+    page_->show(folder_.path() / "b.ngsplat", 200);
+    EXPECT_EQ(status()["model"]["iteration"], 200);
+    EXPECT_EQ(get("/" + status()["model"]["url"].get<std::string>()).body, "second");
+    EXPECT_EQ(get("/live/model-1.ngsplat").status, 404);
+    EXPECT_EQ(get("/live/../live_page.h").status, 404);
+}
+
+TEST_F(Page, SendsPhotographsThatAScreenCanShow) {
+    const HttpResult small = get("/live/photograph/0.jpg");
+    EXPECT_EQ(small.status, 200);
+    EXPECT_EQ(small.fields.at("Content-Type"), "image/jpeg");
+    EXPECT_EQ(small.body.substr(0, 3), "\xff\xd8\xff");
+    EXPECT_EQ(get("/live/photograph/1.jpg").status, 200) << "4000 pixels wide, and one high in the end";
+    for (const char* missing : {"2.jpg", "3.jpg", "-1.jpg", "00.jpg", "0.png", "", "99999999999999999999.jpg"})
+        EXPECT_EQ(get(std::string("/live/photograph/") + missing).status, 404) << missing;
+}
+
+TEST_F(Page, TakesItsButtonsFromTheOneWhoHasTheAddress) {
+    for (const std::string& token : {std::string(), std::string("x"), token_ + "0", token_.substr(1)})
+        for (const char* name : {"pause", "continue", "save", "stop"}) EXPECT_EQ(post(name, token).status, 403);
+    EXPECT_FALSE(page_->wishes().pause || page_->wishes().save || page_->wishes().stop);
+    EXPECT_EQ(get("/live/stop", "GET", "X-Gsapp-Token: " + token_ + "\r\n").status, 404) << "a link presses nothing";
+    EXPECT_EQ(get("/live/stop", "POST", "X-Gsapp-Token: " + token_ + "\r\nContent-Length: 1\r\n\r\nx").status, 405);
+    EXPECT_EQ(post("explode", token_).status, 404);
+    EXPECT_EQ(post("pause", token_).status, 200);
+    EXPECT_TRUE(page_->wishes().pause);
+    EXPECT_EQ(post("continue", token_).status, 200);
+    EXPECT_FALSE(page_->wishes().pause);
+    EXPECT_EQ(post("save", token_).status, 200);
+    EXPECT_TRUE(page_->wishes().save);
+    page_->saved();
+    EXPECT_FALSE(page_->wishes().save);
+    EXPECT_EQ(post("stop", token_).status, 200);
+    EXPECT_TRUE(page_->wishes().stop);
+}
+
+TEST_F(Page, RefusesAnotherHostsName) {
+    HttpClient client(port_);
+    client.send("GET /live/status.json HTTP/1.1\r\nHost: example.com\r\n\r\n");
+    EXPECT_EQ(client.receive().status, 421);
+    EXPECT_FALSE(page_->watched());
+}
+
+TEST_F(Page, LeadsToItself) {
+    const HttpResult moved = get("/");
+    EXPECT_EQ(moved.status, 302);
+    EXPECT_EQ(moved.fields.at("Location"), "/?live");
+    EXPECT_EQ(get("/?live").status, 200);
+    EXPECT_NE(get("/?live").body.find("<title>gsapp viewer"), std::string::npos);
+}
+
+TEST_F(Page, WaitsForTheOneWhoIsWatchingAtTheEnd) {
+    status();
+    folder_.write("last.ngsplat", "last");
+    page_->tell({{"state", "finished"}});
+    page_->show(folder_.path() / "last.ngsplat", 300);
+    std::thread reader([&] { get("/" + status()["model"]["url"].get<std::string>()); });
+    const auto start = std::chrono::steady_clock::now();
+    page_->linger(30);
+    reader.join();
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+}
+
+TEST(LivePage, APortThatIsTakenIsNamed) {
+    if (viewer_folder().empty()) GTEST_SKIP() << "the viewer is not built (scripts/build-viewer)";
+    const LivePage first({}, 0);
+    const std::string address = first.address();
+    EXPECT_EQ(address.find("token"), std::string::npos) << "without buttons there is nothing to protect";
+    const int port = std::stoi(address.substr(address.rfind(':') + 1));
+    try {
+        const LivePage second({}, port);
+        ADD_FAILURE();
+    } catch (const DataError& e) {
+        EXPECT_NE(std::string(e.what()).find(std::to_string(port)), std::string::npos) << e.what();
+    }
+}
+
+}  // namespace
+}  // namespace gs::test
