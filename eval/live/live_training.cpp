@@ -85,6 +85,15 @@ void LiveTraining::measure(std::int64_t iteration, Backend& backend) {
 
 void LiveTraining::take_snapshot(std::int64_t iteration, Backend& backend, bool measured) {
     started_ = seconds_now();
+    try {
+        begin_snapshot(iteration, backend, measured);
+    } catch (const std::exception& e) {
+        page_.tell({{"snapshot_error", e.what()}});
+        pace_.spent(started_, seconds_now() - started_);
+    }
+}
+
+void LiveTraining::begin_snapshot(std::int64_t iteration, Backend& backend, bool measured) {
     if (!folder_) folder_.emplace(std::filesystem::path(options_.model) / "live");
     if (measured) measure(iteration, backend);
     const std::filesystem::path file = folder_->path() / fmt::format("{}.ngsplat", ++num_snapshots_);

@@ -41,7 +41,9 @@ class LiveTraining {
   private:
     void tell(const char* state, const TrainProgress& progress);
     bool is_packing() const;
-    void take_snapshot(std::int64_t iteration, Backend& backend, bool measure);
+    /// What fails here is told to the page; it is no reason to end a training.
+    void take_snapshot(std::int64_t iteration, Backend& backend, bool measured);
+    void begin_snapshot(std::int64_t iteration, Backend& backend, bool measured);
     void measure(std::int64_t iteration, Backend& backend);
 
     const TrainOptions& options_;

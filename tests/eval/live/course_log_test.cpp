@@ -56,8 +56,9 @@ TEST(CourseLog, BeginsAnewWithARunThatReplacesTheOneBefore) {
 TEST(CourseLog, SkipsWhatIsNoLineOfALog) {
     const test::TemporaryFolder tmp;
     const auto file = tmp.path() / "train.jsonl";
-    append(file, "\n[]\nnull\n{}\n{\"event\":\"step\"}\n{\"event\":\"step\",\"iteration\":\"x\"}\n\xff\xfe\n"
-                 "{\"event\":7,\"iteration\":1}\n{\"event\":\"step\",\"iteration\":300,\"loss\":null}\n");
+    append(file,
+           "\n[]\nnull\n{}\n{\"event\":\"step\"}\n{\"event\":\"step\",\"iteration\":\"x\"}\n\xff\xfe\n"
+           "{\"event\":7,\"iteration\":1}\n{\"event\":\"step\",\"iteration\":300,\"loss\":null}\n");
     CourseLog log(file);
     log.update();
     EXPECT_EQ(log.loss().iterations, std::vector<std::int64_t>{300});

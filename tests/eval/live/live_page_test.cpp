@@ -17,8 +17,8 @@ View view_of(int width, int height, int channels) {
     view.camera.width = width, view.camera.height = height;
     view.load = [=] {
         ViewImage image;
-        image.color = {width, height, channels, std::vector<std::uint8_t>(std::size_t(width) * height * channels, 0),
-                       {}};
+        image.color = {
+            width, height, channels, std::vector<std::uint8_t>(std::size_t(width) * height * channels, 0), {}};
         return image;
     };
     return view;

@@ -44,7 +44,9 @@ class Watched : public ::testing::Test {
     }
     /// Trains under the eyes of `watch`, which gets the port and the token, in a thread of its own.
     template <class Watch> void train_watched(const TrainOptions& o, Watch watch) {
-        const Scene scene = load_scene(scene_options(o));
+        train_watched(o, load_scene(scene_options(o)), watch);
+    }
+    template <class Watch> void train_watched(const TrainOptions& o, const Scene& scene, Watch watch) {
         LiveTraining live(o, scene, 0);
         const std::string address = live.address();
         const int port = std::stoi(address.substr(address.rfind(':') + 1));
@@ -114,6 +116,20 @@ TEST_F(Watched, IsTheSameAsUnwatchedToTheBit) {
     EXPECT_GT(shown.cameras.size(), 0u);
     for (const auto& entry : std::filesystem::directory_iterator(seen.model))
         EXPECT_EQ(entry.path().filename().string().find("live"), std::string::npos) << "snapshots are gone";
+}
+
+TEST_F(Watched, TrainsOnWhereNothingCanBeShown) {
+    const TrainOptions o = options("blind", 200);
+    Scene scene = load_scene(scene_options(o));
+    for (View& view : scene.test) {
+        view.decoded = nullptr;
+        view.load = []() -> ViewImage { throw DataError("photograph gone"); };
+    }
+    train_watched(o, scene, [&](int port, const std::string&) {
+        const auto last = wait_for(port, [](const auto& s) { return s.value("state", "") == "finished"; });
+        EXPECT_EQ(last["snapshot_error"], "photograph gone");
+    });
+    EXPECT_EQ(latest_point_cloud(o.model), 200);
 }
 
 TEST_F(Watched, PausesAndStops) {
