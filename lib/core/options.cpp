@@ -287,6 +287,11 @@ void validate(TrainOptions& options) {
     if (options.source.empty())
         throw UsageError("option source: no scene given; name a folder or builtin:NAME, e.g. -s path/to/scene");
     for (const Option& option : train_option_table()) check_option(option, options);
+    if (options.resume.ends_with(".ply"))
+        throw UsageError(fmt::format(
+            "option resume: '{}' is a point cloud, which holds no state of a training to continue; --init begins a new "
+            "training with its Gaussians",
+            options.resume));
     if (options.resume == "latest" && options.model.empty()) {
         throw UsageError("option resume: 'latest' needs the output folder that holds the checkpoints, -m FOLDER");
     }

@@ -212,6 +212,9 @@ std::vector<Option> appearance_options() {
 std::vector<Option> start_options() {
     return {
         choice("color-activation", &O::color_activation, "function from raw to visible colour"),
+        text("init", &O::init, ".ply file or run folder",
+             "begin with the Gaussians of this point cloud, of gsapp or another 3DGS program, instead of the scene's "
+             "points; also with another appearance, whose residual then begins at 0"),
         number("init-points", &O::init_points, {1, 1e8, "Gaussians"},
                "random initialisation only: number of points that are drawn"),
         number("hostile-start", &O::hostile_start, {0, 1},

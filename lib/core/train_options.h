@@ -70,6 +70,7 @@ struct TrainOptions {
     std::string ppisp_from;                   ///< ppisp.json of another run; implies on
     std::int64_t controller_iterations = -1;  ///< 0 = no controller; -1 = by schedule
     // Initialisation
+    std::string init;  ///< .ply file or run folder whose Gaussians the training begins with; empty = points
     std::int64_t init_points = 100000;  ///< random initialisation only
     double hostile_start = 0;           ///< share of the first Gaussians that are made extreme; a stress test
     // Loss

@@ -79,16 +79,6 @@ PointCloud sample(PointCloud cloud, std::int64_t most) {
     return cloud;
 }
 
-/// Returns the centres of the cameras, or of an even sample where there are many.
-std::vector<Eigen::Vector3d> sampled_cameras(const Scene& scene) {
-    constexpr std::size_t kMost = 32;
-    const std::size_t count = std::min(kMost, scene.train.size());
-    std::vector<Eigen::Vector3d> centers;
-    for (std::size_t k = 0; k < count; ++k)
-        centers.push_back(scene.train[k * scene.train.size() / count].camera.center());
-    return centers;
-}
-
 /// Returns the unit mean of the directions from the cameras to a point; empty where they point all ways alike.
 std::optional<Vec3<double>> mean_direction(const Eigen::Vector3d& point, const std::vector<Eigen::Vector3d>& cameras) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -99,6 +89,15 @@ std::optional<Vec3<double>> mean_direction(const Eigen::Vector3d& point, const s
 }
 
 }  // namespace
+
+std::vector<Eigen::Vector3d> sampled_cameras(const Scene& scene) {
+    constexpr std::size_t kMost = 32;
+    const std::size_t count = std::min(kMost, scene.train.size());
+    std::vector<Eigen::Vector3d> centers;
+    for (std::size_t k = 0; k < count; ++k)
+        centers.push_back(scene.train[k * scene.train.size() / count].camera.center());
+    return centers;
+}
 
 std::vector<double> mean_squared_neighbor_distances(const std::vector<Eigen::Vector3f>& points) {
     std::vector<double> means(points.size(), 0.0);

@@ -17,6 +17,7 @@
 #include "lib/model/appearance_spec.h"
 #include "lib/model/hostile_start.h"
 #include "lib/model/initialize.h"
+#include "lib/model/start_from.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/course.h"
@@ -283,14 +284,17 @@ class Run {
         if (course_.limits_time()) course_.charge(used_seconds);
         InitOptions init = init_options(options_);
         init.most_points = limits_.most_first_points();
-        Gaussians state = initialize_gaussians(scene_, appearance_, init);
+        const bool from_points = options_.init.empty();
+        Gaussians state = from_points ? initialize_gaussians(scene_, appearance_, init)
+                                      : start_from(options_.init, scene_, appearance_, options_.seed);
+        if (!from_points) schedule_.resume(state.active_degree);
         backend_ = make_backend();
         if (!options_.frame_limit.empty()) {
             InitOptions smallest = init;
             smallest.most_points = 1;
             limits_.require_feasible(*backend_, initialize_gaussians(scene_, appearance_, smallest));
         }
-        if (course_.limits_time() && !options_.named.contains("init-points")) {
+        if (course_.limits_time() && from_points && !options_.named.contains("init-points")) {
             backend_->upload(state);
             init.most_points = std::min(
                 state.count,

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// A trained model as the beginning of another training.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "kernels/model/gaussian_state.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// Returns the Gaussians of a .ply file (of gsapp, or of any program that writes 3DGS's), or of the last point cloud in
+/// a run folder, in the frame of `scene` and with `appearance`, without moments. Where the file has the same appearance
+/// model, its residuals stay; of plain spherical harmonics the bands that both have. Otherwise the base takes the mean
+/// of the colours that sampled training cameras see, and residuals begin as those that show nothing. Throws DataError
+/// for a file that cannot be read or has no Gaussians, and UsageError for what is neither file nor folder of a run.
+Gaussians start_from(const std::filesystem::path& from, const Scene& scene, const AppearanceSpec& appearance,
+                     std::uint64_t seed);
+
+}  // namespace gs
