@@ -132,7 +132,7 @@ void run_render(const RenderArguments& arguments) {
     }
     if (arguments.video.empty()) return;
     const double fps = arguments.has_fps ? arguments.fps : wanted.fps.value_or(kUsualFps);
-    make_film(arguments.video, folders.front().folder() / picture_part(arguments.parts), wanted.sets[0].views.size(),
+    make_film(arguments.video, picture_folder(folders.front().folder(), arguments.parts), wanted.sets[0].views.size(),
               fps);
     log_info("film of {:.1f} s in {}", double(wanted.sets[0].views.size()) / fps, arguments.video);
 }

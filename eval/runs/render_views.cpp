@@ -71,14 +71,16 @@ const std::vector<View>& views_of(const Scene& scene, const std::string& which) 
     return which == "test" ? scene.test : scene.train;
 }
 
-std::string picture_part(const RenderParts& parts) { return parts.decompose ? kPictureParts[0].name : ""; }
+fs::path picture_folder(const fs::path& folder, const RenderParts& parts) {
+    return parts.decompose ? folder / kPictureParts[0].name : folder;
+}
 
 std::vector<std::string> render_files(const RenderParts& parts, std::size_t num_views) {
     std::vector<std::string> files;
     const auto add = [&](const fs::path& part, const char* extension) {
         for (std::size_t i = 0; i < num_views; ++i) files.push_back((part / frame_name(i, extension)).string());
     };
-    add(picture_part(parts), "png");
+    add(picture_folder("", parts), "png");
     if (parts.decompose) add(kPictureParts[1].name, "png"), add(kPictureParts[2].name, "png");
     for (const auto& [wanted, part] :
          {std::pair{parts.depth, "depth"}, {parts.normals, "normals"}, {parts.alpha, "alpha"}})

@@ -24,8 +24,8 @@ struct RenderParts {
     bool depth = false, normals = false, alpha = false;
 };
 
-/// Returns the folder of the pictures inside the output folder; "" where they lie in it.
-std::string picture_part(const RenderParts& parts);
+/// Returns where the pictures lie in the output folder.
+std::filesystem::path picture_folder(const std::filesystem::path& folder, const RenderParts& parts);
 
 /// Returns the names of the files that render_views() writes, relative to its folder.
 std::vector<std::string> render_files(const RenderParts& parts, std::size_t num_views);
