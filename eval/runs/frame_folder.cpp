@@ -33,15 +33,6 @@ std::vector<std::string> other_frames(const fs::path& folder, std::vector<std::s
     return others;
 }
 
-/// Returns the folder unless it holds frames that must stay.
-const fs::path& allowed(const fs::path& folder, const std::vector<std::string>& others, bool overwrite) {
-    if (overwrite || others.empty()) return folder;
-    throw UsageError(
-        fmt::format("{} holds {} files of another call beside those that this one would write ({}); --overwrite "
-                    "removes them, and -o names another folder",
-                    folder.string(), others.size(), others[0]));
-}
-
 }  // namespace
 
 std::vector<std::string> frames_in(const fs::path& folder) {
@@ -58,10 +49,21 @@ std::vector<std::string> frames_in(const fs::path& folder) {
 }
 
 FrameFolder::FrameFolder(fs::path folder, std::vector<std::string> names, bool overwrite)
-    : folder_(std::move(folder)),
-      names_(std::move(names)),
-      others_(other_frames(folder_, names_)),
-      work_(allowed(folder_, others_, overwrite) / "frames") {}
+    : folder_(std::move(folder)), names_(std::move(names)), others_(other_frames(folder_, names_)) {
+    if (!overwrite && !others_.empty())
+        throw UsageError(
+            fmt::format("{} holds {} files of another call beside those that this one would write ({}); --overwrite "
+                        "removes them, and -o names another folder",
+                        folder_.string(), others_.size(), others_[0]));
+    for (fs::path at = folder_; !at.empty() && !path_exists(at); at = at.parent_path()) missing_.push_back(at);
+    work_ = std::make_unique<WorkFolder>(folder_ / "frames");
+}
+
+FrameFolder::~FrameFolder() {
+    work_.reset();
+    std::error_code ignored;  // only empty folders are removed: nothing came of them
+    for (const fs::path& made : missing_) fs::remove(made, ignored);
+}
 
 void FrameFolder::commit() {
     std::set<fs::path> changed;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -25,9 +26,12 @@ class FrameFolder {
     /// `names` are the files to come. Throws UsageError if the folder holds frames of another call that would stay
     /// beside them, unless `overwrite` allows their removal; DataError for a folder that cannot be written.
     FrameFolder(std::filesystem::path folder, std::vector<std::string> names, bool overwrite);
+    ~FrameFolder();
+    FrameFolder(const FrameFolder&) = delete;
+    FrameFolder& operator=(const FrameFolder&) = delete;
 
     /// Returns where the frames are written.
-    const std::filesystem::path& path() const { return work_.path(); }
+    const std::filesystem::path& path() const { return work_->path(); }
     const std::filesystem::path& folder() const { return folder_; }
 
     /// Moves the files to their places and removes the frames of other calls. Throws DataError.
@@ -36,7 +40,8 @@ class FrameFolder {
   private:
     std::filesystem::path folder_;
     std::vector<std::string> names_, others_;
-    WorkFolder work_;
+    std::vector<std::filesystem::path> missing_;  ///< the folder and those above it that did not exist
+    std::unique_ptr<WorkFolder> work_;
 };
 
 }  // namespace gs

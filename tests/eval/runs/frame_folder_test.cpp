@@ -84,6 +84,8 @@ TEST(FrameFolder, StaysAsItWasWithoutCommit) {
     }
     EXPECT_EQ(contents(folder), (Names{"00000.png", "00001.png"}));
     EXPECT_EQ(read(folder / "00000.png"), "x");
+    { FrameFolder frames(temporary.path() / "new" / "inner", {"00000.png"}, false); }
+    EXPECT_FALSE(fs::exists(temporary.path() / "new")) << "nothing came of it";
     temporary.write("file", "");
     EXPECT_THROW(FrameFolder(temporary.path() / "file", {"00000.png"}, false), DataError);
 }
