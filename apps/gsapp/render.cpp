@@ -1,88 +1,223 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp render: pictures of a finished run from its own cameras, a file of cameras, or an orbit.
+// gsapp render: pictures and films of a finished run from its own cameras, a file of cameras, or an orbit.
 #include <fmt/format.h>
 
+#include <cmath>
 #include <filesystem>
+#include <list>
 #include <memory>
+#include <numbers>
+#include <optional>
 
 #include "apps/gsapp/command.h"
 #include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
+#include "eval/runs/film.h"
+#include "eval/runs/frame_folder.h"
+#include "eval/runs/orbit.h"
+#include "eval/runs/picture_size.h"
 #include "eval/runs/render_views.h"
 #include "kernels/core/error.h"
+#include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 
 namespace gs {
 namespace {
 
+namespace fs = std::filesystem;
+
+constexpr double kUsualFps = 30;
+
 struct RenderArguments {
-    std::string run, views = "test", path, output, ppisp_eval, show = "picture";
+    std::string run, views = "test", path, output, ppisp_eval, show = "picture", size, video, orbit_radius,
+                     orbit_target;
     int orbit = 0;
+    double orbit_elevation = 0, fps = kUsualFps;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
-    bool decompose = false;
+    RenderParts parts;
+    bool overwrite = false, has_elevation = false, has_fps = false;
 };
 
-std::vector<View> wanted_views(const RenderArguments& arguments, const Scene& scene) {
-    if (!arguments.path.empty()) return views_of(read_camera_path(arguments.path, scene.frame));
-    if (arguments.orbit > 0) return views_of(orbit_path(scene.train, arguments.orbit));
-    std::vector<View> views = views_of(scene, arguments.views);
-    if (views.empty())
+/// Views that belong into one folder.
+struct ViewSet {
+    std::string name;  ///< the folder's, where the user names none
+    std::vector<View> views;
+};
+
+struct WantedViews {
+    std::vector<ViewSet> sets;
+    std::optional<double> fps;  ///< of the file of cameras
+};
+
+OrbitShape orbit_shape(const RenderArguments& arguments) {
+    OrbitShape shape;
+    shape.count = arguments.orbit;
+    if (!arguments.orbit_radius.empty()) shape.radius = parse_orbit_radius(arguments.orbit_radius);
+    if (!arguments.orbit_target.empty()) shape.target = parse_orbit_target(arguments.orbit_target);
+    if (arguments.has_elevation) shape.elevation = arguments.orbit_elevation;
+    return shape;
+}
+
+WantedViews wanted_views(const RenderArguments& arguments, const Scene& scene) {
+    if (!arguments.path.empty()) {
+        const CameraPath path = read_camera_path(arguments.path, scene.frame);
+        return {{{"path", views_of(path.cameras)}}, path.fps};
+    }
+    if (arguments.orbit > 0)
+        return {{{"orbit", views_of(orbit_path(scene.train, orbit_shape(arguments), scene.frame))}}, {}};
+    WantedViews wanted;
+    for (const char* which : {"test", "train"})
+        if ((arguments.views == which || arguments.views == "all") && !views_of(scene, which).empty())
+            wanted.sets.push_back({which, views_of(scene, which)});
+    if (wanted.sets.empty())
         throw UsageError(
             fmt::format("{} has no {} views; --eval holds some out when training", arguments.run, arguments.views));
-    return views;
+    return wanted;
+}
+
+double horizontal_degrees(const Camera& camera) {
+    return 360 / std::numbers::pi * std::atan(0.5 * camera.width / camera.fx);
+}
+
+void resize_views(std::vector<ViewSet>& sets, const PictureSize& size) {
+    const Camera before = sets[0].views[0].camera;
+    for (ViewSet& set : sets)
+        for (View& view : set.views) view.camera = with_vertical_field(view.camera, size);
+    log_info(
+        "pictures of {}x{} pixels: the vertical field of view stays, the horizontal one goes from {:.1f} to {:.1f} "
+        "degrees",
+        size.width, size.height, horizontal_degrees(before), horizontal_degrees(sets[0].views[0].camera));
+}
+
+/// Returns where the pictures of a set go. A folder that the user names holds them itself, and a folder for each set
+/// where there are several.
+fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const std::string& set) {
+    if (arguments.output.empty()) return run.folder / "renders" / fmt::format("iteration_{}", run.iteration) / set;
+    const fs::path folder = arguments.output;
+    return arguments.views == "all" ? folder / set : folder;
 }
 
 void run_render(const RenderArguments& arguments) {
+    if (!arguments.video.empty() && arguments.views == "all")
+        throw UsageError("--video makes a film of one folder: name --views test or --views train");
+    if (arguments.show == "appearance" && arguments.parts.decompose)
+        throw UsageError("--show appearance has one colour a Gaussian; it has no --decompose");
+    const std::optional<PictureSize> size =
+        arguments.size.empty() ? std::nullopt : std::optional(parse_picture_size(arguments.size));
+    orbit_shape(arguments);  // says what is wrong with it before the scene is read
     SavedRun run =
         open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
-    const std::vector<View> views = wanted_views(arguments, run.scene);
+    catch_interrupts();  // from here on, so that unfinished pictures are removed
+    WantedViews wanted = wanted_views(arguments, run.scene);
+    if (size) resize_views(wanted.sets, *size);
+    if (!arguments.video.empty()) require_film(arguments.video, wanted.sets[0].views);
+
     EvalCorrection correction = run.correction;
     correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
     if (arguments.show == "appearance") {
-        if (arguments.decompose) throw UsageError("--show appearance has one colour a Gaussian; it has no --decompose");
         run.backend->upload(appearance_colors(run.backend->download(false), run.scene.train));
         run.background = {0, 0, 0};
     }
-    const std::filesystem::path folder = arguments.output.empty()
-                                             ? run.folder / "renders" / fmt::format("iteration_{}", run.iteration)
-                                             : std::filesystem::path(arguments.output);
-    render_views(run, views, correction, arguments.decompose, folder);
-    const char* what = arguments.decompose ? "pictures, each with base and residual," : "pictures";
-    log_info("{} {} in {}", views.size(), what, folder.string());
+    std::list<FrameFolder> folders;
+    for (const ViewSet& set : wanted.sets)
+        folders.emplace_back(folder_of(arguments, run, set.name), render_files(arguments.parts, set.views.size()),
+                             arguments.overwrite);
+    auto folder = folders.begin();
+    for (const ViewSet& set : wanted.sets)
+        render_views(run, set.views, correction, arguments.parts, (folder++)->path());
+    folder = folders.begin();
+    for (const ViewSet& set : wanted.sets) {
+        folder->commit();
+        log_info("{} pictures in {}", set.views.size(), (folder++)->folder().string());
+    }
+    if (arguments.video.empty()) return;
+    const double fps = arguments.has_fps ? arguments.fps : wanted.fps.value_or(kUsualFps);
+    make_film(arguments.video, picture_folder(folders.front().folder(), arguments.parts), wanted.sets[0].views.size(),
+              fps);
+    log_info("film of {:.1f} s in {}", double(wanted.sets[0].views.size()) / fps, arguments.video);
+}
+
+void add_camera_options(CLI::App& command, RenderArguments& arguments) {
+    CLI::Option* views = command.add_option("--views", arguments.views, "Cameras of the scene: test, train or all")
+                             ->capture_default_str();
+    views->check(CLI::IsMember({"test", "train", "all"}));
+    CLI::Option* path = command
+                            .add_option("--path", arguments.path,
+                                        "File of cameras: a list as in cameras.json, or nerfstudio's camera_path.json")
+                            ->excludes(views);
+    CLI::Option* orbit =
+        command.add_option("--orbit", arguments.orbit, "That many cameras on a circle around the scene")
+            ->check(CLI::Range(1, 1000000))
+            ->excludes(views)
+            ->excludes(path);
+    command
+        .add_option("--orbit-radius", arguments.orbit_radius,
+                    "Distance of the orbit's cameras from their target: 2.5 in scene units, or 1.5x the usual one "
+                    "(default: the training cameras' mean)")
+        ->needs(orbit);
+    command
+        .add_option("--orbit-elevation", arguments.orbit_elevation,
+                    "Height of the orbit's cameras as seen from their target, in degrees; 0 is level with it (default: "
+                    "the training cameras' mean)")
+        ->check(CLI::Range(-89.0, 89.0))
+        ->needs(orbit)
+        ->each([&](const std::string&) { arguments.has_elevation = true; });
+    command
+        .add_option("--orbit-target", arguments.orbit_target,
+                    "Point X,Y,Z that the orbit's cameras look at, in scene coordinates (default: where the training "
+                    "cameras look)")
+        ->needs(orbit);
+    command.add_option("--size", arguments.size,
+                       "Size of the pictures, WIDTHxHEIGHT; the vertical field of view stays, so wider pictures show "
+                       "more at the sides (default: the cameras' own)");
+}
+
+void add_picture_options(CLI::App& command, RenderArguments& arguments) {
+    command.add_flag(
+        "--decompose", arguments.parts.decompose,
+        "Also write the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
+    command.add_flag(
+        "--depth", arguments.parts.depth,
+        "Also write the expected depth sum(w z)/sum(w) along the camera's axis, in scene units, as OpenEXR "
+        "and in colours: OUTPUT/depth. It is no median: at edges it lies between the surfaces");
+    command.add_flag("--normals", arguments.parts.normals,
+                     "Also write normals, the Gaussians' shortest axes turned to the camera, in the scene's axes, as "
+                     "OpenEXR and in colours: OUTPUT/normals");
+    command.add_flag("--alpha", arguments.parts.alpha,
+                     "Also write 1 - transmittance as OpenEXR and in grey: OUTPUT/alpha");
+    command
+        .add_option("--show", arguments.show,
+                    "picture; or appearance: grey where a Gaussian has one colour from everywhere, else from blue to "
+                    "yellow by how much its colour depends on the view")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"picture", "appearance"}));
+    CLI::Option* video = command.add_option("--video", arguments.video,
+                                            "Also make a film of the pictures, FILE.mp4 or FILE.webm; needs ffmpeg");
+    command.add_option("--fps", arguments.fps, "Pictures a second in the film (default: what --path says, else 30)")
+        ->check(CLI::Range(kLeastFps, kMostFps))
+        ->needs(video)
+        ->each([&](const std::string&) { arguments.has_fps = true; });
 }
 
 }  // namespace
 
 void add_render_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<RenderArguments>();
-    CLI::App* command = app.add_subcommand("render", "Write pictures of a finished run");
+    CLI::App* command = app.add_subcommand("render", "Write pictures and films of a finished run");
     command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
     command
         ->add_option("--ppisp-eval", arguments->ppisp_eval,
                      "Photometric correction: controller (default where the model has one), or none = neutral exposure "
                      "and colour")
         ->check(CLI::IsMember({"controller", "none"}));
-    CLI::Option* views = command->add_option("--views", arguments->views, "Cameras of the scene: test, train or all")
-                             ->capture_default_str();
-    views->check(CLI::IsMember({"test", "train", "all"}));
-    CLI::Option* path =
-        command->add_option("--path", arguments->path, "File of cameras in the cameras.json format")->excludes(views);
-    command->add_option("--orbit", arguments->orbit, "That many cameras on a circle around the scene")
-        ->check(CLI::Range(1, 1000000))
-        ->excludes(views)
-        ->excludes(path);
+    add_camera_options(*command, *arguments);
     command->add_option("--iteration", arguments->iteration, "Saved iteration to render (default: the last)")
         ->check(CLI::NonNegativeNumber);
-    command->add_option("-o,--output", arguments->output, "Folder for the pictures (default: RUN/renders/iteration_N)");
-    command->add_flag(
-        "--decompose", arguments->decompose,
-        "Also write the base colour without view dependence, and the residual: OUTPUT/{full,base,residual}");
-    command
-        ->add_option("--show", arguments->show,
-                     "picture; or appearance: grey where a Gaussian has one colour from everywhere, else from blue to "
-                     "yellow by how much its colour depends on the view")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"picture", "appearance"}));
+    command->add_option("-o,--output", arguments->output,
+                        "Folder for the pictures (default: test, train, orbit or path in RUN/renders/iteration_N)");
+    command->add_flag("--overwrite", arguments->overwrite,
+                      "Remove the pictures of another call that are in the folder and would stay beside the new ones");
+    add_picture_options(*command, *arguments);
     command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
 }
 

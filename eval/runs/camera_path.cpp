@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads camera paths from JSON and fits orbits to the training cameras.
+// Reads camera paths from JSON. What a file may say is checked by name, because people write such files by hand.
 #include "eval/runs/camera_path.h"
 
 #include <fmt/format.h>
@@ -9,104 +9,140 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "eval/runs/picture_size.h"
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/json_text.h"
-#include "lib/scene/common_target.h"
 
 namespace gs {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+using nlohmann::json;
 
-Camera camera_from_json(const nlohmann::json& json, const std::string& where, const Frame& frame) {
-    const auto positive = [&](const char* key) {
-        const double value = json.at(key).get<double>();
-        if (!(value > 0 && value < 1e6)) throw DataError(fmt::format("{}: {} is {}", where, key, value));
-        return value;
-    };
-    try {
-        Camera camera;
-        camera.width = int(positive("width"));
-        camera.height = int(positive("height"));
-        // A few bytes must not ask for the whole memory; the largest photographs have some 100 million pixels.
-        constexpr std::int64_t kMaxPixels = 1 << 27;
-        if (camera.width < 1 || camera.height < 1 || std::int64_t(camera.width) * camera.height > kMaxPixels)
-            throw DataError(fmt::format("{}: {}x{} is no size for a picture; it may have 1 to {} pixels", where,
-                                        camera.width, camera.height, kMaxPixels));
-        camera.fy = positive("fy");
-        camera.fx = json.contains("fx") ? positive("fx") : camera.fy;
-        camera.cx = 0.5 * camera.width;
-        camera.cy = 0.5 * camera.height;
-        Matrix3d world_from_camera;
-        Vector3d position;
-        for (int r = 0; r < 3; ++r) {
-            position[r] = json.at("position").at(r).get<double>();
-            for (int c = 0; c < 3; ++c) world_from_camera(r, c) = json.at("rotation").at(r).at(c).get<double>();
-        }
-        const double error = (world_from_camera * world_from_camera.transpose() - Matrix3d::Identity()).norm();
-        if (!(error < 1e-3) || !position.allFinite())
-            throw DataError(fmt::format("{}: 'rotation' is no rotation, or 'position' is not finite", where));
-        if (json.contains("offset"))
-            for (int r = 0; r < 3; ++r) position[r] += json.at("offset").at(r).get<double>();
-        camera.rotation = world_from_camera.transpose();
-        camera.translation = -camera.rotation * frame.from_scene(position);
-        return camera;
-    } catch (const nlohmann::json::exception& e) {
-        throw DataError(fmt::format("{}: {}", where, e.what()));
+/// One object of the file, and how messages call it.
+struct Entry {
+    const json& object;
+    std::string where;
+
+    [[noreturn]] void fail(const std::string& reason) const { throw DataError(fmt::format("{}: {}", where, reason)); }
+
+    const json& at(const char* key) const {
+        if (!object.is_object()) fail("it is no JSON object");
+        const auto found = object.find(key);
+        if (found == object.end()) fail(fmt::format("'{}' is missing", key));
+        return *found;
     }
+    double number(const json& value, const char* key) const {
+        if (!value.is_number()) fail(fmt::format("'{}' is {}, not a number", key, json_text(value)));
+        return value.get<double>();
+    }
+    double number(const char* key) const { return number(at(key), key); }
+    double number_within(const char* key, double low, double high) const {
+        const double value = number(key);
+        if (!(value > low && value < high))
+            fail(fmt::format("{} is {}; it has to be above {} and below {}", key, value, low, high));
+        return value;
+    }
+    /// A list of `count` numbers, none so large that arithmetic would overflow.
+    std::vector<double> numbers(const json& list, const char* key, std::size_t count) const {
+        if (!list.is_array() || list.size() != count) fail(fmt::format("'{}' is no list of {} numbers", key, count));
+        std::vector<double> values;
+        for (const json& value : list) {
+            values.push_back(number(value, key));
+            if (!(std::abs(values.back()) < 1e30)) fail(fmt::format("'{}' has {}", key, values.back()));
+        }
+        return values;
+    }
+    Vector3d vector(const char* key) const { return Vector3d(numbers(at(key), key, 3).data()); }
+
+    void set_size(Camera& camera, const char* width_key, const char* height_key) const {
+        const double width = number(width_key), height = number(height_key);
+        const auto size = picture_size(width, height);
+        if (!size)
+            fail(fmt::format("{} is {} and {} is {}; {}", width_key, width, height_key, height, picture_size_limits()));
+        camera.width = size->width, camera.height = size->height;
+        camera.cx = 0.5 * camera.width, camera.cy = 0.5 * camera.height;
+    }
+    /// Sets the pose from the camera's axes in the world (x right, y down, z forward) and its place, in scene units.
+    void set_pose(Camera& camera, const Matrix3d& axes, const Vector3d& position, const char* key,
+                  const Frame& frame) const {
+        if (!((axes * axes.transpose() - Matrix3d::Identity()).norm() < 1e-3 && axes.determinant() > 0))
+            fail(fmt::format("'{}' is no rotation: its columns have to be perpendicular, of length 1 and right-handed",
+                             key));
+        camera.rotation = axes.transpose();
+        camera.translation = -camera.rotation * frame.from_scene(position);
+    }
+};
+
+Camera camera_of_list(const Entry& entry, const Frame& frame) {
+    Camera camera;
+    entry.set_size(camera, "width", "height");
+    camera.fy = entry.number_within("fy", 0, 1e6);
+    camera.fx = entry.object.contains("fx") ? entry.number_within("fx", 0, 1e6) : camera.fy;
+    Vector3d position = entry.vector("position");
+    if (entry.object.contains("offset")) position += entry.vector("offset");
+    const json& rows = entry.at("rotation");
+    if (!rows.is_array() || rows.size() != 3) entry.fail("'rotation' is no list of 3 rows");
+    Matrix3d axes;
+    for (int r = 0; r < 3; ++r) axes.row(r) = Vector3d(entry.numbers(rows[std::size_t(r)], "rotation", 3).data());
+    entry.set_pose(camera, axes, position, "rotation", frame);
+    return camera;
+}
+
+Camera camera_of_nerfstudio(const Entry& entry, Camera camera, const Frame& frame) {
+    const double half_angle = entry.number_within("fov", 0, 180) * M_PI / 360;
+    camera.fx = camera.fy = 0.5 * camera.height / std::tan(half_angle);
+    const std::vector<double> m = entry.numbers(entry.at("camera_to_world"), "camera_to_world", 16);
+    Eigen::Matrix4d world_from_camera = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(m.data());
+    if (!(world_from_camera.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).isZero(1e-6))
+        entry.fail("the last row of 'camera_to_world' is not 0 0 0 1");
+    Matrix3d axes = world_from_camera.topLeftCorner<3, 3>();
+    axes.col(1) *= -1, axes.col(2) *= -1;  // from y up and looking along -z
+    entry.set_pose(camera, axes, world_from_camera.topRightCorner<3, 1>(), "camera_to_world", frame);
+    return camera;
+}
+
+CameraPath path_of_list(const json& list, const std::string& file, const Frame& frame) {
+    if (list.empty()) throw DataError(fmt::format("{}: the list of cameras is empty", file));
+    CameraPath path;
+    for (std::size_t i = 0; i < list.size(); ++i)
+        path.cameras.push_back(camera_of_list({list[i], fmt::format("{}: entry {}", file, i)}, frame));
+    return path;
+}
+
+CameraPath path_of_nerfstudio(const json& object, const std::string& file, const Frame& frame) {
+    const Entry whole{object, file};
+    if (const auto type = object.find("camera_type"); type != object.end() && *type != "perspective")
+        whole.fail(fmt::format("'camera_type' is {}; only perspective cameras can be rendered", json_text(*type)));
+    Camera camera;
+    whole.set_size(camera, "render_width", "render_height");
+    CameraPath path;
+    if (object.contains("fps")) path.fps = whole.number_within("fps", kLeastFps, kMostFps);
+    const json& list = whole.at("camera_path");
+    if (!list.is_array() || list.empty()) whole.fail("'camera_path' is no list of cameras, or an empty one");
+    for (std::size_t i = 0; i < list.size(); ++i)
+        path.cameras.push_back(
+            camera_of_nerfstudio({list[i], fmt::format("{}: camera_path entry {}", file, i)}, camera, frame));
+    return path;
 }
 
 }  // namespace
 
-std::vector<Camera> read_camera_path(const std::filesystem::path& path, const Frame& frame) {
+CameraPath read_camera_path(const std::filesystem::path& path, const Frame& frame) {
     std::ifstream file = open_input(path);
-    nlohmann::json json;
+    json content;
     try {
-        json = parse_json(file);
-    } catch (const nlohmann::json::exception& e) {
+        content = parse_json(file);
+    } catch (const json::exception& e) {
         throw DataError(fmt::format("{}: not a JSON list of cameras: {}", path.string(), e.what()));
     }
-    if (!json.is_array() || json.empty()) throw DataError(fmt::format("{}: not a JSON list of cameras", path.string()));
-    std::vector<Camera> cameras;
-    for (std::size_t i = 0; i < json.size(); ++i)
-        cameras.push_back(camera_from_json(json[i], fmt::format("{}: entry {}", path.string(), i), frame));
-    return cameras;
-}
-
-std::vector<Camera> orbit_path(const std::vector<View>& views, int count) {
-    if (views.empty()) throw UsageError("an orbit needs the cameras of at least one view");
-    if (count < 1) throw UsageError(fmt::format("--orbit: {} is below 1", count));
-    const Vector3d target = common_target(views);
-    Vector3d up = Vector3d::Zero();
-    for (const View& view : views) up -= view.camera.rotation.row(1).transpose();
-    up = up.norm() > 1e-9 ? up.normalized() : Vector3d::UnitZ();
-    double height = 0, radius = 0;
-    for (const View& view : views) {
-        const Vector3d offset = view.camera.center() - target;
-        height += offset.dot(up) / double(views.size());
-        radius += (offset - offset.dot(up) * up).norm() / double(views.size());
-    }
-    // The orbit starts where the first camera stands, or anywhere if that stands on the axis.
-    Vector3d start = views[0].camera.center() - target;
-    start -= start.dot(up) * up;
-    if (start.norm() < 1e-9) start = up.unitOrthogonal();
-    const Vector3d e0 = start.normalized(), e1 = up.cross(e0);
-    if (radius < 1e-6) radius = 1;  // all cameras are above or below the target
-    std::vector<Camera> cameras;
-    for (int i = 0; i < count; ++i) {
-        const double angle = 2 * M_PI * i / count;
-        const Vector3d offset = radius * (std::cos(angle) * e0 + std::sin(angle) * e1) + height * up;
-        const Vector3d forward = -offset.normalized(), right = forward.cross(up).normalized();
-        Camera camera = views[0].camera;
-        camera.rotation.row(0) = right;
-        camera.rotation.row(1) = forward.cross(right);
-        camera.rotation.row(2) = forward;
-        camera.translation = -camera.rotation * (target + offset);
-        cameras.push_back(camera);
-    }
-    return cameras;
+    if (content.is_array()) return path_of_list(content, path.string(), frame);
+    if (content.is_object() && content.contains("camera_path"))
+        return path_of_nerfstudio(content, path.string(), frame);
+    throw DataError(fmt::format("{}: neither a list of cameras as in cameras.json nor nerfstudio's camera_path.json",
+                                path.string()));
 }
 
 }  // namespace gs

@@ -1,22 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes cameras without photographs: from a file, or on a circle around the scene.
+// Reads cameras without photographs from a file.
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "lib/scene/scene.h"
 
 namespace gs {
 
-/// Reads a list in the cameras.json format: width, height, position, rotation (3x3, world_from_camera by rows), fy, and
-/// fx (fy when absent), and an "offset" that is added to the position. The principal point is the middle of the image.
-/// Positions are in scene units; the cameras returned are in the frame. Throws DataError naming file, entry and field.
-std::vector<Camera> read_camera_path(const std::filesystem::path& path, const Frame& frame);
+/// Cameras in the order of a film.
+struct CameraPath {
+    std::vector<Camera> cameras;
+    std::optional<double> fps;  ///< frames a second, where the file says so
+};
 
-/// Returns `count` cameras on a circle around the point that the cameras of `views` look at, at their mean distance and
-/// height and with the first view's intrinsics. "Up" is the cameras' mean upward direction. Throws UsageError without
-/// views and for count < 1.
-std::vector<Camera> orbit_path(const std::vector<View>& views, int count);
+/// The rates that films may have, in frames a second.
+inline constexpr double kLeastFps = 0.01, kMostFps = 1000;
+
+/// Reads a file in one of two forms, told apart by their content; docs/formats.md has both. Positions are in scene
+/// units; the cameras returned are in the frame. Throws DataError naming file, entry and field.
+///  - a list as in cameras.json: width, height, position, rotation (3x3, world_from_camera by rows), fy, and fx (fy
+///  when
+///    absent), and an "offset" that is added to the position. The principal point is the middle of the image.
+///  - an object as nerfstudio's camera_path.json: render_width, render_height, and a list camera_path of
+///    camera_to_world (16 numbers by rows; y is up and the camera looks along -z) and fov (vertical, degrees).
+CameraPath read_camera_path(const std::filesystem::path& path, const Frame& frame);
 
 }  // namespace gs

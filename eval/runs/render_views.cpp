@@ -6,9 +6,60 @@
 
 #include "eval/metrics/quantize.h"
 #include "eval/runs/decompose.h"
+#include "eval/runs/depth_colors.h"
+#include "eval/runs/frame_folder.h"
+#include "eval/runs/geometry_renderer.h"
+#include "kernels/core/error.h"
+#include "lib/core/interrupt.h"
+#include "lib/io/atomic_file.h"
 #include "lib/scene/camera_params.h"
 
 namespace gs {
+
+namespace fs = std::filesystem;
+namespace {
+
+std::string frame_name(std::size_t i, const char* extension) { return fmt::format("{:05}.{}", i, extension); }
+
+/// Writes values as <folder>/0000i.exr, and returns them as an image.
+Image write_values(const fs::path& folder, std::size_t i, const Camera& camera, std::vector<float> values) {
+    Image image;
+    image.width = camera.width, image.height = camera.height;
+    image.channels = int(values.size() / (std::size_t(camera.width) * std::size_t(camera.height)));
+    image.f32 = std::move(values);
+    write_image(folder / frame_name(i, "exr"), image);
+    return image;
+}
+
+/// Returns directions as colours: -1..1 becomes 0..1, and no direction black.
+Image colored_normals(Image image) {
+    for (std::size_t i = 0; i < image.f32.size(); i += 3) {
+        float* n = &image.f32[i];
+        if (n[0] == 0 && n[1] == 0 && n[2] == 0) continue;
+        for (int c = 0; c < 3; ++c) n[c] = 0.5f + 0.5f * n[c];
+    }
+    return image;
+}
+
+/// Returns one channel as grey.
+Image grey(const Image& image) {
+    Image out{image.width, image.height, 3, {}, {}};
+    for (const float value : image.f32) out.f32.insert(out.f32.end(), 3, value);
+    return out;
+}
+
+/// Colours the depths that were written, which have one range that is known only now.
+void write_depth_pictures(const fs::path& folder, std::size_t count, const DepthRange& range) {
+    for (std::size_t i = 0; i < count; ++i) {
+        const Image read = read_image(folder / "depth" / frame_name(i, "exr"));
+        std::vector<float> depth(std::size_t(read.width) * std::size_t(read.height));
+        for (std::size_t p = 0; p < depth.size(); ++p) depth[p] = read.f32[p * std::size_t(read.channels)];
+        write_image(folder / "depth" / frame_name(i, "png"), colored_depth(depth, read.width, read.height, range));
+    }
+    write_text_atomic(folder / kDepthRange, depth_range_text(range));
+}
+
+}  // namespace
 
 std::vector<View> views_of(const std::vector<Camera>& cameras) {
     std::vector<View> views(cameras.size());
@@ -16,26 +67,58 @@ std::vector<View> views_of(const std::vector<Camera>& cameras) {
     return views;
 }
 
-std::vector<View> views_of(const Scene& scene, const std::string& which) {
-    std::vector<View> views;
-    if (which != "train") views = scene.test;
-    if (which != "test") views.insert(views.end(), scene.train.begin(), scene.train.end());
-    return views;
+const std::vector<View>& views_of(const Scene& scene, const std::string& which) {
+    return which == "test" ? scene.test : scene.train;
 }
 
-void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorrection& correction, bool decompose,
-                  const std::filesystem::path& folder) {
+fs::path picture_folder(const fs::path& folder, const RenderParts& parts) {
+    return parts.decompose ? folder / kPictureParts[0].name : folder;
+}
+
+std::vector<std::string> render_files(const RenderParts& parts, std::size_t num_views) {
+    std::vector<std::string> files;
+    const auto add = [&](const fs::path& part, const char* extension) {
+        for (std::size_t i = 0; i < num_views; ++i) files.push_back((part / frame_name(i, extension)).string());
+    };
+    add(picture_folder("", parts), "png");
+    if (parts.decompose) add(kPictureParts[1].name, "png"), add(kPictureParts[2].name, "png");
+    for (const auto& [wanted, part] :
+         {std::pair{parts.depth, "depth"}, {parts.normals, "normals"}, {parts.alpha, "alpha"}})
+        if (wanted) add(part, "exr"), add(part, "png");
+    if (parts.depth) files.push_back(kDepthRange);
+    return files;
+}
+
+void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorrection& correction,
+                  const RenderParts& parts, const fs::path& folder) {
+    std::unique_ptr<GeometryRenderer> geometry;
+    if (parts.depth || parts.normals) geometry = std::make_unique<GeometryRenderer>(run);
+    DepthRangeFinder range;
     RenderedImage image;
     for (std::size_t i = 0; i < views.size(); ++i) {
-        const std::string file = fmt::format("{:05}.png", i);
+        if (interrupted()) throw Interrupted(fmt::format("stopped after {} of {} pictures", i, views.size()));
+        const Camera& camera = views[i].camera;
         for (const auto& [mode, name] : kPictureParts) {
-            if (!decompose && mode != RenderMode::kFull) continue;
+            if (!parts.decompose && mode != RenderMode::kFull) continue;
             run.backend->render(
-                part_request(camera_params(views[i].camera), run.background, mode, view_isp(views[i], correction)),
-                image);
-            write_image(decompose ? folder / name / file : folder / file, quantized_render(image));
+                part_request(camera_params(camera), run.background, mode, view_isp(views[i], correction)), image);
+            write_image(folder / (parts.decompose ? name : "") / frame_name(i, "png"), quantized_render(image));
+        }
+        if (parts.alpha) {
+            const Image values = write_values(folder / "alpha", i, camera, image.alpha);
+            write_image(folder / "alpha" / frame_name(i, "png"), grey(values));
+        }
+        if (parts.depth) {
+            std::vector<float> depth = geometry->depth(camera);
+            range.add(depth, image.alpha);
+            write_values(folder / "depth", i, camera, std::move(depth));
+        }
+        if (parts.normals) {
+            Image values = write_values(folder / "normals", i, camera, geometry->normals(camera));
+            write_image(folder / "normals" / frame_name(i, "png"), colored_normals(std::move(values)));
         }
     }
+    if (parts.depth) write_depth_pictures(folder, views.size(), range.range());
 }
 
 }  // namespace gs

@@ -80,7 +80,12 @@ std::vector<Target> run_targets() {
              return std::vector<std::string>{options_to_yaml(options), "parent: parent.yaml\nsource: x\n"};
          },
          read_options},
-        {"cameras.json", [] { return std::vector{cameras()}; },
+        {"cameras.json",
+         [] {
+             return std::vector{cameras(), std::string(R"({"camera_type": "perspective", "render_height": 12,
+"render_width": 16, "fps": 24, "seconds": 1, "camera_path": [{"camera_to_world": [1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3,
+0, 0, 0, 1], "fov": 50, "aspect": 1.33}]})")};
+         },
          [](const std::string& bytes) { read_camera_path(put("cameras.json", bytes), {}); }},
         {"results.json",
          [] {

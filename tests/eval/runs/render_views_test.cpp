@@ -9,14 +9,23 @@
 namespace gs {
 namespace {
 
-TEST(RenderViews, TestViewsComeFirst) {
+namespace fs = std::filesystem;
+
+/// What is below the folder, sorted.
+std::vector<std::string> files_in(const fs::path& folder) {
+    std::vector<std::string> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+        if (!entry.is_directory()) files.push_back(entry.path().lexically_relative(folder));
+    std::sort(files.begin(), files.end());
+    return files;
+}
+
+TEST(RenderViews, ViewsAreOneKindOrCameras) {
     Scene scene;
     scene.test.resize(1), scene.train.resize(2);
     scene.test[0].name = "held out";
-    EXPECT_EQ(views_of(scene, "test").size(), 1u);
+    EXPECT_EQ(views_of(scene, "test")[0].name, "held out");
     EXPECT_EQ(views_of(scene, "train").size(), 2u);
-    ASSERT_EQ(views_of(scene, "all").size(), 3u);
-    EXPECT_EQ(views_of(scene, "all")[0].name, "held out");
     std::vector<Camera> cameras(2);
     cameras[1].width = 7;
     EXPECT_EQ(views_of(cameras)[1].camera.width, 7);
@@ -25,18 +34,70 @@ TEST(RenderViews, TestViewsComeFirst) {
 TEST(RenderViews, WritesPicturesAndTheirParts) {
     const test::TinyRun saved;
     SavedRun run = open_saved_run(saved.path(), std::nullopt);
-    std::vector<View> views = views_of(run.scene, "test");
+    std::vector<View> views = run.scene.test;
     views.resize(2);
     const auto folder = saved.folder.path() / "pictures";
-    render_views(run, views, run.correction, false, folder);
+    render_views(run, views, run.correction, {}, folder);
+    EXPECT_EQ(files_in(folder), (std::vector<std::string>{"00000.png", "00001.png"}));
     const Image picture = read_image(folder / "00001.png");
     EXPECT_GT(picture.value(20, 14, 0), 0.5f) << "the red Gaussian is in the middle";
     EXPECT_GT(picture.value(0, 0, 2), 0.99f) << "before the run's background";
-    EXPECT_FALSE(std::filesystem::exists(folder / "00002.png"));
-    render_views(run, views, run.correction, true, folder);
-    for (const char* part : {"full", "base", "residual"})
-        EXPECT_TRUE(std::filesystem::exists(folder / part / "00001.png")) << part;
-    EXPECT_EQ(read_image(folder / "residual" / "00001.png").value(20, 14, 0), 0) << "the model has no residual";
+    const auto parts = saved.folder.path() / "parts";
+    render_views(run, views, run.correction, {.decompose = true}, parts);
+    for (const char* part : {"full", "base", "residual"}) EXPECT_TRUE(fs::exists(parts / part / "00001.png")) << part;
+    EXPECT_EQ(read_image(parts / "residual" / "00001.png").value(20, 14, 0), 0) << "the model has no residual";
+}
+
+TEST(RenderViews, WritesDepthNormalsAndAlphaBesidePictures) {
+    const test::TinyRun saved;
+    SavedRun run = open_saved_run(saved.path(), std::nullopt);
+    std::vector<View> views = run.scene.test;
+    views.resize(2);
+    for (const bool decompose : {false, true}) {
+        const RenderParts parts = {decompose, true, true, true};
+        const auto folder = saved.folder.path() / (decompose ? "decomposed" : "plain");
+        render_views(run, views, run.correction, parts, folder);
+        std::vector<std::string> expected = render_files(parts, 2);
+        std::sort(expected.begin(), expected.end());
+        EXPECT_EQ(files_in(folder), expected);
+        EXPECT_EQ(expected.size(), decompose ? 19u : 15u);
+        const Camera& camera = views[1].camera;
+        const double z = (camera.rotation * Eigen::Vector3d(0, 0, 0.3) + camera.translation).z();
+        EXPECT_NEAR(read_image(folder / "depth/00001.exr").value(20, 14, 0), z, 1e-5);
+        EXPECT_EQ(read_image(folder / "depth/00001.exr").value(0, 0, 0), 0) << "whatever the background is";
+        EXPECT_EQ(read_image(folder / "depth/00001.png").value(0, 0, 0), 0);
+        EXPECT_GT(read_image(folder / "depth/00001.png").value(20, 14, 1), 0);
+        EXPECT_GT(read_image(folder / "alpha/00001.exr").value(20, 14, 0), 0.9f);
+        EXPECT_EQ(read_image(folder / "alpha/00001.exr").value(0, 0, 0), 0);
+        EXPECT_GT(read_image(folder / "alpha/00001.png").value(20, 14, 0), 0.9f);
+        const Image normals = read_image(folder / "normals/00001.exr");
+        const Eigen::Vector3d n(normals.value(20, 14, 0), normals.value(20, 14, 1), normals.value(20, 14, 2));
+        EXPECT_NEAR(n.norm(), 1, 1e-5);
+        EXPECT_GT(n.dot(camera.center() - Eigen::Vector3d(0, 0, 0.3)), 0) << "towards the camera";
+    }
+}
+
+TEST(RenderViews, AnEmptyModelIsBackgroundWithAlphaZero) {
+    const test::TinyRun saved;
+    SavedRun run = open_saved_run(saved.path(), std::nullopt);
+    Gaussians empty = run.backend->download(false);
+    empty.count = 0;
+    for (auto& group : empty.groups) group.param.clear();
+    run.backend->upload(empty);
+    std::vector<View> views = run.scene.test;
+    views.resize(2);
+    views[1].camera.width = views[1].camera.height = 1;
+    const auto folder = saved.folder.path() / "empty";
+    render_views(run, views, run.correction, {false, true, true, true}, folder);
+    for (const char* part : {"alpha", "depth", "normals"})
+        for (const char* frame : {"00000", "00001"})
+            for (const char* extension : {"exr", "png"}) {
+                const Image image = read_image(folder / part / (std::string(frame) + "." + extension));
+                for (int y = 0; y < image.height; ++y)
+                    for (int x = 0; x < image.width; ++x) ASSERT_EQ(image.value(x, y, 0), 0) << part << frame;
+            }
+    EXPECT_EQ(read_image(folder / "00001.png").width, 1);
+    EXPECT_EQ(read_image(folder / "00001.png").value(0, 0, 2), 1) << "the run's background is blue";
 }
 
 }  // namespace

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds the range of depths and colours them.
+#include "eval/runs/depth_colors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "lib/core/json_text.h"
+
+namespace gs {
+namespace {
+
+/// The colour map viridis (matplotlib, CC0) at nine even steps. Between them colours are interpolated.
+constexpr int kSteps = 8;
+constexpr double kViridis[kSteps + 1][3] = {{68, 1, 84},    {71, 45, 123},  {59, 82, 139},
+                                            {44, 114, 142}, {33, 144, 140}, {39, 173, 129},
+                                            {93, 200, 99},  {170, 220, 50}, {253, 231, 37}};
+
+/// The share of the pixels at either end that does not widen the range.
+constexpr double kOutside = 0.01;
+constexpr float kLeastAlpha = 0.5f;
+
+}  // namespace
+
+void DepthRangeFinder::add(const std::vector<float>& depth, const std::vector<float>& alpha) {
+    std::vector<float> covered;
+    for (std::size_t i = 0; i < depth.size(); ++i)
+        if (alpha[i] >= kLeastAlpha && depth[i] > 0) covered.push_back(depth[i]);
+    if (covered.empty()) return;
+    const auto skipped = std::ptrdiff_t(kOutside * double(covered.size()));
+    std::nth_element(covered.begin(), covered.begin() + skipped, covered.end());
+    const double near = covered[std::size_t(skipped)];
+    std::nth_element(covered.begin(), covered.end() - 1 - skipped, covered.end());
+    const double far = *(covered.end() - 1 - skipped);
+    range_ = found_ ? DepthRange{std::min(range_.near, near), std::max(range_.far, far)} : DepthRange{near, far};
+    found_ = true;
+}
+
+Image colored_depth(const std::vector<float>& depth, int width, int height, const DepthRange& range) {
+    Image image{width, height, 3, std::vector<std::uint8_t>(3 * depth.size()), {}};
+    const double span = std::max(range.far - range.near, 1e-30);
+    for (std::size_t i = 0; i < depth.size(); ++i) {
+        if (!(depth[i] > 0)) continue;
+        const double at = kSteps * std::clamp((range.far - depth[i]) / span, 0.0, 1.0);
+        const int step = std::min(int(at), kSteps - 1);
+        for (std::size_t c = 0; c < 3; ++c)
+            image.u8[3 * i + c] =
+                std::uint8_t(std::lround(std::lerp(kViridis[step][c], kViridis[step + 1][c], at - step)));
+    }
+    return image;
+}
+
+std::string depth_range_text(const DepthRange& range) {
+    const nlohmann::ordered_json json = {
+        {"near", range.near},
+        {"far", range.far},
+        {"units", "scene units along the camera's forward axis"},
+        {"values", "expected depth, sum(w z) / sum(w); 0 where nothing is seen"},
+        {"colors", "viridis: yellow at near, purple at far, linear in depth; black where nothing is seen"}};
+    return json_text(json, 2) + "\n";
+}
+
+}  // namespace gs

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// The folder of the frames of one call of gsapp render.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "lib/io/temporary.h"
+
+namespace gs {
+
+/// What frames can lie in, besides the folder itself.
+inline constexpr const char* kFrameParts[] = {"full", "base", "residual", "depth", "normals", "alpha"};
+/// The file beside depth pictures that states their range.
+inline constexpr const char* kDepthRange = "depth/range.json";
+
+/// Returns the frames in a folder and in the folders of their parts: "00012.png", "depth/00012.exr", ..., sorted.
+std::vector<std::string> frames_in(const std::filesystem::path& folder);
+
+/// A folder whose frames are being made. They are written to path(), a hidden folder inside, and commit() moves them:
+/// the folder then holds the frames of one call alone. Without commit() it stays as it was.
+class FrameFolder {
+  public:
+    /// `names` are the files to come. Throws UsageError if the folder holds frames of another call that would stay
+    /// beside them, unless `overwrite` allows their removal; DataError for a folder that cannot be written.
+    FrameFolder(std::filesystem::path folder, std::vector<std::string> names, bool overwrite);
+    ~FrameFolder();
+    FrameFolder(const FrameFolder&) = delete;
+    FrameFolder& operator=(const FrameFolder&) = delete;
+
+    /// Returns where the frames are written.
+    const std::filesystem::path& path() const { return work_->path(); }
+    const std::filesystem::path& folder() const { return folder_; }
+
+    /// Moves the files to their places and removes the frames of other calls. Throws DataError.
+    void commit();
+
+  private:
+    std::filesystem::path folder_;
+    std::vector<std::string> names_, others_;
+    std::vector<std::filesystem::path> missing_;  ///< the folder and those above it that did not exist
+    std::unique_ptr<WorkFolder> work_;
+};
+
+}  // namespace gs

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// Turns depths and normals into colours that are blended without loss, and back.
+#include "eval/runs/geometry_renderer.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/core/parallel.h"
+#include "lib/scene/camera_params.h"
+#include "lib/train/choose_backend.h"
+
+namespace gs {
+namespace {
+
+/// The activation max(0, y + 1/2), at most 255, shows any colour from 0 to 255. Above 1/8 its rounding is that of a
+/// float, so two channels hold all depths between the near plane at 0.2 and the far plane at 10000 frame units: red
+/// those up to kFar, green the others over kFar.
+constexpr double kFar = 128;
+
+float base_of(double color) { return std::isfinite(color) ? float(color - 0.5) : -0.5f; }
+
+/// Returns the model with its geometry alone, in one colour.
+Gaussians geometry_of(const Gaussians& model) {
+    Gaussians out;
+    out.count = model.count;
+    out.appearance = {"none", 0, ColorActivation::kRelu};
+    for (const Group g : {Group::kMean, Group::kScale, Group::kRotation, Group::kOpacity}) {
+        out[g].width = model[g].width;
+        out[g].param = model[g].param;
+    }
+    out[Group::kBase] = {3, std::vector<float>(3 * std::size_t(model.count)), {}, {}};
+    return out;
+}
+
+Eigen::Vector3d mean_of(const Gaussians& model, std::int64_t i) {
+    return Eigen::Map<const Eigen::Vector3f>(&model[Group::kMean].param[3 * std::size_t(i)]).cast<double>();
+}
+
+/// Returns the unit vector along the shortest axis; of equally short ones along the first.
+Eigen::Vector3d shortest_axis(const Gaussians& model, std::int64_t i) {
+    const float* scale = &model[Group::kScale].param[3 * std::size_t(i)];
+    const float* q = &model[Group::kRotation].param[4 * std::size_t(i)];
+    const auto axis = std::min_element(scale, scale + 3) - scale;
+    return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix().col(axis);
+}
+
+}  // namespace
+
+GeometryRenderer::GeometryRenderer(const SavedRun& run)
+    : scale_(run.scene.frame.scale),
+      model_(geometry_of(run.backend->download(false))),
+      backend_(make_backend(run.options.device, model_.appearance, backend_options(run.options))) {}
+
+const RenderedImage& GeometryRenderer::render(const Camera& camera) {
+    backend_->upload(model_);
+    RenderRequest request;
+    request.camera = camera_params(camera);
+    backend_->render(request, image_);
+    return image_;
+}
+
+std::vector<float> GeometryRenderer::depth(const Camera& camera) {
+    parallel_for_rows(model_.count, [&](std::int64_t i) {
+        const double z = camera.rotation.row(2).dot(mean_of(model_, i)) + camera.translation.z();
+        float* base = &model_[Group::kBase].param[3 * std::size_t(i)];
+        base[0] = base_of(z <= kFar ? z : 0), base[1] = base_of(z <= kFar ? 0 : z / kFar), base[2] = base_of(1);
+    });
+    const RenderedImage& image = render(camera);
+    const std::size_t pixels = image.alpha.size();
+    const float* near = image.rgb.data();
+    const float *far = near + pixels, *weight = far + pixels;
+    std::vector<float> depth(pixels);
+    for (std::size_t i = 0; i < pixels; ++i)
+        if (weight[i] > 0) depth[i] = float((near[i] + kFar * far[i]) / (weight[i] * scale_));
+    return depth;
+}
+
+std::vector<float> GeometryRenderer::normals(const Camera& camera) {
+    const Eigen::Vector3d center = camera.center();
+    parallel_for_rows(model_.count, [&](std::int64_t i) {
+        Eigen::Vector3d normal = shortest_axis(model_, i);
+        if (normal.dot(center - mean_of(model_, i)) < 0) normal = -normal;
+        // Colours cannot be negative: -1..1 becomes 0..1, and the sum of weights takes the shift back.
+        for (int c = 0; c < 3; ++c)
+            model_[Group::kBase].param[3 * std::size_t(i) + std::size_t(c)] = base_of(0.5 + 0.5 * normal[c]);
+    });
+    const RenderedImage& image = render(camera);
+    const std::size_t pixels = image.alpha.size();
+    std::vector<float> normals(3 * pixels);
+    for (std::size_t i = 0; i < pixels; ++i) {
+        Eigen::Vector3d sum;
+        for (std::size_t c = 0; c < 3; ++c) sum[int(c)] = 2.0 * image.rgb[c * pixels + i] - image.alpha[i];
+        if (!(sum.norm() > 1e-5)) continue;  // only rounding is left
+        sum.normalize();
+        for (std::size_t c = 0; c < 3; ++c) normals[3 * i + c] = float(sum[int(c)]);
+    }
+    return normals;
+}
+
+}  // namespace gs

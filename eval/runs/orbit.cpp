@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fits orbits to the training cameras.
+#include "eval/runs/orbit.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <charconv>
+#include <cmath>
+
+#include "kernels/core/error.h"
+#include "lib/scene/common_target.h"
+
+namespace gs {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Beyond this no scene has anything, and squares of distances stay finite as floats.
+constexpr double kLargest = 1e15;
+
+/// Reads a number at the beginning of `rest` and removes it there.
+std::optional<double> take_number(std::string_view& rest) {
+    double value = 0;
+    const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
+    if (error != std::errc{} || !(std::abs(value) <= kLargest)) return std::nullopt;
+    rest.remove_prefix(std::size_t(end - rest.data()));
+    return value;
+}
+
+}  // namespace
+
+OrbitRadius parse_orbit_radius(const std::string& text) {
+    std::string_view rest = text;
+    const auto value = take_number(rest);
+    if (!value || !(*value > 0) || !(rest.empty() || rest == "x"))
+        throw UsageError(
+            fmt::format("--orbit-radius {}: it is a length above 0 in scene units, such as 2.5, or a "
+                        "multiple of the usual distance, such as 1.5x",
+                        text));
+    return {*value, rest == "x"};
+}
+
+Vector3d parse_orbit_target(const std::string& text) {
+    std::string_view rest = text;
+    Vector3d target;
+    for (int i = 0; i < 3; ++i) {
+        const auto value = take_number(rest);
+        const bool ends = i == 2 ? rest.empty() : rest.starts_with(',');
+        if (!value || !ends)
+            throw UsageError(fmt::format("--orbit-target {}: it is X,Y,Z in scene coordinates, such as 0,0,0.5", text));
+        target[i] = *value;
+        if (i < 2) rest.remove_prefix(1);
+    }
+    return target;
+}
+
+std::vector<Camera> orbit_path(const std::vector<View>& views, const OrbitShape& shape, const Frame& frame) {
+    if (views.empty()) throw UsageError("an orbit needs the cameras of at least one view");
+    if (shape.count < 1) throw UsageError(fmt::format("--orbit: {} is below 1", shape.count));
+    const Vector3d target = shape.target ? frame.from_scene(*shape.target) : common_target(views);
+    Vector3d up = Vector3d::Zero();
+    for (const View& view : views) up -= view.camera.rotation.row(1).transpose();
+    up = up.norm() > 1e-9 ? up.normalized() : Vector3d::UnitZ();
+    double height = 0, radius = 0;
+    for (const View& view : views) {
+        const Vector3d offset = view.camera.center() - target;
+        height += offset.dot(up) / double(views.size());
+        radius += (offset - offset.dot(up) * up).norm() / double(views.size());
+    }
+    if (radius < 1e-6) radius = 1;  // all cameras are above or below the target
+    if (!shape.radius.is_factor || shape.radius.value != 1) {
+        const double factor =
+            shape.radius.is_factor ? shape.radius.value : shape.radius.value * frame.scale / std::hypot(radius, height);
+        radius *= factor, height *= factor;
+    }
+    if (shape.elevation) {
+        const double distance = std::hypot(radius, height), angle = *shape.elevation * M_PI / 180;
+        radius = distance * std::cos(angle), height = distance * std::sin(angle);
+    }
+    // The orbit starts where the first camera stands, or anywhere if that stands on the axis.
+    Vector3d start = views[0].camera.center() - target;
+    start -= start.dot(up) * up;
+    if (start.norm() < 1e-9) start = up.unitOrthogonal();
+    const Vector3d e0 = start.normalized(), e1 = up.cross(e0);
+    std::vector<Camera> cameras;
+    for (int i = 0; i < shape.count; ++i) {
+        const double angle = 2 * M_PI * i / shape.count;
+        const Vector3d offset = radius * (std::cos(angle) * e0 + std::sin(angle) * e1) + height * up;
+        const Vector3d forward = -offset.normalized(), right = forward.cross(up).normalized();
+        Camera camera = views[0].camera;
+        camera.rotation.row(0) = right;
+        camera.rotation.row(1) = forward.cross(right);
+        camera.rotation.row(2) = forward;
+        camera.translation = -camera.rotation * (target + offset);
+        cameras.push_back(camera);
+    }
+    return cameras;
+}
+
+}  // namespace gs

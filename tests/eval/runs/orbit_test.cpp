@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Orbits: what the training cameras decide, and what the user does.
+#include "eval/runs/orbit.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "kernels/core/error.h"
+#include "lib/scene/procedural_description.h"
+
+namespace gs {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Cameras 4 units from (1, 2, 0.5), 30 degrees above it.
+std::vector<View> ring() {
+    procedural::CameraRig rig;
+    rig.look_at = {1, 2, 0.5};
+    rig.elevation_min = rig.elevation_max = 30;
+    std::vector<View> views(12);
+    rig.train = 12;
+    for (int i = 0; i < 12; ++i) views[i].camera = procedural::rig_camera(rig, false, i);
+    return views;
+}
+
+/// The angle between a direction and the plane that the cameras' mean upward direction is perpendicular to.
+double elevation(const Vector3d& offset, const std::vector<View>& views) {
+    Vector3d up = Vector3d::Zero();
+    for (const View& view : views) up -= view.camera.rotation.row(1).transpose();
+    return std::asin(offset.normalized().dot(up.normalized())) * 180 / M_PI;
+}
+
+void expect_looks_at(const Camera& camera, const Vector3d& target, double tolerance) {
+    const Vector3d seen = camera.rotation * target + camera.translation;
+    EXPECT_NEAR(seen.head<2>().norm(), 0, tolerance);
+    EXPECT_GT(seen.z(), 0);
+    EXPECT_NEAR(camera.rotation.determinant(), 1, 1e-9);
+    EXPECT_NEAR((camera.rotation * camera.rotation.transpose() - Eigen::Matrix3d::Identity()).norm(), 0, 1e-9);
+}
+
+TEST(Orbit, OfARingIsTheRing) {
+    const auto views = ring();
+    const Vector3d target(1, 2, 0.5);
+    for (const Camera& camera : orbit_path(views, {.count = 7}, {})) {
+        EXPECT_NEAR((camera.center() - target).norm(), 4, 0.2);
+        expect_looks_at(camera, target, 0.05);
+        EXPECT_LT((camera.rotation * Vector3d(0, 0, 1)).y(), -0.5) << "world up points up in the picture";
+        EXPECT_EQ(camera.width, views[0].camera.width);
+    }
+    EXPECT_THROW(orbit_path({}, {.count = 7}, {}), UsageError);
+    EXPECT_THROW(orbit_path(views, {.count = 0}, {}), UsageError);
+    EXPECT_TRUE(orbit_path({views[0]}, {.count = 3}, {})[2].translation.allFinite());
+}
+
+TEST(Orbit, HasTheRadiusElevationAndTargetThatAreAsked) {
+    const auto views = ring();
+    const Frame frame{{10, 20, 30}, 0.25};  // the views are in it
+    const Vector3d usual = orbit_path(views, {.count = 1}, frame)[0].center() - Vector3d(1, 2, 0.5);
+    const auto offset = [&](OrbitShape shape) {
+        shape.count = 5;
+        const Vector3d target = shape.target ? frame.from_scene(*shape.target) : Vector3d(1, 2, 0.5);
+        const Camera camera = orbit_path(views, shape, frame)[2];
+        expect_looks_at(camera, target, 0.05);
+        return Vector3d(camera.center() - target);
+    };
+    EXPECT_NEAR(offset({.radius = {2, true}}).norm(), 2 * usual.norm(), 0.1) << "twice the usual distance";
+    const auto angle = [&](const OrbitShape& shape) { return elevation(offset(shape), views); };
+    EXPECT_NEAR(angle({.radius = {2, true}}), elevation(usual, views), 1) << "which keeps the elevation";
+    EXPECT_NEAR(offset({.radius = {40, false}}).norm(), 10, 0.1) << "40 scene units are 10 of the frame";
+    EXPECT_NEAR(angle({.elevation = -20.0}), -20, 1);
+    EXPECT_NEAR(offset({.elevation = -20.0}).norm(), usual.norm(), 0.1) << "which keeps the distance";
+    EXPECT_NEAR(angle({.elevation = 89.0}), 89, 1);
+    // The target is in scene coordinates; from there the mean distance of the cameras counts.
+    const Vector3d aside = offset({.radius = {8, false}, .elevation = 0.0, .target = Vector3d(16, 30, 33)});
+    EXPECT_NEAR(aside.norm(), 2, 1e-9);
+    EXPECT_NEAR(elevation(aside, views), 0, 1e-9);
+    // Cameras on the axis above the target, and a target where a camera stands.
+    EXPECT_TRUE(orbit_path({views[0]}, {.count = 3, .target = frame.to_scene(views[0].camera.center())}, frame)[1]
+                    .translation.allFinite());
+}
+
+TEST(Orbit, ReadsRadiusAndTarget) {
+    EXPECT_EQ(parse_orbit_radius("2.5").value, 2.5);
+    EXPECT_FALSE(parse_orbit_radius("2.5").is_factor);
+    EXPECT_TRUE(parse_orbit_radius("1.5x").is_factor);
+    for (const char* text : {"", "x", "0", "-1", "nan", "inf", "1e300", "1x2", "2 ", " 2", "0x"})
+        EXPECT_THROW(parse_orbit_radius(text), UsageError) << text;
+    EXPECT_EQ(parse_orbit_target("-1,0.5,3e2"), Vector3d(-1, 0.5, 300));
+    for (const char* text : {"", "1,2", "1,2,3,4", "1,2,nan", "inf,0,0", "1;2;3", "1,2,3 ", "1,,3", "1e99,0,0"})
+        EXPECT_THROW(parse_orbit_target(text), UsageError) << text;
+}
+
+}  // namespace
+}  // namespace gs
