@@ -119,7 +119,8 @@ Gaussians start_from(const fs::path& from, const Scene& scene, const AppearanceS
         g[Group::kResidual].width = width;
         g.appearance = appearance;
         g.active_degree = appearance.max_degree;
-        residuals = fmt::format("with spherical harmonics of degree {} as {}", before.max_degree, appearance.max_degree);
+        residuals =
+            fmt::format("with spherical harmonics of degree {} as {}", before.max_degree, appearance.max_degree);
         if (rows == 0 && width > 0) clear_residuals(g, scene, seed);
     } else {
         flatten(g, scene, appearance.activation);

@@ -24,6 +24,29 @@ std::vector<nlohmann::json> json_lines(const std::string& text) {
 
 constexpr const char* kShort = "train -s builtin:diffuse --device cpu --eval -r 4 --iterations 20 --cap-max 6000 ";
 
+TEST(Train, BeginsWithTheModelOfAnotherRun) {
+    const Program program;
+    const std::string train = "train -s builtin:diffuse -r 8 --device cpu --eval ";
+    ASSERT_EQ(program.run(train + "--appearance sh --iterations 120 -m first").exit_code, 0);
+    const auto loss = [&](const std::string& run) {  // after a hundred iterations
+        for (const nlohmann::json& line : json_lines(program.read(run + "/stats/train.jsonl")))
+            if (line["event"] == "step") return line["loss"].get<double>();
+        return 1e9;
+    };
+    ASSERT_EQ(program.run(train + "--appearance sh --iterations 100 -m afresh").exit_code, 0);
+    const Outcome again = program.run(train + "--appearance sh --iterations 100 -m again --init first");
+    ASSERT_EQ(again.exit_code, 0) << again.err;
+    EXPECT_NE(again.err.find("with their residuals"), std::string::npos) << again.err;
+    EXPECT_LT(loss("again"), loss("afresh"));
+    const Outcome other = program.run(train + "--appearance nasg --iterations 2 -m other --init first");
+    ASSERT_EQ(other.exit_code, 0) << other.err;
+    EXPECT_NE(other.err.find("residuals begin at 0"), std::string::npos) << other.err;
+    const Outcome resume = program.run(train + "--resume first/point_cloud/iteration_120/point_cloud.ply -m no");
+    EXPECT_EQ(resume.exit_code, 2);
+    EXPECT_NE(resume.err.find("--init"), std::string::npos) << resume.err;
+    EXPECT_EQ(program.run(train + "--init nowhere -m no").exit_code, 2);
+}
+
 TEST(Train, LeavesTheDocumentedRunFolder) {
     const Program program;
     const Outcome outcome = program.run(std::string(kShort) + "-m run --test-iterations 10");
