@@ -56,6 +56,7 @@ export function findBaseRange(rows: Float64Array[], degree: number, activation: 
       const range = { scale: Math.max(high - low, 1e-6) / 255, offset: low };
       let error = 0;
       for (const { base, opacity, residuals, shown: wanted } of channels) {
+        if (error >= least) break;
         const rounded = baseCode(base, range) * range.scale + range.offset;
         for (let k = 0; k < residuals.length; ++k) error += (shown(activation, rounded + residuals[k], opacity) - wanted[k]) ** 2;
       }

@@ -24,9 +24,8 @@ const MOST_SAMPLES = 8192;
 const LEAST_NORM2 = 1e-24;
 
 function isDrawable(row: Float64Array): boolean {
-  for (const value of row) if (!(Math.abs(value) <= LARGEST_NUMBER)) return false;
-  const [w, x, y, z] = row.subarray(ROTATION, ROTATION + 4);
-  return w * w + x * x + y * y + z * z >= LEAST_NORM2;
+  for (let k = 0; k < row.length; ++k) if (!(Math.abs(row[k]) <= LARGEST_NUMBER)) return false;
+  return row[ROTATION] ** 2 + row[ROTATION + 1] ** 2 + row[ROTATION + 2] ** 2 + row[ROTATION + 3] ** 2 >= LEAST_NORM2;
 }
 
 const median = (values: number[]): number => values.sort((a, b) => a - b)[values.length >> 1] ?? 0;
