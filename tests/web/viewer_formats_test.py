@@ -176,6 +176,7 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         shutil.copytree(viewer, folder, dirs_exist_ok=True)
+        check(all(name in (viewer / "LICENSES.txt").read_text() for name in ("three.js authors", "fzstd")), "the notice of what is bundled is there")
         cameras = make_files(gsapp, folder)
         site = Site(folder)
         with Browser(program, flags=SOFTWARE_WEBGL) as browser:

@@ -158,6 +158,30 @@ export function encodeSpz(gaussians: Gaussian[], options: SpzOptions = {}): Arra
   return packed.buffer.slice(packed.byteOffset, packed.byteOffset + packed.byteLength) as ArrayBuffer;
 }
 
+/** A zstd frame of blocks that are not compressed. */
+export function zstdFrame(bytes: Uint8Array): Uint8Array {
+  const out = [0x28, 0xb5, 0x2f, 0xfd, 0xa0, ...new Uint8Array(Uint32Array.of(bytes.length).buffer)], most = 1 << 16;
+  for (let at = 0; at === 0 || at < bytes.length; at += most) {
+    const block = bytes.subarray(at, at + most), header = (block.length << 3) | Number(at + most >= bytes.length);
+    out.push(header & 255, (header >> 8) & 255, header >> 16, ...block);
+  }
+  return Uint8Array.from(out);
+}
+
+/** Version 4, with `extensions` between header and table. */
+export function encodeSpz4(gaussians: Gaussian[], extensions: number[] = []): ArrayBuffer {
+  const plain = spzStream(gaussians), count = gaussians.length, sizes = [9, 1, 3, 3, 4, 3 * (gaussians[0]?.rest.length ?? 0)].filter((size) => size > 0);
+  let end = 16;
+  const streams = sizes.map((size) => zstdFrame(plain.subarray(end, (end += count * size))));
+  const header = new Uint8Array(32), table = new BigUint64Array(streams.flatMap((stream, k) => [BigInt(stream.length), BigInt(count * sizes[k])]));
+  header.set(plain.subarray(0, 16));
+  header[4] = 4;
+  header[14] = extensions.length > 0 ? 2 : 0;
+  header[15] = streams.length;
+  new DataView(header.buffer).setUint32(16, 32 + extensions.length, true);
+  return Uint8Array.from([...header, ...extensions, ...new Uint8Array(table.buffer), ...streams.flatMap((stream) => [...stream])]).buffer;
+}
+
 /** Of a rotation and standard deviations: xx, xy, xz, yy, yz, zz. */
 export function covariance(q: number[], size: number[]): number[] {
   const [w, x, y, z] = unit(q);

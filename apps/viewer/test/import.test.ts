@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+import { readFileSync } from 'node:fs';
 import { gzipSync } from 'node:zlib';
 import { describe, expect, it } from 'vitest';
 import { floatToHalf, halfToFloat } from '../src/format/half';
 import { importScene, isNgsplat } from '../src/format/import';
 import { ColorActivation, type Scene } from '../src/format/ngsplat';
-import { columnsOf, covariance, decoded, encodePly, encodeSplat, encodeSpz, sigmoid, someGaussians, spzStream, type Gaussian } from './encode_others';
+import { columnsOf, covariance, decoded, encodePly, encodeSplat, encodeSpz, encodeSpz4, sigmoid, someGaussians, spzStream, type Gaussian } from './encode_others';
 
 const bytesOf = (data: Uint8Array | number[] | string): ArrayBuffer => Uint8Array.from(typeof data === 'string' ? new TextEncoder().encode(data) : data).buffer;
 const Y0 = 0.28209479177387814;
@@ -214,6 +215,19 @@ describe('importScene of .spz', () => {
     }
   });
 
+  it('reads Gaussians of version 4', async () => {
+    for (const degree of [0, 1, 3]) {
+      const wanted = someGaussians(SOME, degree);
+      for (const extensions of [[], [1, 2, 3, 4, 5]]) expectGaussians((await importScene('a.spz', encodeSpz4(wanted, extensions))).scene, wanted, loss(3));
+    }
+  });
+
+  // splat-transform 2.7.1 wrote these from the .ply of the same Gaussians.
+  it.each([3, 4])('reads version %d of another program', async (version) => {
+    const file = readFileSync(new URL(`data/version${version}.spz`, import.meta.url));
+    expectGaussians((await importScene('a.spz', bytesOf(file))).scene, someGaussians(30, 2), { ...loss(3), rest: 8.5 / 128 }); // it keeps 4 bits
+  });
+
   it('reads rotations of which any number is the largest', async () => {
     const wanted = someGaussians(8, 0).map((g, n) => ({ ...g, rotation: [0.3, -0.2, 0.4, -0.1].map((x, k) => (k === n >> 1 ? 1 - 2 * (n & 1) : x)) }));
     for (const version of [2, 3]) expectGaussians((await importScene('a.spz', encodeSpz(wanted, { version }))).scene, wanted, loss(version));
@@ -227,6 +241,7 @@ describe('importScene of .spz', () => {
   });
 
   const some = someGaussians(3, 1);
+  const changed = (file: ArrayBuffer, at: number, byte: number) => Uint8Array.from(new Uint8Array(file), (old, i) => (i === (at + file.byteLength) % file.byteLength ? byte : old)).buffer;
   it.each([
     ['a stream that ends too early', encodeSpz(some).slice(0, -9), /gzip stream is truncated or damaged/],
     ['fewer Gaussians than declared', encodeSpz(some, { count: 4 }), /truncated: 4 Gaussians take \d+ bytes, but only \d+ follow/],
@@ -237,7 +252,15 @@ describe('importScene of .spz', () => {
     ['degree 5', encodeSpz(some, { degree: 5 }), /degree 5, expected at most 4/],
     ['no header', bytesOf([...gzipSync(spzStream(some).subarray(0, 15))]), /header is not complete/],
     ['no Gaussians', encodeSpz([]), /holds no Gaussians/],
-    ['version 4', bytesOf('NGSP\x04\0\0\0'), /version 4 or later; .*splat-transform --spz-version 3 in\.spz out\.spz/],
+    ['version 4 that ends too early', encodeSpz4(some).slice(0, -1), /truncated: stream 5/],
+    ['a damaged stream', changed(encodeSpz4(some), -30, 0xff), /zstd streams is damaged/],
+    ['another number of streams', changed(encodeSpz4(some), 15, 5), /5 streams, expected 6 for degree 1/],
+    ['a table inside of the header', changed(encodeSpz4(some), 16, 16), /table of streams begins at byte 16/],
+    ['a stream of another length', changed(encodeSpz4(some), 32 + 8, 1), /stream 0 has 1 bytes, but 3 Gaussians take 27/],
+    ['a count that is not true', changed(encodeSpz4(some), 11, 200), /stream 0 has 27 bytes/],
+    ['a newer version', bytesOf([...new TextEncoder().encode('NGSP'), 5, ...new Uint8Array(40)]), /version 5; the viewer reads versions 1 to 4/],
+    ['version 3 that is not compressed', bytesOf(spzStream(some)), /version 3, but not compressed/],
+    ['version 4 in gzip', encodeSpz(some, { version: 4 }), /version 4, but compressed with gzip/],
   ])('refuses %s', async (_, bytes, message) => expect(importScene('a.spz', bytes)).rejects.toThrow(message));
 });
 

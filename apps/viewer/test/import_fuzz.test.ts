@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Damaged and hostile .ply, .splat and .spz files: each becomes a scene that can be drawn, or is refused with a FormatError, in bounded
 // time and memory. The mutations depend on a seed alone, so that a failure names the one that did it.
+import { readFileSync } from 'node:fs';
 import { gunzipSync, gzipSync } from 'node:zlib';
 import { describe, expect, it } from 'vitest';
 import { FormatError } from '../src/format/cursor';
 import { halfToFloat } from '../src/format/half';
 import { importScene } from '../src/format/import';
 import type { Scene } from '../src/format/ngsplat';
-import { columnsOf, encodePly, encodeSplat, encodeSpz, someGaussians } from './encode_others';
+import { columnsOf, encodePly, encodeSplat, encodeSpz, encodeSpz4, someGaussians } from './encode_others';
 
 interface Seed {
   name: string;
@@ -17,6 +18,7 @@ interface Seed {
 }
 
 const seed = (name: string, buffer: ArrayBuffer, packed = false): Seed => ({ name, file: packed ? new Uint8Array(gunzipSync(new Uint8Array(buffer))) : new Uint8Array(buffer), packed });
+const bytesOfFile = (name: string): ArrayBuffer => Uint8Array.from(readFileSync(new URL(`data/${name}`, import.meta.url))).buffer;
 const POINTS = { x: [0, 1, 2], y: [0, 1, 0], z: [1, 1, 2], red: [0, 255, 51], green: [255, 0, 0], blue: [0, 0, 255] };
 const SEEDS: Seed[] = [
   seed('a.ply', encodePly(columnsOf(someGaussians(5, 3)))),
@@ -24,6 +26,8 @@ const SEEDS: Seed[] = [
   seed('a.ply', encodePly(POINTS, { types: { red: 'uchar', green: 'uchar', blue: 'uchar' } })),
   seed('a.splat', encodeSplat(someGaussians(6, 0))),
   seed('a.spz', encodeSpz(someGaussians(4, 2))),
+  seed('a.spz', encodeSpz4(someGaussians(4, 1))),
+  seed('a.spz', bytesOfFile('version4.spz')), // compressed blocks
   seed('a.spz', encodeSpz(someGaussians(4, 1)), true),
   seed('a.spz', encodeSpz(someGaussians(4, 3), { version: 2 }), true),
   seed('a.spz', encodeSpz(someGaussians(4, 0), { version: 1, flags: 3, behind: [1, 2, 3, 4] }), true),
@@ -45,7 +49,7 @@ function mutated({ name, file, packed }: Seed, next: () => number): { name: stri
   const join = (...parts: Uint8Array[]) => Uint8Array.from(parts.flatMap((part) => [...part]));
   for (let changes = 1 + Math.floor(next() * 3); changes > 0 && bytes.length > 0; --changes) {
     // Headers get more than their share.
-    const kind = Math.floor(next() * 8), at = Math.floor(next() < 0.5 ? next() * bytes.length : next() * Math.min(bytes.length, name === 'a.ply' ? 900 : 20));
+    const kind = Math.floor(next() * 8), at = Math.floor(next() < 0.5 ? next() * bytes.length : next() * Math.min(bytes.length, name === 'a.ply' ? 900 : 140));
     if (kind === 0) bytes = bytes.slice(0, at);
     else if (kind === 1) bytes[at] ^= 1 << Math.floor(next() * 8);
     else if (kind === 2) bytes[at] = Math.floor(next() * 256);
@@ -102,7 +106,7 @@ describe('importScene of damaged files', () => {
 
   it('reads or refuses each, and nothing else', { timeout: 60_000 }, async () => {
     const seen: Record<string, number> = {}, faults: string[] = [];
-    for (let k = 0; k < 8000; ++k) {
+    for (let k = 0; k < 10_000; ++k) {
       const which = k % SEEDS.length, { name, buffer } = mutated(SEEDS[which], random(k)), begin = performance.now();
       const found = await outcome(name, buffer);
       if (found === 'read' || found === 'refused') seen[`${which} ${found}`] = (seen[`${which} ${found}`] ?? 0) + 1;

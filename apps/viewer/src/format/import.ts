@@ -28,9 +28,7 @@ function convert(extension: string): FormatError {
 async function readSource(name: string, buffer: ArrayBuffer): Promise<GaussianSource> {
   const extension = extensionOf(name);
   if (begins(buffer, 'ply\n') || begins(buffer, 'ply\r')) return readPly(buffer);
-  if (begins(buffer, '\x1f\x8b')) return readSpz(buffer);
-  if (begins(buffer, 'NGSP'))
-    throw new FormatError('it is an .spz file of version 4 or later; this command makes one that the viewer reads: splat-transform --spz-version 3 in.spz out.spz');
+  if (begins(buffer, '\x1f\x8b') || begins(buffer, 'NGSP')) return readSpz(buffer, begins(buffer, '\x1f\x8b'));
   if (CONVERTED.includes(extension)) throw convert(extension);
   if (extension === 'splat') return readSplat(buffer);
   if (begins(buffer, 'PK\x03\x04')) throw convert('sog');
