@@ -5,7 +5,23 @@
 
 const int quads = GS_NEURONS / 4;
 
-// The spherical harmonics of degree l, 1 to 3, and the constant, in the order in which they enter; zeros behind.
+#if GS_BANDS >= 16
+// The associated Legendre polynomial P_l^m of z without its factor (1 - z^2)^(m/2), with the sign (-1)^m, times the factor that makes the
+// spherical harmonic's square integrate to 1.
+float normalized_legendre(int l, int m, float z) {
+    float before = 0.0, value = 1.0, square = float(2 * l + 1) / 12.566370614359172;
+    for (int k = 1; k <= m; ++k) value *= -float(2 * k - 1);
+    for (int k = m + 1; k <= l; ++k) {
+        float next = (float(2 * k - 1) * z * value - float(k + m - 1) * before) / float(k - m);
+        before = value;
+        value = next;
+    }
+    for (int k = l - m + 1; k <= l + m; ++k) square /= float(k);
+    return value * sqrt(m == 0 ? square : 2.0 * square);
+}
+#endif
+
+// The spherical harmonics of degree l, 1 to 6, and the constant, in the order in which they enter; zeros behind.
 void network_inputs(vec3 d, float p[GS_HALVES], out vec4 inputs[GS_INPUTS / 4]) {
     float flat_inputs[GS_INPUTS];
     int n = 0;
@@ -36,6 +52,19 @@ void network_inputs(vec3 d, float p[GS_HALVES], out vec4 inputs[GS_INPUTS / 4]) 
     flat_inputs[n++] = 0.4570457994644658 * x * (1.0 - 5.0 * z * z);
     flat_inputs[n++] = 1.445305721320277 * z * (x * x - y * y);
     flat_inputs[n++] = 0.5900435899266435 * x * (3.0 * y * y - x * x);
+#endif
+#if GS_BANDS >= 16
+    for (int l = 4; l <= 6; ++l) {
+        if ((GS_BANDS >> l & 1) == 0) continue;
+        vec2 power = vec2(1, 0); // (x + iy)^m
+        for (int m = 0; m <= l; ++m) {
+            float factor = normalized_legendre(l, m, z);
+            flat_inputs[n + l - m] = factor * power.y;
+            flat_inputs[n + l + m] = factor * power.x; // last, as of m = 0 this is the one that is not 0
+            power = vec2(x * power.x - y * power.y, x * power.y + y * power.x);
+        }
+        n += 2 * l + 1;
+    }
 #endif
     for (; n < GS_INPUTS; ++n) flat_inputs[n] = 0.0;
     for (int j = 0; j < GS_INPUTS / 4; ++j) inputs[j] = vec4(flat_inputs[4 * j], flat_inputs[4 * j + 1], flat_inputs[4 * j + 2], flat_inputs[4 * j + 3]);

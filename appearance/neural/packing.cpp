@@ -9,7 +9,8 @@
 namespace gs::appearance {
 namespace {
 
-constexpr int kMaxBand = 3, kMaxNeurons = 256;  // as in packing.json
+constexpr int kMaxBand = 3;       // of the 6 that packing.json allows
+constexpr int kMaxNeurons = 256;  // as in packing.json
 
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 

@@ -81,6 +81,32 @@ def lobe_file(angles):
     return trailer(header(1, cameras, model=3, features=1) + b"".join(padded(texel, 1) for texel in (geometry, payload[:16], payload[16:])))
 
 
+def spherical_harmonics(degree, d):
+    """From Rodrigues' formula: m from -degree to degree, with the sign (-1)^m."""
+    polynomial = {2 * k: math.comb(degree, k) * (-1) ** (degree - k) / (2 ** degree * math.factorial(degree)) for k in range(degree + 1)}
+    for _ in range(degree):
+        polynomial = {power - 1: power * factor for power, factor in polynomial.items() if power > 0}
+    values, angle = [0] * (2 * degree + 1), math.atan2(d[1], d[0])
+    for m in range(degree + 1):
+        legendre = (-1) ** m * (1 - d[2] ** 2) ** (m / 2) * sum(factor * d[2] ** power for power, factor in polynomial.items())
+        scale = math.sqrt((2 * degree + 1) / (4 * math.pi) * math.factorial(degree - m) / math.factorial(degree + m) * (2 if m else 1))
+        values[degree - m], values[degree + m] = scale * legendre * math.sin(m * angle), scale * legendre * math.cos(m * angle)
+        polynomial = {power - 1: power * factor for power, factor in polynomial.items() if power > 0}
+    return values
+
+
+def network_file(bands, mixes, cameras):
+    """One grey Gaussian whose network adds, to each channel, a mix of spherical harmonics: neurons have its positive and its negative part."""
+    inputs, neurons = (len(mixes[0]) + 3) // 4 * 4, 8
+    first = [[(-1 if o % 2 else 1) * mixes[o // 2][i] if o < 6 and i < len(mixes[0]) else 0 for i in range(inputs)] for o in range(neurons)]
+    last = [[(-1 if o % 2 else 1) * (o // 2 == c) for o in range(neurons)] for c in range(3)]
+    texels = [w[4 * j + k] for w_layer in (first, last) for j in range(len(w_layer[0]) // 4) for w in w_layer for k in range(4)]
+    data = b"NGSPLAT\n" + struct.pack("<11I", 1, 2048, 1, 0, 0, bands, 0, 0, neurons, 1, 4) + struct.pack("<2f7f", 1 / 255, 0, 0, 0, 0, 0, -1, 0, 4)
+    data += struct.pack("<I", len(cameras)) + b"".join(camera(c) for c in cameras) + struct.pack(f"<I{len(texels)}e", len(texels) // 4, *texels)
+    geometry = struct.pack("<4B3e2B4B", 128, 128, 128, 255, 0, 0, 0, 128, 128, 146, 146, 146, 0)
+    return trailer(data + padded(geometry, 1) + padded(bytes(16), 1))
+
+
 def drop(browser, name, data):
     """Drops a file on the page."""
     browser.evaluate(f"""(() => {{
@@ -139,6 +165,23 @@ def check_lobe_axis(browser):
     wait_for(browser, "document.getElementById('name').textContent === 'lobe.ngsplat'", "a lobe is shown")
     seen = [pixel(browser, "residual", view)[0] for view in range(len(degrees))]
     check(all(abs(v - 255 * PEAK) <= 2 for v in seen), f"near the axis of a lobe its density is near its limit {255 * PEAK:.0f}: {seen}")
+
+
+def check_direction_degrees(browser):
+    """Networks of the paper may take spherical harmonics up to degree 6, which gsapp's own do not."""
+    rng = random.Random(3)
+    cameras = [[4 * x for x in unit([rng.gauss(0, 1) for _ in range(3)])] for _ in range(8)]
+    for degrees in ((1, 2, 3, 4, 5, 6), (1, 4, 6), (5,)):
+        count = sum(2 * degree + 1 for degree in degrees)
+        mixes = [[rng.gauss(0, 0.5 / math.sqrt(count)) for _ in range(count)] for _ in range(3)]
+        name = f"degrees {degrees}.ngsplat"
+        drop(browser, name, network_file(sum(1 << degree for degree in degrees), mixes, cameras))
+        wait_for(browser, f"document.getElementById('name').textContent === {json.dumps(name)}", f"a network of degrees {degrees} is shown")
+        for view, position in enumerate(cameras):
+            inputs = [y for degree in degrees for y in spherical_harmonics(degree, unit([-x for x in position]))]
+            wanted = [min(max(128 + 255 * sum(a * y for a, y in zip(mix, inputs)), 0), 255) for mix in mixes]
+            seen = pixel(browser, "full", view)
+            check(all(abs(a - b) <= 2 for a, b in zip(seen, wanted)), f"degrees {degrees}, view {view}: {seen}, not {[round(x) for x in wanted]}")
 
 
 def check_loading(browser, site):
@@ -262,6 +305,7 @@ def main():
             check_bad_files(browser, good)
             check_special_files(browser)
             check_lobe_axis(browser)
+            check_direction_degrees(browser)
             check_controls(browser, site.url)
             check_benchmark(browser)
             check_appearance(browser)

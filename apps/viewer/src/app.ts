@@ -6,7 +6,8 @@ import { Navigator, type MovementName } from './camera/navigator';
 import type { View } from './camera/view';
 import { FormatError } from './format/cursor';
 import { readAll, type Source } from './format/load';
-import { parseScene, type Scene } from './format/ngsplat';
+import type { Scene } from './format/ngsplat';
+import { readScene } from './format/read_scene';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
 import { sceneCenters, SortClient } from './sort/sort_client';
@@ -90,9 +91,11 @@ export class App {
         showLoading(name, bytes, size);
       });
       signal.throwIfAborted();
-      const scene = parseScene(buffer);
+      const { byteLength } = buffer, { scene, remarks } = await readScene(name, buffer, signal); // takes the bytes
+      signal.throwIfAborted();
       hideNotice(); // before drawing, which may have something to say
-      this.show(name, scene, buffer.byteLength);
+      if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
+      this.show(name, scene, byteLength);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
       this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
@@ -206,6 +209,14 @@ export class App {
       const view = scene.testCameras[index];
       await this.sort(view);
       return { width: view.width, height: view.height, pixels: this.renderer.renderPixels(view, this.picture(mode, index), precision) };
+    });
+  }
+
+  /** The same from any pose: world from camera as in a test view, with its size and intrinsics. */
+  viewPixels(view: View, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
+    return this.reserve(async () => {
+      await this.sort(view);
+      return { width: view.width, height: view.height, pixels: this.renderer.renderPixels(view, this.picture(mode, undefined), precision) };
     });
   }
 

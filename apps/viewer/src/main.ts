@@ -8,7 +8,7 @@ import { showError, showWelcome } from './ui/notice';
 /** What tests of the page use, as `window.gsapp`; it is there once the first model is shown or could not be. */
 declare global {
   interface Window {
-    gsapp?: Pick<App, 'testViewPixels' | 'benchmark'>;
+    gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'benchmark'>;
   }
 }
 

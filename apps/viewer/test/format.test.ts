@@ -64,6 +64,7 @@ describe('parseScene', () => {
     ['nasg, 1 lobe', { model: 3, featureDim: 1, payload: texels(4, 2) }, [[4, 2]]],
     ['nasgabor, 2 lobes', { model: 4, featureDim: 2, payload: texels(4, 4) }, [[4, 4]]],
     ['neural, folded', { model: 0, featureDim: 16, bandMask: 0b1110, neurons: 16, hiddenLayers: 2, flags: 4, weights: new Uint16Array(4 * 140), payload: texels(4, 2) }, [[4, 2]]],
+    ['neural of degrees 1, 4 and 6', { model: 0, featureDim: 16, bandMask: 0b1010010, neurons: 16, hiddenLayers: 1, flags: 4, weights: new Uint16Array(16 * (28 + 3)), payload: texels(4, 2) }, [[4, 2]]],
     // 16 features, the constant and 15 of the direction, all to 32 neurons, 32, 3.
     ['neural, whole', { model: 0, featureDim: 16, bandMask: 0b1110, neurons: 32, hiddenLayers: 2, weights: new Uint16Array(2144), payload: texels(4, 2) }, [[4, 2]]],
   ])('knows where the textures of %s lie', (_, fields, shape) => {
@@ -118,6 +119,7 @@ describe('parseScene', () => {
     ['an unknown activation', changed(32, 9), /colour activation 9/],
     ['bands with a gap', encode({ bandMask: 0b1010 }), /shBandMask is 10, expected bands 1 to at most 3/],
     ['bands beyond the third', encode({ bandMask: 0b11110 }), /shBandMask is 30, expected/],
+    ['directions beyond the sixth degree', encode({ model: 0, bandMask: 0b10000000, neurons: 16, hiddenLayers: 1, flags: 4 }), /shBandMask is 128, expected bands 1 to 6/],
     ['a model of a newer version', encode({ model: 7 }), /number 7 is unknown/],
     ['flags of a newer version', changed(48, 8 | 1 << 10), /newer/],
     ['as many residuals as Gaussians', encode({ numResiduals: 3, model: 3, featureDim: 1, payload: texels(4, 2) }), /3 of 3 Gaussians have a residual/],

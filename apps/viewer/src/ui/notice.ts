@@ -30,7 +30,7 @@ export function showError(heading: string, message: string, dismissable: boolean
 }
 
 export function showWelcome(): void {
-  show('No model yet', 'Drop an .ngsplat file here, or open one. gsapp export --format web writes it.', { actions: true });
+  show('No model yet', 'Drop an .ngsplat, .ply, .splat or .spz file here, or open one. gsapp export --format web writes the first.', { actions: true });
 }
 
 export function hideNotice(): void {
