@@ -5,11 +5,12 @@ import { runBenchmark, type BenchmarkResult } from './benchmark';
 import { Navigator, type MovementName } from './camera/navigator';
 import type { View } from './camera/view';
 import { FormatError } from './format/cursor';
-import { readAll, type Source } from './format/load';
-import { parseScene, type Scene } from './format/ngsplat';
+import { inSteps, readParts, type Source } from './format/load';
+import type { Scene } from './format/ngsplat';
+import { SceneCollector, SceneReader, texelsOf, type Plane } from './format/reader';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
-import { sceneCenters, SortClient } from './sort/sort_client';
+import { SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
 import { element } from './ui/elements';
 import { Meter } from './ui/meter';
@@ -19,15 +20,20 @@ import { Panel, sceneInfo } from './ui/panel';
 /** More pixels than this per CSS pixel are not seen, but paid for. */
 const MOST_DEVICE_PIXELS = 2;
 
+/** Milliseconds between two pictures of a model that is on its way. */
+const REFRESH = 200;
+
 interface Loaded {
   name: string;
+  /** Nothing of it is still on its way. */
+  isComplete: boolean;
   scene: Scene;
   navigator: Navigator;
   sorter?: SortClient;
 }
 
 /** Equal where the order is. */
-const poseKey = (view: View): string => JSON.stringify([view.position, view.forward]);
+const poseKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: View): string => JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height]);
 
 export class App {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
@@ -43,6 +49,7 @@ export class App {
   private sortedFor = '';
   private scheduled = false;
   private isReserved = false;
+  private refreshing: ReturnType<typeof setTimeout> | undefined;
 
   constructor() {
     this.panel = new Panel({
@@ -72,27 +79,40 @@ export class App {
     showError(title, message, this.loaded !== undefined);
   }
 
-  /** Reads and shows a file. What fails is said on the page; what was there before stays where the file could not be read. */
+  /**
+   * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
+   * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
+   */
   async open(source: Source | ((signal: AbortSignal) => Promise<Source>)): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
+    this.dropPart();
     let name = 'the model';
     try {
-      const { name: found, size, stream } = typeof source === 'function' ? await source(signal) : source;
-      name = found;
+      const found = typeof source === 'function' ? await source(signal) : source, { size } = found;
+      name = found.name;
+      const collector = this.loaded && new SceneCollector();
+      const reader = new SceneReader(collector ?? { begin: (scene) => this.begin(name, scene), rows: (...part) => this.addRows(...part) }, size);
       showLoading(name, 0, size);
-      const buffer = await readAll({ name, size, stream }, (bytes) => {
+      await readParts(found, (part) => {
         signal.throwIfAborted();
-        showLoading(name, bytes, size);
+        reader.push(part);
+        showLoading(name, reader.bytes, reader.end ?? size, this.loaded?.isComplete === false);
       });
       signal.throwIfAborted();
-      const scene = parseScene(buffer);
-      hideNotice(); // before drawing, which may have something to say
-      this.show(name, scene, buffer.byteLength);
+      const scene = reader.finish();
+      if (collector) await this.show(name, scene, signal);
+      this.complete(reader.bytes);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
+      this.dropPart();
       this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
     }
+  }
+
+  /** Unloads a model that never became complete. */
+  private dropPart(): void {
+    if (this.loaded && !this.loaded.isComplete) this.unload();
   }
 
   private unload(): void {
@@ -103,10 +123,19 @@ export class App {
     document.body.classList.remove('loaded');
   }
 
-  private show(name: string, scene: Scene, bytes: number): void {
+  /** Shows a scene that has its texels, and takes them out of it. */
+  private async show(name: string, scene: Scene, signal: AbortSignal): Promise<void> {
     this.unload(); // first, so that both need not fit into memory
-    const centers = sceneCenters(scene);
-    this.renderer.setScene(scene);
+    this.begin(name, scene);
+    await inSteps(texelsOf(scene), (part) => {
+      signal.throwIfAborted();
+      this.addRows(...part);
+    });
+  }
+
+  /** Shows a scene whose texels follow. */
+  private begin(name: string, scene: Scene): void {
+    this.renderer.beginScene(scene);
     document.body.classList.add('loaded');
     const navigator = new Navigator(scene, this.canvas, () => this.redraw());
     navigator.setMovement(this.movement);
@@ -114,12 +143,34 @@ export class App {
       this.redraw();
       return this.renderer.setOrder(order, count);
     };
-    const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
-    this.loaded = { name, scene, navigator, sorter };
+    const sorter = scene.count ? new SortClient(scene.count, apply, (message) => this.fail('Sorting failed', message)) : undefined;
+    this.loaded = { name, isComplete: false, scene, navigator, sorter };
+    this.sortedFor = '';
+    this.panel.setScene(name, scene);
+    this.panel.setInfo([]);
+    this.benchmarkPanel.clear();
+  }
+
+  private addRows(plane: Plane, row: number, texels: Uint32Array): void {
+    this.renderer.addRows(plane, row, texels);
+    if (plane.block >= 0) return;
+    this.loaded!.sorter?.add(texels);
+    this.refreshing ??= setTimeout(() => {
+      this.refreshing = undefined;
+      this.sortedFor = '';
+      this.redraw();
+    }, REFRESH);
+  }
+
+  /** The scene has all its texels, and what the end of its file says. */
+  private complete(bytes: number): void {
+    const { name, scene } = this.loaded!;
+    this.loaded!.isComplete = true;
+    this.renderer.completeScene();
     this.sortedFor = '';
     this.panel.setScene(scene.name ?? name, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
-    this.benchmarkPanel.clear();
+    hideNotice(); // before drawing, which may have something to say
     this.draw();
   }
 
@@ -141,7 +192,7 @@ export class App {
 
   private sort(view: View): Promise<void> {
     this.sortedFor = poseKey(view);
-    return this.loaded!.sorter?.sort({ position: view.position, forward: view.forward }) ?? Promise.resolve();
+    return this.loaded!.sorter?.sort(view) ?? Promise.resolve();
   }
 
   private draw(): void {
@@ -181,6 +232,7 @@ export class App {
   }
 
   benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
+    if (this.loaded?.isComplete === false) return Promise.reject(new Error('the model is still on its way'));
     return this.reserve(({ name, scene }) =>
       runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loading.signal));
   }

@@ -8,6 +8,8 @@ import { showError, showWelcome } from './ui/notice';
 declare global {
   interface Window {
     gsapp?: Pick<App, 'testViewPixels' | 'benchmark'>;
+    /** The same from the beginning, while the first model is on its way. */
+    gsappLoading?: Window['gsapp'];
   }
 }
 
@@ -20,7 +22,7 @@ async function openFirst(app: App): Promise<void> {
 }
 
 try {
-  const app = new App();
+  const app = (window.gsappLoading = new App());
   onFile((source) => void app.open(source));
   await openFirst(app);
   window.gsapp = app;

@@ -3,8 +3,8 @@ import { describe, expect, it } from 'vitest';
 import { crc32 } from '../src/format/crc32';
 import { evaluate } from '../src/format/expression';
 import { halfToFloat } from '../src/format/half';
-import { parseScene } from '../src/format/ngsplat';
-import { sceneCenters } from '../src/sort/sort_client';
+import { parseScene } from '../src/format/reader';
+import { centersOf } from '../src/sort/sort';
 import { CAMERA, crc, encode, TRAILER } from './encode';
 
 const texels = (words: number, layers: number) => new Uint32Array(2048 * words * layers).map((_, i) => i);
@@ -45,7 +45,7 @@ describe('parseScene', () => {
     expect(scene.payload).toEqual([]);
     expect(scene.background).toEqual([1, 0.5, 0]);
     expect(scene.testCameras[0]).toMatchObject({ right: [1, 0, 0], forward: [0, 0, 1], position: [0, 0, -3], fx: 100, cx: 32, width: 64 });
-    expect([...sceneCenters(scene).subarray(0, 3)]).toEqual([1, -2.5, 0]);
+    expect([...centersOf(scene.geometry).subarray(0, 3)]).toEqual([1, -2.5, 0]);
   });
 
   it('reads what gsapp says about the model', () => {
