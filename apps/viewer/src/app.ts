@@ -192,7 +192,7 @@ export class App {
 
   private sort(view: View): Promise<void> {
     this.sortedFor = poseKey(view);
-    return this.loaded!.sorter?.sort(view) ?? Promise.resolve();
+    return this.loaded!.sorter?.sort(view, this.renderer.growth) ?? Promise.resolve();
   }
 
   private draw(): void {
