@@ -57,6 +57,7 @@ void export_web(const ExportRequest& request, const std::string& source) {
     require_finite(all);
     Gaussians model = visible_gaussians(all);
     if (request.compatible) complete_residuals(model);
+    order_by_importance(model);
     PackedScene scene = pack_gaussians(model);
     add_cameras(scene, model, run.scene.test);
     if (all.ppisp.active()) scene.ppisp = packed_correction(run);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
@@ -67,6 +68,26 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     return geometry;
 }
 
+/// Returns opacity times mean width. Times the area, pictures of the first Gaussians were worse (docs/results.md).
+double importance(const Gaussians& g, std::int64_t i) {
+    const float* scale = g[Group::kScale].param.data() + 3 * i;
+    const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
+    return sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) *
+           std::sqrt(mean_area({size(scale[0]), size(scale[1]), size(scale[2])}));
+}
+
+/// Brings the rows [begin, end) into eighths.
+void order_part(const Gaussians& g, std::vector<std::int64_t>& order, std::int64_t begin, std::int64_t end) {
+    constexpr std::int64_t kClasses = 8;
+    std::vector<double> values(std::size_t(g.count));
+    for (std::int64_t i = begin; i < end; ++i) values[std::size_t(i)] = importance(g, i);
+    const auto first = order.begin();
+    std::stable_sort(first + begin, first + end,
+                     [&](std::int64_t a, std::int64_t b) { return values[std::size_t(a)] > values[std::size_t(b)]; });
+    for (std::int64_t k = 0; k < kClasses; ++k)
+        std::sort(first + begin + (end - begin) * k / kClasses, first + begin + (end - begin) * (k + 1) / kClasses);
+}
+
 PackedCamera packed_camera(const Camera& camera) {
     PackedCamera out{};
     const Eigen::Matrix3d axes = camera.rotation.transpose();
@@ -117,6 +138,25 @@ Gaussians visible_gaussians(const Gaussians& g) {
         }
     }
     return out;
+}
+
+void order_by_importance(Gaussians& g) {
+    std::vector<std::int64_t> order(std::size_t(g.count));
+    std::iota(order.begin(), order.end(), 0);
+    const std::int64_t with_residual = g.is_mixed() ? g.num_residuals() : 0;
+    order_part(g, order, 0, with_residual);
+    order_part(g, order, with_residual, g.count);
+    for (int k = 0; k < kNumGroups; ++k) {
+        GroupArrays<float>& group = g.groups[k];
+        std::vector<float> param;
+        param.reserve(group.param.size());
+        for (std::int64_t row = 0; group.width > 0 && row < g.num_rows(Group(k)); ++row) {
+            const auto from = group.param.begin() + order[std::size_t(row)] * group.width;
+            param.insert(param.end(), from, from + group.width);
+        }
+        group.m.clear(), group.v.clear();
+        group.param = std::move(param);
+    }
 }
 
 void complete_residuals(Gaussians& g) {

@@ -233,6 +233,72 @@ TEST(PackScene, WhatIsNeverSeenIsLeftOut) {
     EXPECT_EQ(pack_gaussians(visible_gaussians(g)).count(), 0);
 }
 
+/// Returns what orders a Gaussian, written without the approximation of its area: that of balls is exact.
+double weight_of_ball(const Gaussians& g, std::int64_t i) {
+    return sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) *
+           std::exp(double(g[Group::kScale].param[std::size_t(3 * i)]));
+}
+
+TEST(PackScene, ImportantGaussiansComeFirstAndEighthsKeepTheirOrder) {
+    for (const ModelInfo* model : appearance_models()) {
+        for (const std::int64_t mixed : {std::int64_t(0), std::int64_t(40)}) {
+            SCOPED_TRACE(model->name + " with " + std::to_string(mixed));
+            Gaussians g = random_gaussians(200, {model->name, model->default_max_degree, ColorActivation::kRelu});
+            GroupArrays<float>& residuals = g[Group::kResidual];
+            if (mixed > 0 && residuals.width == 0) continue;
+            if (mixed > 0) residuals.param.resize(std::size_t(mixed * residuals.width));
+            for (std::int64_t i = 0; i < g.count; ++i) {
+                const float size = float((i * 37) % 101) / 20 - 5;
+                std::fill_n(g[Group::kScale].param.begin() + 3 * i, 3, size);
+                g[Group::kMean].param[std::size_t(3 * i)] = float(i);  // says which row it was
+            }
+            Gaussians ordered = g;
+            order_by_importance(ordered);
+            ASSERT_EQ(ordered.count, 200);
+            ASSERT_EQ(ordered.num_residuals(), g.num_residuals());
+            std::vector<bool> seen(200);
+            for (const auto& [begin, end] : {std::pair{std::int64_t(0), mixed}, std::pair{mixed, std::int64_t(200)}}) {
+                double least = INFINITY;
+                for (std::int64_t k = 0; k < 8; ++k) {
+                    double next = INFINITY;
+                    std::int64_t before = -1;
+                    const std::int64_t first = begin + (end - begin) * k / 8,
+                                       last = begin + (end - begin) * (k + 1) / 8;
+                    for (std::int64_t row = first; row < last; ++row) {
+                        const auto was = std::int64_t(ordered[Group::kMean].param[std::size_t(3 * row)]);
+                        EXPECT_TRUE(was >= begin && was < end);
+                        EXPECT_GT(was, before) << "rows of an eighth keep their order";
+                        EXPECT_LE(weight_of_ball(g, was), least * (1 + 1e-9));
+                        before = was, seen[std::size_t(was)] = true, next = std::min(next, weight_of_ball(g, was));
+                        for (int group = 0; group < kNumGroups; ++group) {
+                            const auto &a = g.groups[group], &b = ordered.groups[group];
+                            if (row >= g.num_rows(Group(group))) continue;
+                            EXPECT_TRUE(std::equal(a.param.begin() + was * a.width,
+                                                   a.param.begin() + (was + 1) * a.width,
+                                                   b.param.begin() + row * b.width));
+                        }
+                    }
+                    if (last > first) least = next;
+                }
+            }
+            EXPECT_EQ(std::count(seen.begin(), seen.end(), true), 200);
+            EXPECT_EQ(ordered.shared.param, g.shared.param);
+        }
+    }
+}
+
+TEST(PackScene, EquallyImportantGaussiansKeepTheirOrder) {
+    Gaussians g = random_gaussians(20, {"sh", 1, ColorActivation::kRelu});
+    std::fill(g[Group::kScale].param.begin(), g[Group::kScale].param.end(), -2.0f);
+    std::fill(g[Group::kOpacity].param.begin(), g[Group::kOpacity].param.end(), 1.0f);
+    const std::vector<float> means = g[Group::kMean].param;
+    order_by_importance(g);
+    EXPECT_EQ(g[Group::kMean].param, means);
+    Gaussians none = random_gaussians(0, {"sh", 1, ColorActivation::kRelu});
+    order_by_importance(none);
+    EXPECT_EQ(none.count, 0);
+}
+
 TEST(PackScene, ValuesThatAreNotFiniteFailTheExport) {
     const Gaussians good = random_gaussians(3, {"neural", 3, ColorActivation::kRelu});
     require_finite(good);

@@ -5,6 +5,7 @@ import functools
 import http.server
 import threading
 import time
+import zlib
 
 from browser import check
 
@@ -31,14 +32,24 @@ class Handler(http.server.SimpleHTTPRequestHandler):
     def do_GET(self):
         if self.path != "/slow.ngsplat":
             return super().do_GET()
-        # The first half at once, the rest when the test says so.
+        # Up to the first of these shares at once, the rest when the test says so.
         data = self.server.slow_file.read_bytes()
+        packer = zlib.compressobj(wbits=31)
         self.send_response(200)
-        self.send_header("Content-Length", str(len(data)))
+        if self.server.is_packed:
+            self.send_header("Content-Encoding", "gzip")
+        else:
+            self.send_header("Content-Length", str(len(data)))
         self.end_headers()
-        self.wfile.write(data[:len(data) // 2])
-        self.server.go_on.wait(30)
-        self.wfile.write(data[len(data) // 2:])
+        begin = 0
+        for share in (*self.server.slow_shares, 1):
+            part, begin = data[begin:int(share * len(data))], int(share * len(data))
+            self.wfile.write(packer.compress(part) + packer.flush(zlib.Z_SYNC_FLUSH) if self.server.is_packed else part)
+            if share < 1:
+                self.server.go_on.wait(30)
+                self.server.go_on.clear()
+        if self.server.is_packed:
+            self.wfile.write(packer.flush())
 
 
 class Site:
@@ -47,6 +58,7 @@ class Site:
     def __init__(self, folder):
         self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Handler, directory=folder))
         self.server.slow_file, self.server.go_on = folder / "scene.ngsplat", threading.Event()
+        self.server.slow_shares, self.server.is_packed = (0.5,), False
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
         self.url = f"http://127.0.0.1:{self.server.server_port}/"
 

@@ -5,12 +5,14 @@ import { runBenchmark, type BenchmarkResult } from './benchmark';
 import { Navigator, type MovementName } from './camera/navigator';
 import type { View } from './camera/view';
 import { FormatError } from './format/cursor';
-import { readAll, type Source } from './format/load';
+import { inSteps, peekHead, readAll, readParts, type Source } from './format/load';
+import { isNgsplat } from './format/import';
 import type { Scene } from './format/ngsplat';
-import { readScene } from './format/read_scene';
+import { SceneCollector, SceneReader, texelsOf, type Plane } from './format/reader';
+import { convertScene } from './format/convert_scene';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
-import { sceneCenters, SortClient } from './sort/sort_client';
+import { SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
 import { element } from './ui/elements';
 import { Meter } from './ui/meter';
@@ -20,15 +22,20 @@ import { Panel, sceneInfo } from './ui/panel';
 /** More pixels than this per CSS pixel are not seen, but paid for. */
 const MOST_DEVICE_PIXELS = 2;
 
+/** Milliseconds between two pictures of a model that is on its way. */
+const REFRESH = 200;
+
 interface Loaded {
   name: string;
+  /** Nothing of it is still on its way. */
+  isComplete: boolean;
   scene: Scene;
   navigator: Navigator;
   sorter?: SortClient;
 }
 
 /** Equal where the order is. */
-const poseKey = (view: View): string => JSON.stringify([view.position, view.forward]);
+const poseKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: View): string => JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height]);
 
 export class App {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
@@ -48,6 +55,7 @@ export class App {
   private awaitsOrder = false;
   /** Called after every frame. */
   afterDraw: () => void = () => undefined;
+  private refreshing: ReturnType<typeof setTimeout> | undefined;
 
   constructor() {
     this.panel = new Panel({
@@ -77,38 +85,66 @@ export class App {
     showError(title, message, this.loaded !== undefined);
   }
 
-  /** Reads and shows a file. What fails is said on the page; what was there before stays where the file could not be read. */
+  /**
+   * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
+   * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
+   */
   async open(source: Source | ((signal: AbortSignal) => Promise<Source>)): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
+    this.dropPart();
     let name = 'the model';
     try {
-      const { name: found, size, stream } = typeof source === 'function' ? await source(signal) : source;
-      name = found;
-      showLoading(name, 0, size);
-      const buffer = await readAll({ name, size, stream }, (bytes) => {
-        signal.throwIfAborted();
-        showLoading(name, bytes, size);
-      });
+      const found = typeof source === 'function' ? await source(signal) : source;
+      name = found.name;
+      showLoading(name, 0, found.size);
+      const { head, source: whole } = await peekHead(found);
       signal.throwIfAborted();
-      const { byteLength } = buffer, { scene, remarks } = await readScene(name, buffer, signal); // takes the bytes
-      signal.throwIfAborted();
-      hideNotice(); // before drawing, which may have something to say
-      if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
-      this.show(name, scene, byteLength);
+      if (isNgsplat(name, head)) await this.openPacked(whole, signal);
+      else await this.openOther(whole, signal);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
+      this.dropPart();
       this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
     }
+  }
+
+  private async openPacked(source: Source, signal: AbortSignal): Promise<void> {
+    const { name, size } = source, collector = this.loaded && new SceneCollector();
+    const reader = new SceneReader(collector ?? { begin: (scene) => this.begin(name, scene), rows: (...part) => this.addRows(...part) }, size);
+    await readParts(source, (part) => {
+      signal.throwIfAborted();
+      reader.push(part);
+      showLoading(name, reader.bytes, reader.end ?? size, this.loaded?.isComplete === false);
+    });
+    signal.throwIfAborted();
+    const scene = reader.finish();
+    if (collector) await this.show(name, scene, signal);
+    this.complete(reader.bytes);
+  }
+
+  /** A file of another program, which is converted as a whole. */
+  private async openOther(source: Source, signal: AbortSignal): Promise<void> {
+    const { name, size } = source;
+    const buffer = await readAll(source, (bytes) => {
+      signal.throwIfAborted();
+      showLoading(name, bytes, size);
+    });
+    const { byteLength } = buffer, { scene, remarks } = await convertScene(name, buffer, signal); // takes the bytes
+    signal.throwIfAborted();
+    await this.show(name, scene, signal);
+    this.complete(byteLength);
+    if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
   }
 
   /** Shows a newer state of the same model; camera and settings stay. Returns whether it could. */
   async refresh(source: Source): Promise<boolean> {
     try {
-      const buffer = await readAll(source, () => undefined);
-      const scene = parseScene(buffer);
-      if (!this.loaded) hideNotice();
-      this.show(source.name, scene, buffer.byteLength, this.loaded?.navigator);
+      const reader = new SceneReader(new SceneCollector(), source.size);
+      await readParts(source, (part) => reader.push(part));
+      const scene = reader.finish(), keep = this.loaded?.navigator;
+      await this.show(source.name, scene, new AbortController().signal, keep);
+      this.complete(reader.bytes);
       return true;
     } catch (error) {
       if (!this.loaded) this.fail(`${source.name} cannot be shown`, (error as Error).message);
@@ -121,6 +157,11 @@ export class App {
     return this.loaded?.navigator.pinned;
   }
 
+  /** Unloads a model that never became complete. */
+  private dropPart(): void {
+    if (this.loaded && !this.loaded.isComplete) this.unload();
+  }
+
   private unload(keep?: Navigator): void {
     if (!keep) this.loaded?.navigator.dispose();
     this.loaded?.sorter?.dispose();
@@ -129,27 +170,57 @@ export class App {
     if (!keep) document.body.classList.remove('loaded');
   }
 
-  /** With `keep`, the camera stays as it is. */
-  private show(name: string, scene: Scene, bytes: number, keep?: Navigator): void {
+  /** Shows a scene that has its texels, and takes them out of it. With `keep`, the camera stays as it is. */
+  private async show(name: string, scene: Scene, signal: AbortSignal, keep?: Navigator): Promise<void> {
     this.unload(keep); // first, so that both need not fit into memory
-    const centers = sceneCenters(scene);
-    this.renderer.setScene(scene);
+    this.begin(name, scene, keep);
+    await inSteps(texelsOf(scene), (part) => {
+      signal.throwIfAborted();
+      this.addRows(...part);
+    });
+  }
+
+  /** Shows a scene whose texels follow. */
+  private begin(name: string, scene: Scene, keep?: Navigator): void {
+    this.renderer.beginScene(scene);
     document.body.classList.add('loaded');
     const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
     if (keep) keep.setScene(scene);
     else navigator.setMovement(this.movement);
     this.awaitsOrder = keep !== undefined && scene.count > 0;
     const apply = (order: Uint32Array, count: number) => {
-      this.awaitsOrder = false;
+      if (this.loaded?.isComplete) this.awaitsOrder = false;
       this.redraw();
       return this.renderer.setOrder(order, count);
     };
-    const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
-    this.loaded = { name, scene, navigator, sorter };
+    const sorter = scene.count ? new SortClient(scene.count, apply, (message) => this.fail('Sorting failed', message)) : undefined;
+    this.loaded = { name, isComplete: false, scene, navigator, sorter };
     this.sortedFor = '';
-    if (this.panel.numViews !== scene.testCameras.length || !keep) this.panel.setScene(scene.name ?? name, scene);
-    this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
+    if (this.panel.numViews !== scene.testCameras.length || !keep) this.panel.setScene(name, scene);
+    if (!keep) this.panel.setInfo([]);
     this.benchmarkPanel.clear();
+  }
+
+  private addRows(plane: Plane, row: number, texels: Uint32Array): void {
+    this.renderer.addRows(plane, row, texels);
+    if (plane.block >= 0) return;
+    this.loaded!.sorter?.add(texels);
+    this.refreshing ??= setTimeout(() => {
+      this.refreshing = undefined;
+      this.sortedFor = '';
+      this.redraw();
+    }, REFRESH);
+  }
+
+  /** The scene has all its texels, and what the end of its file says. */
+  private complete(bytes: number): void {
+    const { name, scene } = this.loaded!;
+    this.loaded!.isComplete = true;
+    this.renderer.completeScene();
+    this.sortedFor = '';
+    this.panel.setName(scene.name ?? name);
+    this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
+    hideNotice(); // before drawing, which may have something to say
     this.draw();
   }
 
@@ -171,7 +242,7 @@ export class App {
 
   private sort(view: View): Promise<void> {
     this.sortedFor = poseKey(view);
-    return this.loaded!.sorter?.sort({ position: view.position, forward: view.forward }) ?? Promise.resolve();
+    return this.loaded!.sorter?.sort(view, this.renderer.growth) ?? Promise.resolve();
   }
 
   private draw(): void {
@@ -221,6 +292,7 @@ export class App {
   }
 
   benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
+    if (this.loaded?.isComplete === false) return Promise.reject(new Error('the model is still on its way'));
     return this.reserve(({ name, scene }) =>
       runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loading.signal));
   }

@@ -9,6 +9,8 @@ import { showError, showWelcome } from './ui/notice';
 declare global {
   interface Window {
     gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'benchmark'>;
+    /** The same from the beginning, while the first model is on its way. */
+    gsappLoading?: Window['gsapp'];
   }
 }
 
@@ -22,7 +24,7 @@ async function openFirst(app: App): Promise<void> {
 }
 
 try {
-  const app = new App();
+  const app = (window.gsappLoading = new App());
   onFile((source) => void app.open(source));
   await openFirst(app);
   window.gsapp = app;

@@ -4,7 +4,7 @@ import { describe, expect, it } from 'vitest';
 import { summarize } from '../src/benchmark';
 import { cameraPose, defaultView } from '../src/camera/navigator';
 import { camFromWorld, cropView, fitView, type View } from '../src/camera/view';
-import { parseScene } from '../src/format/ngsplat';
+import { parseScene } from '../src/format/reader';
 import { dot, type Vector } from '../src/format/vector';
 import { colorMix, gain } from '../src/render/photometric';
 import { encode } from './encode';

@@ -83,3 +83,10 @@ export function crc(bytes: Uint8Array): number {
   }
   return ~c >>> 0;
 }
+
+/** The bits of the nearest half-precision number; 0 below the normal ones. */
+export function toHalf(value: number): number {
+  const bits = new Uint32Array(Float32Array.of(value).buffer)[0], sign = (bits >>> 16) & 0x8000;
+  const rounded = ((bits & 0x7fffffff) + 0x1000) >>> 13, exponent = (rounded >> 10) - 112;
+  return exponent <= 0 ? sign : sign | (exponent << 10) | (rounded & 0x3ff);
+}

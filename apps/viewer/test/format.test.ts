@@ -3,8 +3,9 @@ import { describe, expect, it } from 'vitest';
 import { crc32 } from '../src/format/crc32';
 import { evaluate } from '../src/format/expression';
 import { halfToFloat } from '../src/format/half';
-import { parseScene } from '../src/format/ngsplat';
-import { sceneCenters } from '../src/sort/sort_client';
+import { parseScene, SceneReader, texelsOf, type Plane } from '../src/format/reader';
+import type { Scene } from '../src/format/ngsplat';
+import { centersOf } from '../src/sort/sort';
 import { CAMERA, crc, encode, TRAILER } from './encode';
 
 const texels = (words: number, layers: number) => new Uint32Array(2048 * words * layers).map((_, i) => i);
@@ -45,7 +46,7 @@ describe('parseScene', () => {
     expect(scene.payload).toEqual([]);
     expect(scene.background).toEqual([1, 0.5, 0]);
     expect(scene.testCameras[0]).toMatchObject({ right: [1, 0, 0], forward: [0, 0, 1], position: [0, 0, -3], fx: 100, cx: 32, width: 64 });
-    expect([...sceneCenters(scene).subarray(0, 3)]).toEqual([1, -2.5, 0]);
+    expect([...centersOf(scene.geometry).subarray(0, 3)]).toEqual([1, -2.5, 0]);
   });
 
   it('reads what gsapp says about the model', () => {
@@ -141,5 +142,74 @@ describe('parseScene', () => {
 
   it.each([null, '1', true, 1e300])('refuses %j as a colour of the background', (value) => {
     expect(() => parseScene(encode({ trailer: { appearance: 'sh', background: [0, value, 0] } }))).toThrow(/is no number/);
+  });
+});
+
+describe('SceneReader', () => {
+  /** Notes what it is given. */
+  class Notes {
+    scene: Scene | undefined;
+    parts: [plane: Plane, row: number, texels: Uint32Array, buffer: ArrayBufferLike][] = [];
+    begin(scene: Scene): void {
+      this.scene = scene;
+    }
+    rows(plane: Plane, row: number, texels: Uint32Array): void {
+      this.parts.push([plane, row, texels.slice(), texels.buffer]);
+    }
+  }
+  const COUNT = 100_000, ROWS = 49;
+  const large = new Uint8Array(encode({ count: COUNT, model: 3, featureDim: 1, payload: texels(4, 2 * ROWS).map((word) => word & 0x3bff3bff) }));
+
+  it('hands on what arrives, and never keeps more than a part of it', () => {
+    const sink = new Notes(), reader = new SceneReader(sink);
+    for (let at = 0; at < large.length; at += 60_000) reader.push(large.subarray(at, at + 60_000));
+    const buffers = new Set(sink.parts.map(([, , , buffer]) => buffer));
+    expect(buffers.size).toBe(1);
+    expect([...buffers][0].byteLength).toBeLessThanOrEqual(1 << 20);
+    const whole = parseScene(large.buffer);
+    for (const [plane, row, part] of sink.parts) {
+      const from = plane.block < 0 ? whole.geometry : whole.payload[plane.block].data, at = 2048 * plane.words * (plane.layer * plane.rows + row);
+      expect(part.every((word, i) => word === from[at + i])).toBe(true);
+    }
+    expect(sink.parts.reduce((sum, [, , part]) => sum + part.byteLength, 0)).toBe(3 * ROWS * 2048 * 16);
+    expect(reader.finish()).toMatchObject({ background: [1, 0.5, 0], geometry: new Uint32Array() });
+  });
+
+  it('knows how long the file is as soon as its header is there, and hands on rows of the geometry at once', () => {
+    const sink = new Notes(), reader = new SceneReader(sink);
+    reader.push(large.subarray(0, 100));
+    expect(reader.end).toBeUndefined();
+    reader.push(large.subarray(100, 3 * 32768));
+    const { end } = reader;
+    expect(large.length - end!).toBeLessThan(200); // the trailer
+    expect(sink.parts.map(([plane, row, part]) => [plane.block, row, part.length])).toEqual([[-1, 0, 2 * 2048 * 4]]);
+  });
+
+  it('takes no memory for a header that promises more than the file has', () => {
+    const sink = new Notes(), file = large.slice(0, 5000);
+    expect(() => new SceneReader(sink, file.length).push(file)).toThrow(/truncated: geometry of 100000 Gaussians would take/);
+    expect(sink.scene).toBeUndefined();
+    const cameras = new Uint8Array(encode());
+    new DataView(cameras.buffer).setUint32(100, 0xffffffff, true);
+    const reader = new SceneReader(sink);
+    for (let i = 0; i < 3; ++i) reader.push(cameras);
+    expect(() => reader.finish()).toThrow(/truncated: 4294967295 test cameras/);
+  });
+
+  it('stops where a file without end goes on behind its texels', () => {
+    const reader = new SceneReader(new Notes());
+    reader.push(new Uint8Array(encode()));
+    expect(() => {
+      for (let i = 0; i < 100; ++i) reader.push(new Uint8Array(1 << 16));
+    }).toThrow(/more than 1048576 bytes follow/);
+  });
+
+  it('gives the texels of a scene as a file brings them, and lets go of them', () => {
+    const sink = new Notes(), scene = parseScene(large.buffer), collected = parseScene(large.buffer);
+    new SceneReader(sink).push(large);
+    const parts = [...texelsOf(scene)].map(([plane, row, part]) => [plane.block, plane.layer, row, part.length, part[77]]);
+    expect(parts.reduce((sum, part) => sum + part[3], 0)).toBe(3 * ROWS * 2048 * 4);
+    expect(parts.at(-1)![4]).toBe(collected.payload[0].data[2048 * 4 * (ROWS + 32) + 77]);
+    expect([scene.geometry.length, scene.payload[0].data.length]).toEqual([0, 0]);
   });
 });

@@ -6,7 +6,8 @@ import { camFromWorld } from '../src/camera/view';
 import { crc32 } from '../src/format/crc32';
 import { FormatError } from '../src/format/cursor';
 import { halfToFloat } from '../src/format/half';
-import { parseScene, type Scene } from '../src/format/ngsplat';
+import type { Scene } from '../src/format/ngsplat';
+import { parseScene, SceneCollector, SceneReader } from '../src/format/reader';
 import { colorMix, gain } from '../src/render/photometric';
 import { CAMERA, encode, type Fields } from './encode';
 
@@ -82,13 +83,19 @@ const isFiniteHalves = (words: Uint32Array) => words.every((w) => (w & HALF_INFI
 /** As the GPU has them. */
 const areFinite = (values: ArrayLike<number>) => Array.from(values).every((v) => Number.isFinite(Math.fround(v)));
 
+/** All arrays of numbers anywhere in it. */
+function arraysOf(value: unknown): ArrayBufferView[] {
+  if (ArrayBuffer.isView(value)) return [value];
+  return typeof value === 'object' && value !== null ? Object.values(value).flatMap(arraysOf) : [];
+}
+
 /** What cannot be drawn of a scene, or undefined. */
 function fault(scene: Scene, bytes: ArrayBuffer): string | undefined {
   const { count, textureHeight: rows, photometric } = scene, all = 2048 * rows;
   if (!(count <= all && count > all - 2048)) return `${count} Gaussians in ${rows} rows`;
   if (scene.geometry.length !== 4 * all) return 'size of the geometry';
   for (const { words, layers, data } of scene.payload) if (data.length !== words * layers * all) return 'size of the payload';
-  if ([scene.geometry, scene.weights, ...scene.payload.map((block) => block.data)].some((block) => block.buffer !== bytes)) return 'bytes were copied';
+  if (arraysOf(scene).some((array) => array.buffer === bytes)) return 'a view of the file';
   const means = Array.from({ length: count }, (_, i) => scene.geometry.subarray(4 * i + 1, 4 * i + 3)).flatMap(([xy, z]) => [xy & 0xffff, xy >>> 16, z & 0xffff]);
   if (!areFinite(means.map(halfToFloat))) return 'a mean';
   if (!isFiniteHalves(new Uint32Array(scene.weights.slice().buffer))) return 'a weight';
@@ -108,9 +115,22 @@ function fault(scene: Scene, bytes: ArrayBuffer): string | undefined {
   return undefined;
 }
 
-function outcome(bytes: ArrayBuffer): string {
+/** As a stream brings it, in parts of up to `longest` bytes, whose memory is used again; the size is not known beforehand. */
+function parseInParts(file: ArrayBuffer, longest: number, next: () => number): Scene {
+  const bytes = new Uint8Array(file), part = new Uint8Array(longest), reader = new SceneReader(new SceneCollector());
+  for (let at = 0; at < bytes.length;) {
+    const length = Math.min(1 + Math.floor(next() * longest), bytes.length - at);
+    part.set(bytes.subarray(at, at + length));
+    reader.push(part.subarray(0, length));
+    part.fill(0xff);
+    at += length;
+  }
+  return reader.finish();
+}
+
+function outcome(bytes: ArrayBuffer, parse = parseScene): string {
   try {
-    return fault(parseScene(bytes), bytes) ?? 'read';
+    return fault(parse(bytes), bytes) ?? 'read';
   } catch (error) {
     if (!(error instanceof FormatError)) return `${(error as Error).name}: ${(error as Error).message}`;
     return error.message.length > 10 && error.message.length < 300 ? 'refused' : `the message '${error.message}'`;
@@ -132,6 +152,18 @@ describe('parseScene of damaged files', () => {
     }
     expect(faults).toEqual([]);
     expect(Math.min(seen.read, seen.refused)).toBeGreaterThan(500); // else the mutations would be of no use
+  });
+
+  it('reads or refuses the same in parts of any size', () => {
+    const seen: Record<string, number> = {}, faults: string[] = [];
+    for (let seed = 0; seed < 3000; ++seed) {
+      const next = random(seed), { buffer } = mutated(files[seed % files.length], next);
+      const whole = outcome(buffer), parts = outcome(buffer, (file) => parseInParts(file, [300, 5000, 50_000][seed % 3], next));
+      if (whole !== parts || !['read', 'refused'].includes(parts)) faults.push(`seed ${seed}: ${whole}, in parts ${parts}`);
+      seen[parts] = (seen[parts] ?? 0) + 1;
+    }
+    expect(faults).toEqual([]);
+    expect(Math.min(seen.read, seen.refused)).toBeGreaterThan(250);
   });
 
   it('refuses every truncation', () => {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { afterEach, describe, expect, it, vi } from 'vitest';
-import { fetchSource, readAll } from '../src/format/load';
+import { fetchSource, peekHead, readAll, readParts } from '../src/format/load';
 
 const PART = 700_000;
 
@@ -9,23 +9,28 @@ function streamOf(parts: number): ReadableStream<Uint8Array> {
   return new ReadableStream({ pull: (c) => (next < parts ? c.enqueue(new Uint8Array(PART).fill(next++)) : c.close()) });
 }
 
-describe('readAll', () => {
-  it.each([['exactly', 3 * PART], ['not', undefined], ['as too little', PART], ['as too much', 9 * PART]])('takes all parts of a file whose size is %s known', async (_, size) => {
-    const seen: number[] = [];
-    const bytes = new Uint8Array(await readAll({ name: 'f', size, stream: streamOf(3) }, (n) => seen.push(n)));
-    expect(bytes.length).toBe(3 * PART);
-    expect([0, 1, 2].map((i) => [bytes[i * PART], bytes[(i + 1) * PART - 1]])).toEqual([[0, 0], [1, 1], [2, 2]]);
-    expect(seen).toEqual([PART, 2 * PART, 3 * PART]);
+describe('readParts', () => {
+  it('takes all parts in their order', async () => {
+    const seen: number[][] = [];
+    await readParts({ name: 'f', stream: streamOf(3) }, (part) => seen.push([part[0], part.at(-1)!, part.length]));
+    expect(seen).toEqual([[0, 0, PART], [1, 1, PART], [2, 2, PART]]);
   });
 
-  it('says so where memory does not suffice', async () => {
-    await expect(readAll({ name: 'f', size: 2 ** 52, stream: streamOf(1) }, () => undefined)).rejects.toThrow(/cannot give 4503599627370496 bytes/);
+  it('lets the page do something else, however large the parts are', async () => {
+    let others = 0;
+    const timer = setInterval(() => ++others, 1), work = () => {
+      for (const begin = performance.now(); performance.now() - begin < 5;);
+    };
+    const stream = new ReadableStream<Uint8Array>({ start: (c) => (c.enqueue(new Uint8Array(40 << 20)), c.close()) });
+    await readParts({ name: 'f', stream }, work);
+    clearInterval(timer);
+    expect(others).toBeGreaterThanOrEqual(5); // 200 ms of work in one part
   });
 
   it('lets go of a transfer that is no longer wanted', async () => {
     let cancelled = false;
     const stream = new ReadableStream<Uint8Array>({ pull: (c) => c.enqueue(new Uint8Array(10)), cancel: () => void (cancelled = true) });
-    await expect(readAll({ name: 'f', stream }, () => { throw new Error('enough'); })).rejects.toThrow('enough');
+    await expect(readParts({ name: 'f', stream }, () => { throw new Error('enough'); })).rejects.toThrow('enough');
     expect(cancelled).toBe(true);
   });
 });
@@ -48,4 +53,19 @@ describe('fetchSource', () => {
   it.each([['8', 8], ['-1', undefined], ['1e400', undefined], ['many', undefined], ['0.5', undefined]])('takes %s for a length', async (length, size) => {
     expect((await open('f', { 'content-length': length })).size).toBe(size);
   });
+});
+
+it.each([1, 3, 16, 100])('the head of a file is seen without taking it, in parts of %d bytes', async (size) => {
+  for (const length of [0, 5, 16, 40]) {
+    const bytes = Uint8Array.from({ length }, (_, i) => i);
+    const stream = new ReadableStream<Uint8Array>({
+      start(controller) {
+        for (let at = 0; at < length; at += size) controller.enqueue(bytes.slice(at, at + size));
+        controller.close();
+      },
+    });
+    const { head, source } = await peekHead({ name: 'x', stream });
+    expect([...new Uint8Array(head)].slice(0, 16)).toEqual([...bytes.slice(0, 16)]);
+    expect(new Uint8Array(await readAll(source, () => undefined))).toEqual(bytes);
+  }
 });

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bytes of a file that comes in parts, with progress.
+// The bytes of a file that comes in parts.
 
 import { FormatError } from './cursor';
+
+/** Bytes that tell formats apart. */
+const HEAD = 16;
 
 export interface Source {
   name: string;
@@ -41,9 +44,80 @@ export async function fetchSource(url: string, signal: AbortSignal): Promise<Sou
   return { name, size: Number.isSafeInteger(length) && length >= 0 ? length : undefined, stream: response.body };
 }
 
+/** Longest stretch of work in milliseconds before the page may do something else, and the bytes that are worked on at once. */
+const LONGEST_WORK = 16, PART = 1 << 20;
+
+/** Resolves as soon as the page has done what waits; not only after a while, as timers do in a tab behind others. */
+function pause(): Promise<void> {
+  return new Promise((resolve) => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = () => {
+      port1.close();
+      resolve();
+    };
+    port2.postMessage(undefined);
+  });
+}
+
+/** Does all of `steps`, but no longer than LONGEST_WORK without a pause. Throws what they throw. */
+export async function inSteps<T>(steps: Iterable<T>, work: (step: T) => void): Promise<void> {
+  let begin = performance.now();
+  for (const step of steps) {
+    work(step);
+    if (performance.now() - begin < LONGEST_WORK) continue;
+    await pause();
+    begin = performance.now();
+  }
+}
+
+function* partsOf(bytes: Uint8Array): Generator<Uint8Array> {
+  for (let at = 0; at < bytes.length; at += PART) yield bytes.subarray(at, at + PART);
+}
+
+/** Passes all bytes to `take` as they arrive. Throws what it throws, and then lets go of the transfer. */
+export async function readParts(source: Source, take: (part: Uint8Array) => void): Promise<void> {
+  const reader = source.stream.getReader();
+  let begin = performance.now();
+  try {
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      await inSteps(partsOf(value), take);
+      if (performance.now() - begin < LONGEST_WORK) continue; // parts that are there already come without a pause
+      await pause();
+      begin = performance.now();
+    }
+  } finally {
+    await reader.cancel().catch(() => undefined); // so that an abandoned transfer ends
+  }
+}
+
+/** The bytes that tell formats apart, and a source of all of them. */
+export async function peekHead(source: Source): Promise<{ head: ArrayBuffer; source: Source }> {
+  const reader = source.stream.getReader(), parts: Uint8Array[] = [];
+  let head = new Uint8Array();
+  while (head.length < HEAD) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    parts.push(value);
+    const longer = new Uint8Array(head.length + Math.min(value.length, HEAD));
+    longer.set(head);
+    longer.set(value.subarray(0, HEAD), head.length);
+    head = longer;
+  }
+  const stream = new ReadableStream<Uint8Array>({
+    async pull(controller) {
+      const next = parts.shift() ?? (await reader.read()).value;
+      if (next) controller.enqueue(next);
+      else controller.close();
+    },
+    cancel: (reason) => reader.cancel(reason),
+  }, { highWaterMark: 0 });
+  return { head: head.buffer, source: { ...source, stream } };
+}
+
 /** The whole file. `progress` gets the bytes so far. Throws FormatError where memory does not suffice. */
 export async function readAll(source: Source, progress: (bytes: number) => void): Promise<ArrayBuffer> {
-  let bytes: Uint8Array<ArrayBuffer>, length = 0;
   const allocate = (size: number) => {
     try {
       return new Uint8Array(size);
@@ -51,23 +125,16 @@ export async function readAll(source: Source, progress: (bytes: number) => void)
       throw new FormatError(`this browser cannot give ${size} bytes of memory for the file`);
     }
   };
-  bytes = allocate(source.size ?? 1 << 20);
-  const reader = source.stream.getReader();
-  try {
-    for (;;) {
-      const { done, value } = await reader.read();
-      if (done) break;
-      if (length + value.length > bytes.length) {
-        const larger = allocate(Math.max(2 * bytes.length, length + value.length));
-        larger.set(bytes.subarray(0, length));
-        bytes = larger;
-      }
-      bytes.set(value, length);
-      length += value.length;
-      progress(length);
+  let bytes = allocate(source.size ?? 1 << 20), length = 0;
+  await readParts(source, (part) => {
+    if (length + part.length > bytes.length) {
+      const larger = allocate(Math.max(2 * bytes.length, length + part.length));
+      larger.set(bytes.subarray(0, length));
+      bytes = larger;
     }
-  } finally {
-    await reader.cancel().catch(() => undefined); // so that an abandoned transfer ends
-  }
+    bytes.set(part, length);
+    length += part.length;
+    progress(length);
+  });
   return length === bytes.length ? bytes.buffer : bytes.buffer.slice(0, length);
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads an .ngsplat file (docs/formats.md): header, cameras, photometric correction, weights, and the blocks of texels, which
-// stay views of the file's bytes. What differs between models their packing.json says.
+// The header of an .ngsplat file (docs/formats.md): sizes, cameras, photometric correction and weights, and where the texels lie that
+// follow. What differs between models their packing.json says.
 
-import { Cursor, FormatError } from './cursor';
-import { areFiniteHalves, isFiniteHalf } from './half';
+import { FormatError, type Cursor } from './cursor';
+import { isFiniteHalf } from './half';
 import { packedLayout, type TextureShape } from './packing';
-import { readTrailer, type Trailer } from './trailer';
+import type { Trailer } from './trailer';
 import { dot, type Vector } from './vector';
 import { models, type ModelCode } from '../models';
 
@@ -43,8 +43,10 @@ export interface Photometric {
   testViews: Float32Array[];
 }
 
-/** One block of texels: `words` unsigned integers (2 or 4) per texel, `layers` textures behind one another. */
+/** One block of texels: `words` unsigned integers (2 or 4) per texel, `layers` textures behind one another, of which the last ones hold halves. */
 export interface TexelBlock extends TextureShape {
+  halfLayers: number;
+  /** Empty where the texels went elsewhere. */
   data: Uint32Array;
 }
 
@@ -73,6 +75,7 @@ export interface Scene extends Trailer {
   photometric?: Photometric;
   /** Half-precision numbers, four to a texel. */
   weights: Uint16Array;
+  /** Empty where the texels went elsewhere. */
   geometry: Uint32Array;
   payload: TexelBlock[];
 }
@@ -90,24 +93,8 @@ function readTestCamera(c: Cursor): TestCamera {
   return { right: axes[0], down: axes[1], forward: axes[2], position: column(3), fx, fy, cx, cy, width, height };
 }
 
-/** Throws FormatError naming the first Gaussian whose mean is no point. What is not finite would spread over the picture. */
-function checkMeans(geometry: Uint32Array, count: number): void {
-  for (let i = 0; i < count; ++i) {
-    const xy = geometry[4 * i + 1], z = geometry[4 * i + 2];
-    if (!(isFiniteHalf(xy) && isFiniteHalf(xy >>> 16) && isFiniteHalf(z))) throw new FormatError(`the mean of Gaussian ${i} is not finite`);
-  }
-}
-
-/** The same for the halves of the payload, which are the last layers of its last block. */
-function checkHalves(block: TexelBlock, halfLayers: number, count: number): void {
-  const size = block.data.length / block.layers;
-  for (let layer = block.layers - halfLayers; layer < block.layers; ++layer)
-    if (!areFiniteHalves(block.data.subarray(layer * size, layer * size + block.words * count))) throw new FormatError('the appearance of a Gaussian is not finite');
-}
-
-/** Throws FormatError, which says what is wrong, for anything but a complete file. */
-export function parseScene(buffer: ArrayBuffer): Scene {
-  const c = new Cursor(buffer);
+/** Everything in front of the texels, for which no memory is taken yet. Throws FormatError: Truncated where the header goes on. */
+export function readHeader(c: Cursor): Scene {
   if (c.text(8, 'magic') !== 'NGSPLAT\n') throw new FormatError('this is no .ngsplat file: it does not begin with NGSPLAT');
   const [count, width, textureHeight, featureDim, nFrequencies, shBandMask, colorActivation, residualActivation, nNeurons, nHiddenLayers, flags] = c.words(11, 'header');
   const flag = (bit: number) => ((flags >> bit) & 1) === 1;
@@ -143,17 +130,12 @@ export function parseScene(buffer: ArrayBuffer): Scene {
   if (4 * weightTexels !== layout.weightHalves) throw new FormatError(`the file has ${weightTexels} texels of weights, its model ${layout.weightHalves / 4}`);
   const weights = c.halves(layout.weightHalves, 'weights');
   if (!weights.every(isFiniteHalf)) throw new FormatError('a weight of the model is not finite');
-  const texels = TEXTURE_WIDTH * textureHeight;
-  const geometry = c.words(4 * texels, `geometry of ${count} Gaussians`);
-  const payloadHeight = Math.ceil(numResiduals / TEXTURE_WIDTH);
-  const payload = layout.textures.map((shape) => ({
-    ...shape, data: c.words(shape.words * shape.layers * TEXTURE_WIDTH * payloadHeight, `appearance of ${numResiduals} Gaussians`),
+  const payload = layout.textures.map((shape, k) => ({
+    ...shape, halfLayers: k === layout.textures.length - 1 ? layout.halfLayers : 0, data: new Uint32Array(),
   }));
-  checkMeans(geometry, count);
-  if (layout.halfLayers > 0) checkHalves(payload.at(-1)!, layout.halfLayers, numResiduals);
   return {
-    count, textureHeight, numResiduals, payloadHeight, model, constants: layout.constants, floats, colorActivation, residualActivation, antialiased: flag(0), exponentialBase: flag(5),
-    baseScale, baseOffset, center, up, distance, testCameras, photometric, weights, geometry, payload, appearance: packing.name, background: [0, 0, 0],
-    ...readTrailer(c),
+    count, textureHeight, numResiduals, payloadHeight: Math.ceil(numResiduals / TEXTURE_WIDTH), model, constants: layout.constants, floats, colorActivation,
+    residualActivation, antialiased: flag(0), exponentialBase: flag(5), baseScale, baseOffset, center, up, distance, testCameras, photometric, weights,
+    geometry: new Uint32Array(), payload, appearance: packing.name, background: [0, 0, 0],
   };
 }

@@ -93,7 +93,7 @@ export function packScene(source: GaussianSource): Imported {
 
   const textureHeight = Math.ceil(count / TEXTURE_WIDTH), texels = TEXTURE_WIDTH * textureHeight;
   const geometry = allocate(Uint32Array, 4 * texels);
-  const payload: TexelBlock[] = layout.textures.map((shape) => ({ ...shape, data: allocate(Uint32Array, shape.words * shape.layers * texels) }));
+  const payload: TexelBlock[] = layout.textures.map((shape) => ({ ...shape, halfLayers: 0, data: allocate(Uint32Array, shape.words * shape.layers * texels) }));
   // The bands lie in the textures one after another.
   const places = payload.flatMap(({ words, layers, data }) => Array.from({ length: layers }, (_, layer) => ({ words, data, begin: words * texels * layer })));
   for (let i = 0; i < count; ++i) {

@@ -2,7 +2,7 @@
 // What gsapp adds behind the last texture: JSON, and a checksum of all that comes before it. Files of others end there.
 
 import { crc32 } from './crc32';
-import { FormatError, LARGEST_NUMBER, type Cursor } from './cursor';
+import { Cursor, FormatError, LARGEST_NUMBER } from './cursor';
 import type { Vector } from './vector';
 
 const MAGIC = 'GSAPPEXT', VERSION = 1;
@@ -23,15 +23,19 @@ interface Json {
   test_views: { psnr: number; packed_psnr: number };
 }
 
-/** Undefined where the file ends without one. Throws FormatError where something else follows, or the checksum is another one. */
-export function readTrailer(c: Cursor): Trailer | undefined {
-  if (c.rest === 0) return undefined;
-  const behind = c.rest;
+/**
+ * Undefined where the file ends without one. `bytes`: all that is behind the last texture, from byte `start` of the file on; `before`: the
+ * checksum of all in front of it. Throws FormatError where something else follows, or the checksum is another one.
+ */
+export function readTrailer(bytes: Uint8Array<ArrayBuffer>, start: number, before: number): Trailer | undefined {
+  const behind = bytes.length;
+  if (behind === 0) return undefined;
+  const c = new Cursor(bytes.slice().buffer, start);
   if (behind < MAGIC.length || c.text(MAGIC.length, 'trailer') !== MAGIC) throw new FormatError(`${behind} unknown bytes follow the last texture`);
   const version = c.word('trailer');
   if (version !== VERSION) throw new FormatError(`its trailer is of version ${version}, this viewer reads ${VERSION}: a newer gsapp wrote the file`);
   const json = c.bytes(c.word('trailer'), 'trailer');
-  const computed = crc32(new Uint8Array(c.buffer, 0, c.offset)), stored = c.word('checksum');
+  const computed = crc32(bytes.subarray(0, c.offset), before), stored = c.word('checksum');
   if (computed !== stored) throw new FormatError(`its checksum is ${hex(computed)}, not ${hex(stored)}: the file is damaged`);
   if (c.rest > 0) throw new FormatError(`${c.rest} bytes follow the checksum`);
   let content: Partial<Json> | null;

@@ -2,21 +2,12 @@
 // The data of one file on the GPU.
 
 import {
-  DataArrayTexture, DataTexture, NearestFilter, RGBAIntegerFormat, RGIntegerFormat, Uniform, UniformsGroup, UnsignedIntType, Vector4, type Texture,
+  DataArrayTexture, DataTexture, NearestFilter, RGBAIntegerFormat, RGIntegerFormat, Uniform, UniformsGroup, UnsignedIntType, Vector3, Vector4,
   type WebGLRenderer,
 } from 'three';
 import { halfToFloat } from '../format/half';
 import { TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
-
-function integers<T extends Texture>(texture: T, internalFormat: 'RG32UI' | 'RGBA32UI'): T {
-  texture.format = internalFormat === 'RG32UI' ? RGIntegerFormat : RGBAIntegerFormat;
-  texture.type = UnsignedIntType;
-  texture.internalFormat = internalFormat;
-  texture.minFilter = texture.magFilter = NearestFilter;
-  texture.unpackAlignment = 4;
-  texture.needsUpdate = true;
-  return texture;
-}
+import { planeBytes, planesOf, type Plane } from '../format/reader';
 
 /** Weights of a network as a uniform block: every device has room for 1024 vectors, twice what the largest variant takes. */
 function weightsBlock(halves: Uint16Array): UniformsGroup {
@@ -26,6 +17,18 @@ function weightsBlock(halves: Uint16Array): UniformsGroup {
   group.setName('Weights');
   group.add(new Uniform(vectors));
   return group;
+}
+
+/** Memory on the GPU, which texels are written to later. */
+function storage<T extends DataTexture | DataArrayTexture>(texture: T, internalFormat: 'RG32UI' | 'RGBA32UI'): T {
+  texture.source.dataReady = false;
+  texture.format = internalFormat === 'RG32UI' ? RGIntegerFormat : RGBAIntegerFormat;
+  texture.type = UnsignedIntType;
+  texture.internalFormat = internalFormat;
+  texture.minFilter = texture.magFilter = NearestFilter;
+  texture.unpackAlignment = 4;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 export class GpuScene {
@@ -38,29 +41,31 @@ export class GpuScene {
 
   /** `scene` has at least one Gaussian. */
   constructor(readonly scene: Scene) {
-    this.geometry = integers(new DataTexture(scene.geometry, TEXTURE_WIDTH, scene.textureHeight), 'RGBA32UI');
+    this.geometry = storage(new DataTexture(null, TEXTURE_WIDTH, scene.textureHeight), 'RGBA32UI');
     // Every sampler of a shader needs a texture of its kind, also where the file has nothing for it.
     const height = scene.payloadHeight;
-    const block = (words: number) => (height > 0 ? scene.payload.find((candidate) => candidate.words === words) : undefined);
-    const quads = block(4), pairs = block(2);
-    this.quads = integers(quads ? new DataArrayTexture(quads.data, TEXTURE_WIDTH, height, quads.layers) : new DataArrayTexture(new Uint32Array(4), 1, 1, 1), 'RGBA32UI');
-    this.pairs = integers(pairs ? new DataTexture(pairs.data, TEXTURE_WIDTH, height) : new DataTexture(new Uint32Array(2), 1, 1), 'RG32UI');
+    const layers = (words: number) => (height > 0 ? (scene.payload.find((candidate) => candidate.words === words)?.layers ?? 0) : 0);
+    const quads = layers(4), pairs = layers(2);
+    this.quads = storage(quads ? new DataArrayTexture(null, TEXTURE_WIDTH, height, quads) : new DataArrayTexture(null, 1, 1, 1), 'RGBA32UI');
+    this.pairs = storage(pairs ? new DataTexture(null, TEXTURE_WIDTH, height) : new DataTexture(null, 1, 1), 'RG32UI');
     this.weights = weightsBlock(scene.weights);
-    this.bytes = scene.geometry.byteLength + 2 * scene.weights.byteLength + scene.payload.reduce((sum, block) => sum + block.data.byteLength, 0);
+    this.bytes = planesOf(scene).reduce((sum, plane) => sum + planeBytes(plane), 4 * scene.weights.length);
   }
 
   private get textures(): (DataTexture | DataArrayTexture)[] {
     return [this.geometry, this.quads, this.pairs];
   }
 
-  /** Copies all to the GPU and lets go of the file's bytes. */
-  upload(renderer: WebGLRenderer): void {
-    for (const texture of this.textures) {
-      renderer.initTexture(texture);
-      texture.image.data = null;
-    }
-    this.scene.geometry = new Uint32Array();
-    for (const block of this.scene.payload) block.data = new Uint32Array();
+  /** Takes the memory. */
+  allocate(renderer: WebGLRenderer): void {
+    for (const texture of this.textures) renderer.initTexture(texture);
+  }
+
+  /** Copies rows of a texture to the GPU. */
+  write(renderer: WebGLRenderer, plane: Plane, row: number, texels: Uint32Array): void {
+    const to = plane.block < 0 ? this.geometry : plane.words === 4 ? this.quads : this.pairs;
+    const from = new DataTexture(texels, TEXTURE_WIDTH, texels.length / (plane.words * TEXTURE_WIDTH));
+    renderer.copyTextureToTexture(from, to, null, new Vector3(0, row, plane.layer));
   }
 
   dispose(): void {

@@ -43,10 +43,16 @@ export class Prepass {
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
     this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
       geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, ...(scene.floats.length > 0 ? { header_floats: scene.floats } : {}),
-      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count, num_residuals: scene.payload.length > 0 ? scene.numResiduals : 0,
+      base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count, num_residuals: 0,
       camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
     }), defines(scene));
     if (scene.weights.length > 0) this.pass.material.uniformsGroups = [gpu.weights];
+  }
+
+  /** All texels are there: until now every Gaussian has its base colour. */
+  complete(): void {
+    const { scene } = this.gpu;
+    this.pass.set({ num_residuals: scene.payload.length > 0 ? scene.numResiduals : 0 });
   }
 
   /** Where the colours are, in no more than `precision`. */

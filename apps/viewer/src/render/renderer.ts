@@ -4,7 +4,8 @@
 
 import { WebGLRenderer, type WebGLRenderTarget } from 'three';
 import type { View } from '../camera/view';
-import type { Scene } from '../format/ngsplat';
+import { TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import type { Plane } from '../format/reader';
 import type { Vector } from '../format/vector';
 import { GpuScene } from './gpu_scene';
 import { fullscreenPass, uniforms } from './pass';
@@ -13,6 +14,9 @@ import { Prepass, type Mode } from './prepass';
 import resolveCode from './resolve.frag.glsl?raw';
 import { Splats } from './splats';
 import { renderTarget, targetBytes, type Precision } from './target';
+
+/** Share of the Gaussians that shows most of the picture, and how fast they grow where fewer are there (docs/results.md). */
+const ENOUGH = 0.35, GROWTH = 0.4;
 
 export class RenderError extends Error {}
 
@@ -59,8 +63,8 @@ export class Renderer {
     return this.gl.getExtension('EXT_color_buffer_float') || this.gl.getExtension('EXT_color_buffer_half_float') ? 'half' : 'byte';
   }
 
-  /** Replaces what is shown, and takes the texels out of `scene`. Throws RenderError where the device cannot hold it. */
-  setScene(scene: Scene): void {
+  /** Replaces what is shown by a scene whose texels follow. Throws RenderError where the device cannot hold it. */
+  beginScene(scene: Scene): void {
     this.clearScene();
     const largest = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
     if (scene.textureHeight > largest)
@@ -71,13 +75,36 @@ export class Renderer {
     this.prepass = new Prepass(this.gpu);
     this.splats = new Splats(this.gpu);
     try {
-      this.gpu.upload(this.webgl);
+      this.gpu.allocate(this.webgl);
       this.webgl.initRenderTarget(this.prepass.target(this.precision));
       if (this.gl.getError() === this.gl.OUT_OF_MEMORY) throw new RenderError('The graphics memory does not suffice for this file.');
     } catch (error) {
       this.clearScene();
       throw error;
     }
+  }
+
+  /**
+   * Rows of a texture of the scene. Its Gaussians are shown in their base colours until it is complete; while few of them are there, larger
+   * than they are, so that they cover something of what is missing.
+   */
+  addRows(plane: Plane, row: number, texels: Uint32Array): void {
+    this.gpu!.write(this.webgl, plane, row, texels);
+    if (plane.block >= 0) return;
+    const share = (row + texels.length / (plane.words * TEXTURE_WIDTH)) / plane.rows;
+    this.splats!.growth = Math.max(1, ENOUGH / share) ** GROWTH;
+    this.colorsOf = '';
+  }
+
+  /** How much larger Gaussians are drawn than they are. */
+  get growth(): number {
+    return this.splats?.growth ?? 1;
+  }
+
+  /** All texels of the scene are there. */
+  completeScene(): void {
+    this.prepass?.complete();
+    this.colorsOf = '';
   }
 
   clearScene(): void {

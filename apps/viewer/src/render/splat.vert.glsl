@@ -7,6 +7,7 @@ uniform mat3 rotation; // of cam_from_world, OpenCV axes
 uniform vec3 translation;
 uniform vec4 intrinsics; // fx, fy, cx, cy in pixels
 uniform vec2 size;
+uniform float growth; // a factor of all scales
 
 const float kDilation = GS_DILATION, kMinDeterminant = 1e-6, kMinAlpha = 1.0 / 255.0, kFrustumMargin = 0.15, kNear = 0.2, kFar = 10000.0;
 
@@ -45,7 +46,7 @@ void main() {
 
     vec2 focal = intrinsics.xy, center = intrinsics.zw, uv = cam.xy / cam.z;
     vec2 clipped = clamp(uv, (-kFrustumMargin * size - center) / focal, ((1.0 + kFrustumMargin) * size - center) / focal);
-    vec3 s = decode_scale(g);
+    vec3 s = growth * decode_scale(g);
     mat3 axes = rotation * decode_rotation(g); // columns: the principal axes, seen from the camera
     vec3 du = focal.x / cam.z * vec3(axes[0].x - clipped.x * axes[0].z, axes[1].x - clipped.x * axes[1].z, axes[2].x - clipped.x * axes[2].z) * s;
     vec3 dv = focal.y / cam.z * vec3(axes[0].y - clipped.y * axes[0].z, axes[1].y - clipped.y * axes[1].z, axes[2].y - clipped.y * axes[2].z) * s;

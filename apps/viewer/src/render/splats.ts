@@ -16,6 +16,8 @@ export class Splats {
   private readonly geometry = new InstancedBufferGeometry();
   private readonly order: InstancedBufferAttribute;
   private readonly pass: Pass;
+  /** A factor of all scales. */
+  growth = 1;
 
   constructor(gpu: GpuScene) {
     this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]), 3));
@@ -25,7 +27,7 @@ export class Splats {
     this.geometry.instanceCount = 0;
     const { antialiased } = gpu.scene;
     this.pass = new Pass(this.geometry, gaussianCode + vertexCode, fragmentCode, uniforms({
-      geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null,
+      geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null, growth: 1,
     }), { GS_ANTIALIASED: antialiased, GS_DILATION: antialiased ? 0.1 : 0.3 }, {
       transparent: true, blending: CustomBlending, blendEquation: AddEquation, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor,
     });
@@ -47,7 +49,7 @@ export class Splats {
   }
 
   draw(renderer: WebGLRenderer, view: View, colors: Texture, target: RenderTarget): void {
-    this.pass.set({ colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height] });
+    this.pass.set({ colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height], growth: this.growth });
     this.pass.draw(renderer, target);
   }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sorts in a thread of its own. The first message brings the centres, every further one a camera and an array to fill.
+// Sorts in a thread of its own. The first message says how many Gaussians there will be. Then come parts of their geometry, and requests.
 
-import type { Vector } from '../format/vector';
+import type { View } from '../camera/view';
 import { DepthSorter } from './sort';
 
 export interface SortRequest {
-  position: Vector;
-  forward: Vector;
+  view: View;
+  size: number;
   order: Uint32Array<ArrayBuffer>;
 }
 export interface SortResult {
@@ -17,13 +17,13 @@ export interface SortResult {
 
 let sorter: DepthSorter | undefined;
 
-self.onmessage = ({ data }: MessageEvent<Float32Array | SortRequest>) => {
-  if (data instanceof Float32Array) {
-    sorter = new DepthSorter(data);
-    return;
+self.onmessage = ({ data }: MessageEvent<number | Uint32Array | SortRequest>) => {
+  if (typeof data === 'number') sorter = new DepthSorter(data);
+  else if (data instanceof Uint32Array) sorter!.add(data);
+  else {
+    const begin = performance.now();
+    const count = sorter!.sort(data.view, data.size, data.order);
+    const result: SortResult = { order: data.order, count, milliseconds: performance.now() - begin };
+    self.postMessage(result, { transfer: [data.order.buffer] });
   }
-  const begin = performance.now();
-  const count = sorter!.sort(data.position, data.forward, data.order);
-  const result: SortResult = { order: data.order, count, milliseconds: performance.now() - begin };
-  self.postMessage(result, { transfer: [data.order.buffer] });
 };

@@ -6,21 +6,23 @@ import { element } from './elements';
 const box = element('notice'), title = element('notice-title'), text = element('notice-text');
 const progress = element<HTMLProgressElement>('progress'), actions = element('notice-actions'), dismiss = element('dismiss');
 
-function show(heading: string, body: string, parts: { progress?: boolean; actions?: boolean; dismiss?: boolean }): void {
+function show(heading: string, body: string, parts: { progress?: boolean; actions?: boolean; dismiss?: boolean; aside?: boolean }): void {
   title.textContent = heading;
   text.textContent = body;
   progress.hidden = !parts.progress;
   actions.hidden = !parts.actions;
   dismiss.hidden = !parts.dismiss;
   box.ariaBusy = String(parts.progress ?? false); // not every part of a file is read aloud
+  box.classList.toggle('aside', parts.aside ?? false);
   box.hidden = false;
 }
 
 export const megabytes = (bytes: number): string => `${(bytes / 1e6).toFixed(bytes < 1e8 ? 1 : 0)} MB`;
 
-export function showLoading(name: string, bytes: number, size?: number): void {
-  show(`Loading ${name}`, size ? `${megabytes(bytes)} of ${megabytes(size)}` : megabytes(bytes), { progress: true });
-  if (size) progress.value = bytes / size;
+/** With `aside`, there is a picture to see meanwhile. */
+export function showLoading(name: string, bytes: number, size?: number, aside = false): void {
+  show(`Loading ${name}`, size ? `${megabytes(bytes)} of ${megabytes(size)}` : megabytes(bytes), { progress: true, aside });
+  if (size) progress.value = Math.min(bytes / size, 1);
   else progress.removeAttribute('value');
 }
 

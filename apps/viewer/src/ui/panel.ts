@@ -61,9 +61,13 @@ export class Panel {
     fold(matchMedia('(max-width: 44rem)').matches);
   }
 
-  setScene(name: string, scene: Scene): void {
+  setName(name: string): void {
     element('name').textContent = name;
     document.title = `${name} – gsapp viewer`;
+  }
+
+  setScene(name: string, scene: Scene): void {
+    this.setName(name);
     this.numViews = scene.testCameras.length;
     this.camera.replaceChildren(new Option('Free', ''), ...scene.testCameras.map((_, i) => new Option(`Test view ${i + 1}`, String(i))));
     for (const id of ['camera', 'previous', 'next']) element<HTMLButtonElement>(id).disabled = this.numViews === 0;

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a file's bytes to a scene: .ngsplat is shown as it is, other formats are converted by a worker, so that the page stays awake.
+// From the bytes of another program's file to a scene: a worker converts them, so that the page stays awake.
 
 import { FormatError } from './cursor';
-import { isNgsplat } from './import';
 import type { ImportRequest, ImportResult } from './import_worker';
-import { parseScene } from './ngsplat';
 import type { Imported } from './scene_packer';
 
 /** Takes the bytes. Throws FormatError, which says what is wrong, and what `signal` is aborted with. */
-export async function readScene(name: string, buffer: ArrayBuffer, signal: AbortSignal): Promise<Imported> {
-  if (isNgsplat(name, buffer)) return { scene: parseScene(buffer), remarks: [] };
+export async function convertScene(name: string, buffer: ArrayBuffer, signal: AbortSignal): Promise<Imported> {
   const worker = new Worker(new URL('./import_worker.ts', import.meta.url), { type: 'module' });
   try {
     const result = await new Promise<ImportResult>((resolve, reject) => {
