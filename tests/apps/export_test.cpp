@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp export and view on a run of the program.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <iterator>
+
+#include "lib/core/json_text.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/site.h"
 #include "lib/model/ply.h"
@@ -47,6 +52,74 @@ TEST(Export, WritesPackedSceneWithWhatItLost) {
     EXPECT_EQ(program.run("export run -o 'my site' --overwrite").exit_code, 0);
     for (const auto& entry : fs::directory_iterator(program.folder().path()))
         EXPECT_NE(entry.path().extension(), ".tmp") << entry.path();
+}
+
+/// A run without view dependence; `more` has the scene and its size.
+void train_plain(const Program& program, const std::string& run, const std::string& more) {
+    const Outcome outcome = program.run(
+        "train --device cpu --quiet --appearance none --iterations 5 --init-points 300 -m " + run + " " + more);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
+TEST(Export, WritesTwoRunsAndTheirPhotographs) {
+    const Program program;
+    train(program);
+    train_plain(program, "plain", "-s builtin:glossy --eval -r 8");
+    const Outcome both = program.run("export run plain/ --photographs -o site");
+    ASSERT_EQ(both.exit_code, 0) << both.err;
+    const PackedScene first = read_ngsplat(program.path("site/scene.ngsplat")),
+                      second = read_ngsplat(program.path("site/scene-2.ngsplat"));
+    EXPECT_NE(first.trailer.find("\"appearance\":\"sv\""), std::string::npos) << first.trailer;
+    EXPECT_NE(first.trailer.find("\"site\":true"), std::string::npos) << first.trailer;
+    EXPECT_NE(second.trailer.find("\"appearance\":\"none\""), std::string::npos) << second.trailer;
+    const nlohmann::json site = parse_json(program.read("site/site.json"));
+    EXPECT_EQ(site.at("version"), 1);
+    EXPECT_EQ(site.at("models").at(0).at("file"), "scene.ngsplat");
+    EXPECT_EQ(site.at("models").at(0).at("name"), "run");
+    EXPECT_EQ(site.at("models").at(1).at("file"), "scene-2.ngsplat");
+    EXPECT_EQ(site.at("models").at(1).at("name"), "plain");
+    ASSERT_EQ(site.at("photographs").size(), first.cameras.size());
+    // They are the pictures that the scores were computed from.
+    for (std::size_t i = 0; i < first.cameras.size(); ++i) {
+        const std::string photograph = program.read("site/" + site.at("photographs").at(i).get<std::string>());
+        EXPECT_FALSE(photograph.empty());
+        EXPECT_EQ(photograph, program.read(fmt::format("run/test/ours_30/gt/{:05}.png", i))) << i;
+    }
+    EXPECT_EQ(program.run("export run plain -o site").exit_code, 2) << "an earlier export is not replaced unasked";
+
+    // A later export leaves nothing of the earlier one that the page would show with it.
+    const Outcome few = program.run("export run --photographs=2 -o site --overwrite");
+    ASSERT_EQ(few.exit_code, 0) << few.err;
+    const nlohmann::json paths = parse_json(program.read("site/site.json")).at("photographs");
+    EXPECT_EQ(paths.size(), first.cameras.size());
+    EXPECT_EQ(std::count(paths.begin(), paths.end(), nullptr), std::ptrdiff_t(paths.size()) - 2);
+    const auto photographs = fs::directory_iterator(program.path("site/photographs"));
+    EXPECT_EQ(std::distance(begin(photographs), end(photographs)), 2);
+    EXPECT_FALSE(fs::exists(program.path("site/scene-2.ngsplat")));
+    ASSERT_EQ(program.run("export run -o site --overwrite").exit_code, 0);
+    EXPECT_FALSE(fs::exists(program.path("site/site.json")));
+    EXPECT_FALSE(fs::exists(program.path("site/photographs")));
+    EXPECT_EQ(read_ngsplat(program.path("site/scene.ngsplat")).trailer.find("\"site\""), std::string::npos);
+}
+
+TEST(Export, RunsThatDoNotCompareAreRefused) {
+    const Program program;
+    train_plain(program, "run", "-s builtin:glossy --eval -r 8");
+    train_plain(program, "larger", "-s builtin:glossy --eval -r 4");
+    train_plain(program, "all", "-s builtin:glossy -r 8");
+    const auto refused = [&](const std::string& arguments, const std::string& word) {
+        const Outcome outcome = program.run("export -o out " + arguments);
+        EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.err;
+        EXPECT_NE(outcome.err.find(word), std::string::npos) << arguments << "\n" << outcome.err;
+        EXPECT_FALSE(fs::exists(program.path("out"))) << arguments;
+    };
+    refused("run larger", "do not compare: their test view 1 has other cameras");
+    refused("run all", "do not compare: ");
+    refused("all --photographs", "no test views");
+    refused("run --photographs --format ply", "--photographs is for --format web");
+    refused("run larger --format splat", "two runs are for --format web");
+    refused("run --photographs=-3", "-3");
+    EXPECT_EQ(program.run("export all all -o out").exit_code, 0) << "training views compare as well";
 }
 
 TEST(Export, WritesFilesForOtherPrograms) {
