@@ -4,6 +4,8 @@
 import { runBenchmark, type BenchmarkResult } from './benchmark';
 import { Navigator, type MovementName } from './camera/navigator';
 import type { View } from './camera/view';
+import { Comparison } from './compare/comparison';
+import { fetchSite, SITE_FILE } from './compare/site';
 import { FormatError } from './format/cursor';
 import { readAll, type Source } from './format/load';
 import { parseScene, type Scene } from './format/ngsplat';
@@ -35,6 +37,7 @@ export class App {
   private readonly panel: Panel;
   private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
   private readonly meter = new Meter();
+  private readonly comparison = new Comparison(this.renderer, () => this.redraw());
   private loaded: Loaded | undefined;
   private loading = new AbortController();
   private mode: Mode = 'full';
@@ -95,7 +98,20 @@ export class App {
     }
   }
 
+  /** Where the model shown came from beside the page: what else lies there. */
+  async readSite(): Promise<void> {
+    const { loaded } = this;
+    if (!loaded?.scene.hasSite) return;
+    try {
+      const site = await fetchSite(loaded.scene.testCameras.length);
+      if (loaded === this.loaded) this.comparison.setSite(site);
+    } catch (error) {
+      this.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
+    }
+  }
+
   private unload(): void {
+    this.comparison.setScene(undefined);
     this.loaded?.navigator.dispose();
     this.loaded?.sorter?.dispose();
     this.loaded = undefined;
@@ -116,6 +132,7 @@ export class App {
     };
     const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, scene, navigator, sorter };
+    this.comparison.setScene(scene);
     this.sortedFor = '';
     this.panel.setScene(scene.name ?? name, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
@@ -132,8 +149,8 @@ export class App {
     });
   }
 
-  private picture(mode: Mode, testView: number | undefined): Picture {
-    const { scene } = this.loaded!, { photometric } = scene;
+  private picture(mode: Mode, testView: number | undefined, scene = this.loaded!.scene): Picture {
+    const { photometric } = scene;
     const exposure = this.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
     const ownColors = mode === 'full' || mode === 'base';
     return { mode, background: ownColors ? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined };
@@ -151,7 +168,8 @@ export class App {
     if (poseKey(view) !== this.sortedFor) void this.sort(view);
     this.panel.setCamera(navigator.pinned);
     try {
-      this.renderer.render(view, this.picture(this.mode, navigator.pinned));
+      if (this.comparison.isOn) this.comparison.draw(view, navigator.pinned, (mode, scene) => this.picture(mode, navigator.pinned, scene));
+      else this.renderer.render(view, this.picture(this.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
     } catch (error) {
       this.unload();

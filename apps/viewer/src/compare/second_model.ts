@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// The model that is compared with the first one. It is fetched when it is first shown, because both then are in memory.
+
+import type { View } from '../camera/view';
+import { fetchSource, readAll } from '../format/load';
+import { parseScene, type Scene } from '../format/ngsplat';
+import type { Picture, Renderer } from '../render/renderer';
+import { sceneCenters, SortClient } from '../sort/sort_client';
+import { megabytes } from '../ui/notice';
+
+interface Loaded {
+  scene: Scene;
+  sorter?: SortClient;
+}
+
+export class SecondModel {
+  private readonly transfer = new AbortController();
+  private loaded: Loaded | undefined;
+  private sortedFor = '';
+  /** Why it cannot be drawn; undefined where it can. */
+  obstacle: string | undefined = 'It is not loaded yet.';
+
+  /** `renderer` has no scene yet. `changed` is called when there is something to draw, or to say. */
+  constructor(private readonly renderer: Renderer, private readonly file: string, numViews: number, private readonly changed: () => void) {
+    this.load(numViews).catch((error: Error) => {
+      if (!this.transfer.signal.aborted) this.fail(error);
+    });
+  }
+
+  private async load(numViews: number): Promise<void> {
+    const { signal } = this.transfer;
+    const source = await fetchSource(this.file, signal);
+    const buffer = await readAll(source, (bytes) => {
+      signal.throwIfAborted();
+      this.obstacle = `Loading ${this.file}: ${megabytes(bytes)}${source.size ? ` of ${megabytes(source.size)}` : ''}`;
+      this.changed();
+    });
+    signal.throwIfAborted();
+    const scene = parseScene(buffer);
+    if (scene.testCameras.length !== numViews) throw new Error(`it has ${scene.testCameras.length} test views, the first model ${numViews}`);
+    const centers = sceneCenters(scene);
+    this.renderer.setScene(scene);
+    const apply = (order: Uint32Array, count: number) => {
+      this.changed();
+      return this.renderer.setOrder(order, count);
+    };
+    const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail(new Error(message))) : undefined;
+    this.loaded = { scene, sorter };
+    this.obstacle = undefined;
+    this.changed();
+  }
+
+  private fail(error: Error): void {
+    this.dispose();
+    this.obstacle = `${this.file} cannot be shown: ${error.message}`;
+    this.changed();
+  }
+
+  /** Bytes on the GPU. */
+  get bytes(): number {
+    return this.loaded ? this.renderer.bytes : 0;
+  }
+
+  /** Draws it where there is no obstacle. `picture` says how. */
+  draw(view: View, picture: (scene: Scene) => Picture): void {
+    const { scene, sorter } = this.loaded!, { position, forward } = view, pose = JSON.stringify([position, forward]);
+    if (pose !== this.sortedFor) void sorter?.sort({ position, forward });
+    this.sortedFor = pose;
+    try {
+      this.renderer.render(view, picture(scene));
+    } catch (error) {
+      this.fail(error as Error);
+    }
+  }
+
+  dispose(): void {
+    this.transfer.abort();
+    this.loaded?.sorter?.dispose();
+    this.loaded = undefined;
+    this.renderer.clearScene();
+  }
+}
