@@ -258,7 +258,7 @@ def check_broken_sites(browser, site, folder):
     (folder / f"photographs/{VIEW:05}.png").write_bytes((folder / "photographs/00000.png").read_bytes()[:100])
     open_site(browser, site)
     choose(browser, compare_left="full", compare_right="other")
-    wait_for_label(browser, "right", "scene-2.ngsplat cannot be shown: truncated")
+    wait_for_label(browser, "right", "scene-2.ngsplat cannot be shown: the file is truncated")
     check(label(browser, "right").startswith("<b>b</b>"), "a name with markup is shown as text")
     choose(browser, compare_right="photograph")
     wait_for_label(browser, "right", f"photographs/{VIEW:05}.png cannot be shown")
