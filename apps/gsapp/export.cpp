@@ -15,7 +15,7 @@ namespace {
 
 struct ExportArguments {
     std::vector<std::string> runs;
-    std::string output, source, format = "web";
+    std::string output, source, up, format = "web";
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     int photographs = 0;          ///< most of them
     bool sh_projection = false, overwrite = false, compatible = false;
@@ -35,7 +35,8 @@ void run_export(const ExportArguments& arguments) {
         .run = arguments.runs.front(),
         .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
         .output = arguments.output,
-        .overwrite = arguments.overwrite};
+        .overwrite = arguments.overwrite,
+        .up = arguments.up};
     if (arguments.format == "web")
         export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
                              .source = arguments.source,
@@ -68,6 +69,11 @@ void add_export_command(CLI::App& app, Command& selected) {
     command->add_flag(
         "--sh-projection", arguments->sh_projection,
         "With ply: write the colours of any appearance as spherical harmonics of degree 3, fitted by least squares");
+    command
+        ->add_option("--up", arguments->up,
+                     "Turn the model so that this axis points up, as the cameras were held: y, z or -y (default: as it "
+                     "is; for colours of one direction and spherical harmonics)")
+        ->check(CLI::IsMember({"y", "z", "-y"}));
     command->add_option("--iteration", arguments->iteration, "Saved iteration to export (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_option("--source", arguments->source, "With web: the scene, if it was moved since the training")

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "appearance/model_info.h"
+#include "eval/runs/camera_path.h"
 #include "eval/runs/evaluate.h"
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
@@ -20,8 +21,10 @@
 #include "lib/export/sh_projection.h"
 #include "lib/export/site.h"
 #include "lib/export/splat_file.h"
+#include "lib/export/turn.h"
 #include "lib/io/atomic_file.h"
 #include "lib/model/ply.h"
+#include "lib/model/run_folder.h"
 #include "lib/scene/frame.h"
 #include "lib/train/scene_options.h"
 
@@ -53,6 +56,27 @@ bool is_plain_sh(const Gaussians& g) {
     return appearance_model(g.appearance.model).plain_sh && g.appearance.activation == ColorActivation::kRelu;
 }
 
+/// Returns the rotation of ExportRequest::up, `up` not empty.
+Eigen::Matrix3d turn_of(const std::string& up, const std::vector<Camera>& cameras) {
+    log_info("turned so that {} is up", up);
+    const Eigen::Vector3d axis = up == "z" ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
+    return turn_to(up_direction(cameras), up == "-y" ? Eigen::Vector3d(-axis) : axis);
+}
+
+/// Turns a run with its cameras.
+void turn_run(SavedRun& run, const std::string& up) {
+    std::vector<Camera> cameras;
+    for (const auto* views : {&run.scene.test, &run.scene.train})
+        for (const View& view : *views) cameras.push_back(view.camera);
+    const Eigen::Matrix3d rotation = turn_of(up, cameras);
+    Gaussians model = run.backend->download(false);
+    turn(model, rotation);
+    run.backend->upload(model);
+    for (auto* views : {&run.scene.test, &run.scene.train})
+        for (View& view : *views) view.camera = turned(view.camera, rotation);
+    run.scene.frame.center = rotation * run.scene.frame.center;
+}
+
 /// A run packed for the viewer, and what is said of it beside the file.
 struct PackedRun {
     PackedScene scene;
@@ -69,6 +93,7 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
     if (site.photographs > 0 && run.scene.test.empty())
         throw UsageError(
             fmt::format("{}: the run has no test views (--eval), whose photographs could be written", folder.string()));
+    if (!request.up.empty()) turn_run(run, request.up);
     const Gaussians all = run.backend->download(false);
     require_finite(all);
     Gaussians model = visible_gaussians(all);
@@ -195,13 +220,19 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
     require_free(request.output, {name}, request.overwrite);
     const std::filesystem::path path = request.output / name;
     SavedModel saved = read_saved_model(request.run, request.iteration);
-    const Frame frame = saved.frame.value_or(Frame{});
+    Frame frame = saved.frame.value_or(Frame{});
     require_finite(saved.state);
     saved.state = visible_gaussians(saved.state);
     if (saved.state.ppisp.active())
         log_warning("the file cannot hold the photometric correction: colours are those before it");
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    if (!request.up.empty()) {
+        rotation = turn_of(request.up, read_camera_path(RunFolder{request.run}.cameras(), Frame{}));
+        frame.center = rotation * frame.center;
+    }
     if (format == SplatFormat::kSplat) {
-        const ShProjection mean = project_to_sh(saved.state, 0);
+        ShProjection mean = project_to_sh(saved.state, 0);
+        if (!request.up.empty()) turn(mean.gaussians, rotation);
         write_splat(path, mean.gaussians, frame);
         if (const Eigen::Vector3d offset = file_offset(frame); !offset.isZero(0))
             log_warning("{}: positions lack the offset ({}, {}, {}), for which its floats are too coarse",
@@ -218,6 +249,7 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
         log_info("{}", options.note);
         saved.state = std::move(projection.gaussians);
     }
+    if (!request.up.empty()) turn(saved.state, rotation);
     write_ply(path, saved.state, options);
     log_info("{}: {} Gaussians", path.string(), saved.state.count);
     if (!is_plain_sh(saved.state))

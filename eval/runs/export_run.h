@@ -14,6 +14,9 @@ struct ExportRequest {
     std::optional<std::int64_t> iteration;  ///< saved iteration; empty: the last
     std::filesystem::path output;           ///< folder to write to
     bool overwrite = false;                 ///< replace an earlier export there
+    /// The axis that is to point up: "y", "z" or "-y". The model is turned from where its cameras say up is. Empty: it
+    /// stays as it is.
+    std::string up = {};
 };
 
 /// What only a site has.
@@ -29,7 +32,7 @@ struct SiteOptions {
 /// it in the log and in the file. A second run becomes scene-2.ngsplat; site.json names what lies beside scene.ngsplat,
 /// where there is anything. Throws UsageError where the output is taken, the two runs have other cameras, or there are
 /// no test views whose photographs could be written; what open_saved_run throws; NumericError for parameters that are
-/// not finite; and DataError where a file cannot be read or written.
+/// not finite; DataError where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
 void export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {
@@ -38,7 +41,8 @@ enum class SplatFormat {
 };
 
 /// Writes the file. With `sh_projection` a PLY holds spherical harmonics of degree 3 that are fitted to the colours of
-/// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web.
+/// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web; to turn
+/// the model it needs the run's cameras.json.
 void export_file(const ExportRequest& request, SplatFormat format, bool sh_projection);
 
 }  // namespace gs

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <iterator>
 
 #include "lib/core/json_text.h"
@@ -138,6 +139,49 @@ TEST(Export, WritesFilesForOtherPrograms) {
     EXPECT_EQ(sh.count, own.count);
     EXPECT_NE(program.read("sh/point_cloud.ply").find("comment spherical harmonics fitted to the colours of sv, "),
               std::string::npos);
+}
+
+TEST(Export, TurnsWhatIsUp) {
+    const Program program;
+    train(program);
+    train_plain(program, "plain", "-s builtin:glossy --eval -r 8");
+    const Outcome refused = program.run("export run -o lobes --format ply --up y");
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_NE(refused.err.find("'sv' cannot be turned"), std::string::npos) << refused.err;
+    EXPECT_FALSE(fs::exists(program.path("lobes")));
+    for (const std::string run : {"run --sh-projection", "plain"}) {
+        ASSERT_EQ(program.run("export -o as-is --overwrite --format ply " + run).exit_code, 0);
+        ASSERT_EQ(program.run("export -o turned --overwrite --format ply --up y " + run).exit_code, 0);
+        const Gaussians as_is = read_ply(program.path("as-is/point_cloud.ply")),
+                        up = read_ply(program.path("turned/point_cloud.ply"));
+        ASSERT_EQ(up.count, as_is.count);
+        // The cameras of built-in scenes are level, and z is up.
+        for (std::int64_t i = 0; i < up.count; ++i) {
+            const float *p = as_is[Group::kMean].param.data() + 3 * i, *q = up[Group::kMean].param.data() + 3 * i;
+            EXPECT_NEAR(q[0], p[0], 1e-5);
+            EXPECT_NEAR(q[1], p[2], 1e-5);
+            EXPECT_NEAR(q[2], -p[1], 1e-5);
+        }
+    }
+    ASSERT_EQ(program.run("export run -o dots --format splat --up -y").exit_code, 0);
+    float dot[3], turned_dot[3];
+    ASSERT_EQ(program.run("export run -o as-is --format splat").exit_code, 0);
+    std::memcpy(dot, program.read("as-is/point_cloud.splat").data(), sizeof dot);
+    std::memcpy(turned_dot, program.read("dots/point_cloud.splat").data(), sizeof turned_dot);
+    EXPECT_NEAR(turned_dot[1], -dot[2], 1e-5);
+    EXPECT_NEAR(turned_dot[2], dot[1], 1e-5);
+
+    // A site is turned with its cameras, so that its test views show what they showed.
+    const auto psnr = [](const PackedScene& scene) {
+        return parse_json(scene.trailer).at("test_views").at("packed_psnr").get<double>();
+    };
+    ASSERT_EQ(program.run("export plain -o site").exit_code, 0);
+    ASSERT_EQ(program.run("export plain -o up --up=-y").exit_code, 0);
+    const PackedScene as_is = read_ngsplat(program.path("site/scene.ngsplat")),
+                      up = read_ngsplat(program.path("up/scene.ngsplat"));
+    EXPECT_NEAR(as_is.up[2], 1, 0.05);
+    EXPECT_NEAR(up.up[1], -1, 0.05);
+    EXPECT_NEAR(psnr(up), psnr(as_is), 0.1) << "the same but for other rounding";
 }
 
 TEST(Export, WhatCannotBeExportedLeavesNothing) {
