@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares two pictures in the web viewer: what stands left and right of the divider, and what cannot be shown.
 
-Usage: viewer_compare_test.py GSAPP [SCREENSHOT]. Exit status 77: no Chromium, or a gsapp without the viewer. With SCREENSHOT it
-only writes a picture of the page there.
+Usage: viewer_compare_test.py GSAPP. Exit status 77: no Chromium, or a gsapp without the viewer.
 """
 
 import base64
@@ -265,16 +264,6 @@ def check_broken_sites(browser, site, folder):
     check(screen_picture(browser).difference(mode_picture(browser, "full"), 0, WIDTH // 2)[0] <= 1, "beside it the model is drawn")
 
 
-def take_screenshot(program, site, path):
-    with Browser(program, flags=SOFTWARE_WEBGL) as browser:
-        set_window(browser, 1100, 620)
-        open_viewer(browser, site.url)
-        choose(browser, camera=str(VIEW), compare_on=True, compare_left="full", compare_right="photograph")
-        wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "the photograph is there")
-        browser.evaluate(FRAME)
-        browser.screenshot(path, 1)
-
-
 def main():
     program = find_chromium()
     if program is None:
@@ -286,8 +275,6 @@ def main():
             print("skipped: the viewer is not built (scripts/build-viewer)")
             return 77
         site = Site(folder)
-        if len(sys.argv) > 2:
-            return take_screenshot(program, site, sys.argv[2])
         with Browser(program, flags=SOFTWARE_WEBGL) as browser:
             wanted = check_sides(browser, site)
             check_divider(browser, wanted)
