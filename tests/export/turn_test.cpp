@@ -67,8 +67,7 @@ TEST(Turn, PicturesFromTurnedCamerasAreTheSame) {
         const RenderedImage before = rendered(g, camera);
         Gaussians after = g;
         turn(after, kOblique);
-        const RenderedImage image = rendered(after, turned(camera, kOblique)),
-                            unturned = rendered(after, camera);
+        const RenderedImage image = rendered(after, turned(camera, kOblique)), unturned = rendered(after, camera);
         double difference = 0, other = 0, contrast = 0;
         int above = 0;
         for (std::size_t i = 0; i < before.rgb.size(); ++i) {
@@ -113,7 +112,8 @@ TEST(Turn, LevelCamerasSayWhichWayIsUp) {
     const Eigen::Vector3d up = Eigen::Vector3d(0.1, 0.2, 0.9).normalized();
     // All on one side and above: their mean up leans to the other side.
     std::vector<Camera> cameras;
-    for (const Eigen::Vector3d& position : {Eigen::Vector3d(3, 0.2, 3), Eigen::Vector3d(3, 2, 2.5), Eigen::Vector3d(2.5, -2, 3)})
+    for (const Eigen::Vector3d& position :
+         {Eigen::Vector3d(3, 0.2, 3), Eigen::Vector3d(3, 2, 2.5), Eigen::Vector3d(2.5, -2, 3)})
         cameras.push_back(camera_at(position, up));
     EXPECT_LE((up_direction(cameras) - up).norm(), 1e-9);
     // Side by side, the mean decides: only it says how far they lean.
