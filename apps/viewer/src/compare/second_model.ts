@@ -63,8 +63,8 @@ export class SecondModel {
 
   /** Draws it where there is no obstacle. `picture` says how. */
   draw(view: View, picture: (scene: Scene) => Picture): void {
-    const { scene, sorter } = this.loaded!, { position, forward } = view, pose = JSON.stringify([position, forward]);
-    if (pose !== this.sortedFor) void sorter?.sort({ position, forward });
+    const { scene, sorter } = this.loaded!, pose = JSON.stringify(view);
+    if (pose !== this.sortedFor) void sorter?.sort(view);
     this.sortedFor = pose;
     try {
       this.renderer.render(view, picture(scene));
