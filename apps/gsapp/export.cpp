@@ -36,12 +36,12 @@ void run_export(const ExportArguments& arguments) {
         .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
         .output = arguments.output,
         .overwrite = arguments.overwrite,
-        .up = arguments.up};
+        .up = arguments.up,
+        .compatible = arguments.compatible};
     if (arguments.format == "web")
         export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
                              .source = arguments.source,
-                             .photographs = arguments.photographs,
-                             .compatible = arguments.compatible});
+                             .photographs = arguments.photographs});
     else
         export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
                     arguments.sh_projection);

@@ -97,18 +97,19 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
     const Gaussians all = run.backend->download(false);
     require_finite(all);
     Gaussians model = visible_gaussians(all);
-    if (site.compatible) complete_residuals(model);
-    PackedRun packed;
-    PackedScene& scene = packed.scene;
-    scene = pack_gaussians(model);
+    if (request.compatible) complete_residuals(model);
+    PackedScene scene = pack_gaussians(model);
     add_cameras(scene, model, run.scene.test);
     if (all.ppisp.active()) scene.ppisp = packed_correction(run);
-    if (!run.scene.test.empty()) packed.loss = packing_loss(run, scene);
-    scene.trailer = trailer(run, model, scene, packed.loss, described);
-    packed.has_test_views = !run.scene.test.empty();
-    packed.views = packed.has_test_views ? run.scene.test : run.scene.train;
-    packed.background = run.background;
-    return packed;
+    std::optional<PackingLoss> loss;
+    if (!run.scene.test.empty()) loss = packing_loss(run, scene);
+    scene.trailer = trailer(run, model, scene, loss, described);
+    const bool has_test_views = !run.scene.test.empty();
+    return {.scene = std::move(scene),
+            .views = has_test_views ? run.scene.test : run.scene.train,
+            .has_test_views = has_test_views,
+            .background = run.background,
+            .loss = loss};
 }
 
 bool is_same_camera(const Camera& a, const Camera& b) {

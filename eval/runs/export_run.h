@@ -17,6 +17,8 @@ struct ExportRequest {
     /// The axis that is to point up: "y", "z" or "-y". The model is turned from where its cameras say up is. Empty: it
     /// stays as it is.
     std::string up = {};
+    /// Whether .ngsplat files store a residual for every Gaussian, as the paper's viewer expects it.
+    bool compatible = false;
 };
 
 /// What only a site has.
@@ -24,8 +26,6 @@ struct SiteOptions {
     std::filesystem::path second_run = {};  ///< another run of the scene, to compare with; empty: none
     std::string source = {};                ///< the scene, where it was moved since the training; empty: it was not
     int photographs = 0;                    ///< write the photographs of at most so many test views, evenly spread
-    /// Whether scenes store a residual for every Gaussian, as the paper's viewer expects it.
-    bool compatible = false;
 };
 
 /// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views and tells

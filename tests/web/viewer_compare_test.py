@@ -175,9 +175,9 @@ def check_divider(browser, wanted):
     check(browser.evaluate("document.getElementById('camera').value") == str(VIEW), "keys of the divider do not turn the camera")
     role = browser.evaluate("(e => [e.role, e.ariaValueMin, e.ariaValueMax, e.ariaValueText, e.ariaLabel])(document.getElementById('divider'))")
     check(role == ["slider", "0", "100", "89 % of the width", "Divider between the pictures"], f"it is a slider: {role}")
-    check(browser.evaluate("document.getElementById('shows').disabled"), "the choice of one picture is out of use meanwhile")
+    check(browser.evaluate("document.getElementById('modes').closest('fieldset').disabled"), "the choice of one picture is out of use meanwhile")
     choose(browser, compare_on=False)
-    check(not browser.evaluate("document.getElementById('shows').disabled || document.getElementById('divider').checkVisibility()"), "and back after it")
+    check(not browser.evaluate("document.getElementById('modes').closest('fieldset').disabled || document.getElementById('divider').checkVisibility()"), "and back after it")
     check(screen_picture(browser).difference(wanted["full"])[0] <= 1, "then one picture is shown")
 
 

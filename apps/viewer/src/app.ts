@@ -98,24 +98,12 @@ export class App {
     }
   }
 
-  /** Where the model shown came from beside the page: what else lies there. */
-  async readSite(): Promise<void> {
-    const { loaded } = this;
-    if (!loaded?.scene.hasSite) return;
-    try {
-      const site = await fetchSite(loaded.scene.testCameras.length);
-      if (loaded === this.loaded) this.comparison.setSite(site);
-    } catch (error) {
-      this.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
-    }
-  }
-
   private unload(): void {
-    this.comparison.setScene(undefined);
     this.loaded?.navigator.dispose();
     this.loaded?.sorter?.dispose();
     this.loaded = undefined;
     this.renderer.clearScene();
+    this.comparison.setScene(undefined);
     document.body.classList.remove('loaded');
   }
 
@@ -124,6 +112,7 @@ export class App {
     const centers = sceneCenters(scene);
     this.renderer.setScene(scene);
     document.body.classList.add('loaded');
+    this.comparison.setScene(scene);
     const navigator = new Navigator(scene, this.canvas, () => this.redraw());
     navigator.setMovement(this.movement);
     const apply = (order: Uint32Array, count: number) => {
@@ -132,7 +121,6 @@ export class App {
     };
     const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, scene, navigator, sorter };
-    this.comparison.setScene(scene);
     this.sortedFor = '';
     this.panel.setScene(scene.name ?? name, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
@@ -186,6 +174,18 @@ export class App {
     } finally {
       this.isReserved = false;
       this.redraw();
+    }
+  }
+
+  /** Where the model shown came from beside the page: what else lies there. */
+  async readSite(): Promise<void> {
+    const { loaded } = this;
+    if (!loaded?.scene.hasSite) return;
+    try {
+      const site = await fetchSite(loaded.scene.testCameras.length);
+      if (loaded === this.loaded) this.comparison.setSite(site);
+    } catch (error) {
+      this.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
     }
   }
 

@@ -41,7 +41,7 @@ export class ComparePanel {
     this.on.addEventListener('change', () => {
       const { isOn } = this;
       for (const part of [element('compare-sides'), this.divider, ...this.labels]) part.hidden = !isOn;
-      element<HTMLFieldSetElement>('shows').disabled = isOn; // the sides say what is shown
+      element('modes').closest('fieldset')!.disabled = isOn; // the sides say what is shown
       changed();
     });
     this.addDivider();
