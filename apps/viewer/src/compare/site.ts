@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // What lies beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the photographs.
 
-import { fetchSource, readAll } from '../format/load';
+import { fetchSource } from '../format/load';
 
 export const SITE_FILE = 'site.json';
 const FIRST_MODEL = 'scene.ngsplat', VERSION = 1;
-/** More bytes than any site needs. */
-const MOST_BYTES = 1 << 22;
+/** More characters than any site needs. */
+const LONGEST = 1 << 22;
 const LONGEST_NAME = 200;
 
 export interface Site {
@@ -56,8 +56,7 @@ export function parseSite(text: string, numViews: number): Site {
 
 /** Throws Error with a message for the user. */
 export async function fetchSite(numViews: number): Promise<Site> {
-  const buffer = await readAll(await fetchSource(SITE_FILE, new AbortController().signal), (bytes) => {
-    if (bytes > MOST_BYTES) throw new Error(`it has more than ${MOST_BYTES} bytes`);
-  });
-  return parseSite(new TextDecoder().decode(buffer), numViews);
+  const text = await new Response((await fetchSource(SITE_FILE, new AbortController().signal)).stream).text();
+  if (text.length > LONGEST) throw new Error(`it has more than ${LONGEST} characters`);
+  return parseSite(text, numViews);
 }
