@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp export: a finished run as a page that shows it, or as a file for other programs.
+#include <fmt/format.h>
+
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "apps/gsapp/command.h"
 #include "eval/runs/export_run.h"
@@ -10,8 +14,10 @@ namespace gs {
 namespace {
 
 struct ExportArguments {
-    std::string run, output, source, format = "web";
+    std::vector<std::string> runs;
+    std::string output, source, up, format = "web";
     std::int64_t iteration = -1;  ///< -1 = the last saved one
+    int photographs = 0;          ///< most of them
     bool sh_projection = false, overwrite = false, compatible = false;
 };
 
@@ -20,14 +26,22 @@ void run_export(const ExportArguments& arguments) {
     if (!arguments.source.empty() && arguments.format != "web")
         throw UsageError("--source is for --format web, which measures on its views");
     if (arguments.compatible && arguments.format != "web") throw UsageError("--compatible is for --format web");
+    if (arguments.photographs != 0 && arguments.format != "web")
+        throw UsageError("--photographs is for --format web, whose page compares them with the model");
+    if (arguments.photographs < 0) throw UsageError(fmt::format("--photographs={} is below 0", arguments.photographs));
+    if (arguments.runs.size() > 1 && arguments.format != "web")
+        throw UsageError("two runs are for --format web, whose page compares them");
     const ExportRequest request{
-        .run = arguments.run,
+        .run = arguments.runs.front(),
         .iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration),
         .output = arguments.output,
         .overwrite = arguments.overwrite,
+        .up = arguments.up,
         .compatible = arguments.compatible};
     if (arguments.format == "web")
-        export_web(request, arguments.source);
+        export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
+                             .source = arguments.source,
+                             .photographs = arguments.photographs});
     else
         export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
                     arguments.sh_projection);
@@ -39,7 +53,12 @@ void add_export_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<ExportArguments>();
     CLI::App* command =
         app.add_subcommand("export", "Write a finished run as a web page, or as a file for other programs");
-    command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
+    command
+        ->add_option("runs", arguments->runs,
+                     "Run folder; with web also a second run of the same scene, which the page compares with the first")
+        ->required()
+        ->expected(1, 2)
+        ->type_name("RUN");
     command->add_option("-o,--output", arguments->output, "Folder to write to")->required()->type_name("DIR");
     command
         ->add_option("--format", arguments->format,
@@ -50,10 +69,18 @@ void add_export_command(CLI::App& app, Command& selected) {
     command->add_flag(
         "--sh-projection", arguments->sh_projection,
         "With ply: write the colours of any appearance as spherical harmonics of degree 3, fitted by least squares");
+    command
+        ->add_option("--up", arguments->up,
+                     "Turn the model so that this axis points up, as the cameras were held: y, z or -y (default: as it "
+                     "is; for colours of one direction and spherical harmonics)")
+        ->check(CLI::IsMember({"y", "z", "-y"}));
     command->add_option("--iteration", arguments->iteration, "Saved iteration to export (default: the last)")
         ->check(CLI::NonNegativeNumber);
     command->add_option("--source", arguments->source, "With web: the scene, if it was moved since the training")
         ->type_name("SCENE");
+    command->add_flag("--photographs{40}", arguments->photographs,
+                      "With web: also write the photographs of the test views as PNG, to compare with; of 40 evenly "
+                      "spread views, or as many as --photographs=N says");
     command->add_flag(
         "--compatible", arguments->compatible,
         "With web: store a residual for every Gaussian, as the paper's viewer expects it, also where only "

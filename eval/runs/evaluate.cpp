@@ -23,17 +23,6 @@ struct Pair {
     double render_seconds = 0;
 };
 
-/// Returns the photograph as the protocol compares it. Throws DataError unless it has the size of its camera.
-Image truth_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
-    const auto loaded = view_image(view);
-    Image truth =
-        protocol.eight_bit ? quantized_target(loaded->color, background) : float_target(loaded->color, background);
-    if (truth.width != view.camera.width || truth.height != view.camera.height)
-        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width,
-                                    truth.height, view.camera.width, view.camera.height));
-    return truth;
-}
-
 /// Renders views and, in the aligned modes, fits their colours to the photographs.
 class Renderer {
   public:
@@ -54,7 +43,7 @@ class Renderer {
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         ColourFit fit;
-        for (const View& view : views) fit.add(rendered(view), truth_of(view, background_, protocol_));
+        for (const View& view : views) fit.add(rendered(view), photograph_of(view, background_, protocol_));
         common_ = fit.solve();
     }
 
@@ -63,7 +52,7 @@ class Renderer {
         RenderedImage image = rendered(view);
         Pair pair;
         pair.render_seconds = seconds_now() - start;
-        pair.truth = truth_of(view, background_, protocol_);
+        pair.truth = photograph_of(view, background_, protocol_);
         if (correction_.mode == CorrectionMode::kColourAligned) {
             ColourFit fit;
             fit.add(image, pair.truth);
@@ -136,6 +125,16 @@ void paste(const Image& from, Image& to, int left, int top) {
 }
 
 }  // namespace
+
+Image photograph_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
+    const auto loaded = view_image(view);
+    Image truth =
+        protocol.eight_bit ? quantized_target(loaded->color, background) : float_target(loaded->color, background);
+    if (truth.width != view.camera.width || truth.height != view.camera.height)
+        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width,
+                                    truth.height, view.camera.width, view.camera.height));
+    return truth;
+}
 
 EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,
                           const EvalOptions& options) {

@@ -46,6 +46,10 @@ struct EvalResult {
     std::map<std::string, MetricScore> scores = {};  ///< means over views, or the first reason that a view has
 };
 
+/// Returns the photograph of a view as the protocol compares it, on `background` where it has alpha. Throws DataError
+/// where it cannot be read, or has another size than its camera.
+Image photograph_of(const View& view, const Vec3<float>& background, const Protocol& protocol = protocols().front());
+
 /// Renders each view at the size of its camera before `background`, whatever the protocol names, and compares it with
 /// its photograph as the protocol says, both rounded to 8 bits or as float. Masks are ignored. Pictures are 8-bit. The
 /// base of a decomposed picture is corrected like the picture (a controller predicts from the base itself), the

@@ -4,11 +4,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "appearance/model_info.h"
+#include "eval/runs/camera_path.h"
+#include "eval/runs/evaluate.h"
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
+#include "kernels/core/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/version.h"
@@ -16,7 +21,10 @@
 #include "lib/export/sh_projection.h"
 #include "lib/export/site.h"
 #include "lib/export/splat_file.h"
+#include "lib/export/turn.h"
+#include "lib/io/atomic_file.h"
 #include "lib/model/ply.h"
+#include "lib/model/run_folder.h"
 #include "lib/scene/frame.h"
 #include "lib/train/scene_options.h"
 
@@ -25,7 +33,7 @@ namespace {
 
 /// Returns what the file says about itself, where other readers do not look.
 std::string trailer(const SavedRun& run, const Gaussians& model, const PackedScene& scene,
-                    const std::optional<PackingLoss>& loss) {
+                    const std::optional<PackingLoss>& loss, bool described) {
     nlohmann::ordered_json json = {{"generator", version_text()},
                                    {"scene", scene_name(run.options.source)},
                                    {"appearance", model.appearance.model},
@@ -39,6 +47,7 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
         json["test_views"] = {{"psnr", loss->psnr},
                               {"packed_psnr", loss->packed_psnr},
                               {"protocol", protocol_line(protocols().front(), run.background)}};
+    if (described) json["site"] = true;
     return json_text(json);
 }
 
@@ -47,12 +56,44 @@ bool is_plain_sh(const Gaussians& g) {
     return appearance_model(g.appearance.model).plain_sh && g.appearance.activation == ColorActivation::kRelu;
 }
 
-}  // namespace
+/// Returns the rotation of ExportRequest::up, `up` not empty.
+Eigen::Matrix3d turn_of(const std::string& up, const std::vector<Camera>& cameras) {
+    log_info("turned so that {} is up", up);
+    const Eigen::Vector3d axis = up == "z" ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
+    return turn_to(up_direction(cameras), up == "-y" ? Eigen::Vector3d(-axis) : axis);
+}
 
-void export_web(const ExportRequest& request, const std::string& source) {
-    const std::filesystem::path folder = request.output, viewer = viewer_folder();
-    require_free(folder, {"scene.ngsplat", "index.html"}, request.overwrite);
-    SavedRun run = open_saved_run(request.run, request.iteration, {.source = source});
+/// Turns a run with its cameras.
+void turn_run(SavedRun& run, const std::string& up) {
+    std::vector<Camera> cameras;
+    for (const auto* views : {&run.scene.test, &run.scene.train})
+        for (const View& view : *views) cameras.push_back(view.camera);
+    const Eigen::Matrix3d rotation = turn_of(up, cameras);
+    Gaussians model = run.backend->download(false);
+    turn(model, rotation);
+    run.backend->upload(model);
+    for (auto* views : {&run.scene.test, &run.scene.train})
+        for (View& view : *views) view.camera = turned(view.camera, rotation);
+    run.scene.frame.center = rotation * run.scene.frame.center;
+}
+
+/// A run packed for the viewer, and what is said of it beside the file.
+struct PackedRun {
+    PackedScene scene;
+    std::vector<View> views;  ///< the test views, or without any those of the training
+    bool has_test_views = false;
+    Vec3<float> background;
+    std::optional<PackingLoss> loss;
+};
+
+/// `described`: whether a site.json lies beside the file.
+PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& folder, const SiteOptions& site,
+                   bool described) {
+    SavedRun run = open_saved_run(folder, request.iteration, {.source = site.source});
+    if (site.photographs > 0 && run.scene.test.empty())
+        throw UsageError(
+            fmt::format("{}: the run has no test views (--eval), whose photographs could be written", folder.string()));
+    if (!request.up.empty()) turn_run(run, request.up);
     const Gaussians all = run.backend->download(false);
     require_finite(all);
     Gaussians model = visible_gaussians(all);
@@ -63,27 +104,113 @@ void export_web(const ExportRequest& request, const std::string& source) {
     if (all.ppisp.active()) scene.ppisp = packed_correction(run);
     std::optional<PackingLoss> loss;
     if (!run.scene.test.empty()) loss = packing_loss(run, scene);
-    scene.trailer = trailer(run, model, scene, loss);
+    scene.trailer = trailer(run, model, scene, loss, described);
+    const bool has_test_views = !run.scene.test.empty();
+    return {.scene = std::move(scene),
+            .views = has_test_views ? run.scene.test : run.scene.train,
+            .has_test_views = has_test_views,
+            .background = run.background,
+            .loss = loss};
+}
 
-    Staging staging(folder);
-    write_ngsplat(staging.path() / "scene.ngsplat", scene);
-    if (!viewer.empty()) copy_folder(viewer, staging.path());
-    staging.publish();
-    if (!viewer.empty()) remove_other_versions(viewer, folder);
+bool is_same_camera(const Camera& a, const Camera& b) {
+    constexpr double kTolerance = 1e-5;
+    const auto near = [](double x, double y) { return std::abs(x - y) <= kTolerance * std::abs(x); };
+    return a.width == b.width && a.height == b.height && near(a.fx, b.fx) && near(a.fy, b.fy) && near(a.cx, b.cx) &&
+           near(a.cy, b.cy) && (a.rotation - b.rotation).norm() <= kTolerance &&
+           (a.translation - b.translation).norm() <= kTolerance * (1 + a.translation.norm());
+}
 
-    log_info("{}: {} Gaussians, {:.4g} bytes each ({} of them geometry and base colour)",
-             (folder / "scene.ngsplat").string(), scene.count(), scene.mean_bytes_per_gaussian(),
-             sizeof(GeometryWords));
+/// Throws UsageError unless both runs have the same views: pictures of other scenes, sizes or splits do not compare.
+void require_same_views(const PackedRun& a, const PackedRun& b, const ExportRequest& request, const SiteOptions& site) {
+    const std::string runs = fmt::format("{} and {} do not compare", request.run.string(), site.second_run.string());
+    const char* kind = a.has_test_views ? "test" : "training";
+    if (a.has_test_views != b.has_test_views || a.views.size() != b.views.size())
+        throw UsageError(fmt::format("{}: {} {} and {} {} views; both must be runs of one scene, split alike", runs,
+                                     a.views.size(), kind, b.views.size(), b.has_test_views ? "test" : "training"));
+    for (std::size_t i = 0; i < a.views.size(); ++i) {
+        if (!is_same_camera(a.views[i].camera, b.views[i].camera))
+            throw UsageError(
+                fmt::format("{}: their {} view {} has other cameras ('{}', '{}'); both must be runs of one "
+                            "scene, split alike and of one size",
+                            runs, kind, i + 1, a.views[i].name, b.views[i].name));
+    }
+}
+
+void log_packed(const std::filesystem::path& file, const PackedRun& run) {
+    const PackedScene& scene = run.scene;
+    log_info("{}: {} Gaussians, {:.4g} bytes each ({} of them geometry and base colour)", file.string(), scene.count(),
+             scene.mean_bytes_per_gaussian(), sizeof(GeometryWords));
     if (scene.is_mixed())
         log_info(
             "the colour of {} of them depends on the view; --compatible writes the others the same, for viewers "
             "that know no mixed models",
             scene.appearance.rows);
-    if (loss)
-        log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.scene.test.size(),
-                 loss->psnr, loss->packed_psnr, loss->psnr - loss->packed_psnr);
+    if (run.loss)
+        log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.views.size(),
+                 run.loss->psnr, run.loss->packed_psnr, run.loss->psnr - run.loss->packed_psnr);
     else
         log_info("the run has no test views (--eval): what packing loses was not measured");
+}
+
+/// Writes the photographs of at most `most` views. Returns their paths in the site, null for views without one.
+nlohmann::ordered_json write_photographs(const std::filesystem::path& folder, const PackedRun& run, int most) {
+    const std::size_t all = run.views.size(), count = std::min(all, std::size_t(most));
+    nlohmann::ordered_json paths(all, nullptr);
+    for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t view = k * all / count;
+        paths[view] = site_file::photograph(view);
+        write_image(folder / site_file::photograph(view), photograph_of(run.views[view], run.background));
+    }
+    log_info("photographs of {} of the {} test views{}", count, all, count < all ? "; --photographs=N writes N" : "");
+    return paths;
+}
+
+/// Returns what the page calls the runs: the names of their folders, or where these are the same the paths.
+std::vector<std::string> run_names(const std::vector<std::filesystem::path>& folders) {
+    std::vector<std::string> names;
+    for (const auto& folder : folders) {
+        const auto path = std::filesystem::absolute(folder).lexically_normal();
+        names.push_back((path.has_filename() ? path : path.parent_path()).filename().string());
+    }
+    if (names.size() == 2 && names[0] == names[1])
+        for (std::size_t i = 0; i < names.size(); ++i) names[i] = folders[i].generic_string();
+    return names;
+}
+
+}  // namespace
+
+void export_web(const ExportRequest& request, const SiteOptions& site) {
+    const std::filesystem::path folder = request.output, viewer = viewer_folder();
+    require_free(folder,
+                 {site_file::kScene, site_file::kSecondScene, site_file::kDescription, site_file::kPhotographs,
+                  site_file::kPage},
+                 request.overwrite);
+    std::vector<std::filesystem::path> runs = {request.run};
+    if (!site.second_run.empty()) runs.push_back(site.second_run);
+    const bool described = runs.size() > 1 || site.photographs > 0;
+    nlohmann::ordered_json description = {{"version", 1}, {"generator", version_text()}};
+
+    Staging staging(folder);
+    std::vector<PackedRun> packed;
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+        const char* file = i == 0 ? site_file::kScene : site_file::kSecondScene;
+        packed.push_back(pack_run(request, runs[i], site, described));
+        if (i > 0) require_same_views(packed[0], packed[i], request, site);
+        write_ngsplat(staging.path() / file, packed[i].scene);
+        description["models"].push_back({{"file", file}, {"name", run_names(runs)[i]}});
+    }
+    if (site.photographs > 0)
+        description["photographs"] = write_photographs(staging.path(), packed[0], site.photographs);
+    if (described) write_text_atomic(staging.path() / site_file::kDescription, json_text(description));
+    if (!viewer.empty()) copy_folder(viewer, staging.path());
+    const std::vector<std::filesystem::path> written = staging.files();
+    staging.publish();
+    remove_earlier_site(folder, written);
+    if (!viewer.empty()) remove_other_versions(viewer, folder);
+
+    for (std::size_t i = 0; i < packed.size(); ++i)
+        log_packed(folder / (i == 0 ? site_file::kScene : site_file::kSecondScene), packed[i]);
     if (viewer.empty())
         log_warning("the web viewer is not built, so that only the scene was written; scripts/build-viewer builds it");
     else
@@ -95,13 +222,19 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
     require_free(request.output, {name}, request.overwrite);
     const std::filesystem::path path = request.output / name;
     SavedModel saved = read_saved_model(request.run, request.iteration);
-    const Frame frame = saved.frame.value_or(Frame{});
+    Frame frame = saved.frame.value_or(Frame{});
     require_finite(saved.state);
     saved.state = visible_gaussians(saved.state);
     if (saved.state.ppisp.active())
         log_warning("the file cannot hold the photometric correction: colours are those before it");
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    if (!request.up.empty()) {
+        rotation = turn_of(request.up, read_camera_path(RunFolder{request.run}.cameras(), Frame{}));
+        frame.center = rotation * frame.center;
+    }
     if (format == SplatFormat::kSplat) {
-        const ShProjection mean = project_to_sh(saved.state, 0);
+        ShProjection mean = project_to_sh(saved.state, 0);
+        if (!request.up.empty()) turn(mean.gaussians, rotation);
         write_splat(path, mean.gaussians, frame);
         if (const Eigen::Vector3d offset = file_offset(frame); !offset.isZero(0))
             log_warning("{}: positions lack the offset ({}, {}, {}), for which its floats are too coarse",
@@ -118,6 +251,7 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
         log_info("{}", options.note);
         saved.state = std::move(projection.gaussians);
     }
+    if (!request.up.empty()) turn(saved.state, rotation);
     write_ply(path, saved.state, options);
     log_info("{}: {} Gaussians", path.string(), saved.state.count);
     if (!is_plain_sh(saved.state))

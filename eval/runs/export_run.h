@@ -14,15 +14,26 @@ struct ExportRequest {
     std::optional<std::int64_t> iteration;  ///< saved iteration; empty: the last
     std::filesystem::path output;           ///< folder to write to
     bool overwrite = false;                 ///< replace an earlier export there
-    /// Whether scene.ngsplat stores a residual for every Gaussian, as the paper's viewer expects it.
+    /// The axis that is to point up: "y", "z" or "-y". The model is turned from where its cameras say up is. Empty: it
+    /// stays as it is.
+    std::string up = {};
+    /// Whether .ngsplat files store a residual for every Gaussian, as the paper's viewer expects it.
     bool compatible = false;
 };
 
-/// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views of
-/// `source` (empty: the scene of the run) and tells it in the log and in the file. Throws UsageError where the output
-/// is taken, what open_saved_run throws, NumericError for parameters that are not finite, and DataError where a file
-/// cannot be written.
-void export_web(const ExportRequest& request, const std::string& source);
+/// What only a site has.
+struct SiteOptions {
+    std::filesystem::path second_run = {};  ///< another run of the scene, to compare with; empty: none
+    std::string source = {};                ///< the scene, where it was moved since the training; empty: it was not
+    int photographs = 0;                    ///< write the photographs of at most so many test views, evenly spread
+};
+
+/// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views and tells
+/// it in the log and in the file. A second run becomes scene-2.ngsplat; site.json names what lies beside scene.ngsplat,
+/// where there is anything. Throws UsageError where the output is taken, the two runs have other cameras, or there are
+/// no test views whose photographs could be written; what open_saved_run throws; NumericError for parameters that are
+/// not finite; DataError where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
+void export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {
     kPly,    ///< point_cloud.ply as 3DGS writes it
@@ -30,7 +41,8 @@ enum class SplatFormat {
 };
 
 /// Writes the file. With `sh_projection` a PLY holds spherical harmonics of degree 3 that are fitted to the colours of
-/// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web.
+/// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web; to turn
+/// the model it needs the run's cameras.json.
 void export_file(const ExportRequest& request, SplatFormat format, bool sh_projection);
 
 }  // namespace gs

@@ -10,37 +10,15 @@
 
 #include "appearance/contract.h"
 #include "appearance/model_info.h"
-#include "appearance/sh_basis.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/core/spherical_harmonics.h"
+#include "lib/export/sh_fit.h"
 
 namespace gs {
 namespace {
 
 constexpr int kSampledDirections = 256;
-
-/// Returns a Fibonacci lattice of unit vectors; `phase` turns it about its axis, radians.
-std::vector<Vec3<double>> directions(double phase) {
-    std::vector<Vec3<double>> out;
-    for (int i = 0; i < kSampledDirections; ++i) {
-        const double y = 1 - (2 * i + 1.0) / kSampledDirections, r = std::sqrt(1 - y * y),
-                     angle = M_PI * (3 - std::sqrt(5.0)) * i + phase;
-        out.push_back({r * std::cos(angle), y, r * std::sin(angle)});
-    }
-    return out;
-}
-
-/// Returns the basis with one row per direction: Y_0 and the bands up to `degree`.
-Eigen::MatrixXd basis_matrix(const std::vector<Vec3<double>>& at, int degree) {
-    Eigen::MatrixXd basis(std::ptrdiff_t(at.size()), (degree + 1) * (degree + 1));
-    for (std::size_t i = 0; i < at.size(); ++i) {
-        double y[16] = {kY0};
-        appearance::ShBasis::basis(at[i], degree, y + 1);
-        for (int k = 0; k < basis.cols(); ++k) basis(std::ptrdiff_t(i), k) = y[k];
-    }
-    return basis;
-}
 
 /// Computes the colours of one Gaussian, one row per direction.
 class Colors {
@@ -79,8 +57,9 @@ class Colors {
 
 ShProjection project_to_sh(const Gaussians& g, int degree) {
     const Colors colors(g);
-    const auto fit_at = directions(0), check_at = directions(M_PI / 2);
-    const Eigen::MatrixXd fit_basis = basis_matrix(fit_at, degree), check_basis = basis_matrix(check_at, degree);
+    const auto fit_at = sphere_directions(kSampledDirections),
+               check_at = sphere_directions(kSampledDirections, M_PI / 2);
+    const Eigen::MatrixXd fit_basis = sh_basis_matrix(fit_at, degree), check_basis = sh_basis_matrix(check_at, degree);
     const Eigen::MatrixXd solve = fit_basis.completeOrthogonalDecomposition().pseudoInverse();
 
     ShProjection out;

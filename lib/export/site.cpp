@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <regex>
 #include <set>
 
 #include "kernels/core/error.h"
@@ -48,6 +49,12 @@ template <class Action> void on_disk(Action&& action) {
 Staging::Staging(const fs::path& target)
     : target_(target.has_filename() ? target : target.parent_path()), work_(target_) {}
 
+std::vector<fs::path> Staging::files() const {
+    std::vector<fs::path> files;
+    on_disk([&] { files = files_of(path()); });
+    return files;
+}
+
 void Staging::publish() {
     on_disk([&] {
         std::vector<fs::path> files = files_of(path());
@@ -73,6 +80,27 @@ void require_free(const fs::path& folder, const std::vector<std::string>& names,
         if (fs::exists(folder / name, ignored))
             throw UsageError(fmt::format("'{}' exists; --overwrite replaces it", (folder / name).string()));
     }
+}
+
+std::string site_file::photograph(std::size_t index) { return fmt::format("{}/{:05}.png", kPhotographs, index); }
+
+void remove_earlier_site(const fs::path& folder, const std::vector<fs::path>& written) {
+    on_disk([&] {
+        const auto remove = [&](const fs::path& name) {
+            const fs::path path = folder / name;
+            if (std::find(written.begin(), written.end(), name) == written.end() && fs::is_regular_file(path))
+                fs::remove(path);
+        };
+        remove(site_file::kDescription);  // first: it names the others
+        remove(site_file::kSecondScene);
+        const fs::path photographs = folder / site_file::kPhotographs;
+        if (!fs::is_directory(photographs)) return;
+        static const std::regex ours("[0-9]{5,}\\.png");
+        for (const fs::path& file : files_of(photographs)) {
+            if (std::regex_match(file.string(), ours)) remove(site_file::kPhotographs / file);
+        }
+        if (fs::is_empty(photographs)) fs::remove(photographs);
+    });
 }
 
 fs::path viewer_folder() {

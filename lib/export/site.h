@@ -17,6 +17,8 @@ class Staging {
     explicit Staging(const std::filesystem::path& target);
 
     const std::filesystem::path& path() const { return work_.path(); }
+    /// Returns the files that were put there so far, relative to `path`.
+    std::vector<std::filesystem::path> files() const;
     void publish();
 
   private:
@@ -26,6 +28,18 @@ class Staging {
 
 /// Throws UsageError when one of the names exists in `folder` (allowed with `overwrite`), or `folder` is a file.
 void require_free(const std::filesystem::path& folder, const std::vector<std::string>& names, bool overwrite);
+
+/// The names of a site's own files, beside those of the viewer (docs/formats.md#the-folder-of-a-site).
+namespace site_file {
+inline constexpr const char *kScene = "scene.ngsplat", *kSecondScene = "scene-2.ngsplat", *kDescription = "site.json",
+                            *kPage = "index.html", *kPhotographs = "photographs";
+/// Returns the path of the photograph of a test view, photographs/00007.png.
+std::string photograph(std::size_t index);
+}  // namespace site_file
+
+/// Removes from `folder` what an earlier export left there and the later one did not write: the second scene, the
+/// description, and photographs. `written` are the later one's files, relative to the folder.
+void remove_earlier_site(const std::filesystem::path& folder, const std::vector<std::filesystem::path>& written);
 
 /// Returns the folder of the built web viewer, empty if it was not built. README.md says how to build it.
 std::filesystem::path viewer_folder();

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp export and view on a run of the program.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstring>
+#include <iterator>
+
+#include "lib/core/json_text.h"
 #include "lib/export/ngsplat.h"
 #include "lib/export/site.h"
 #include "lib/model/ply.h"
@@ -49,6 +55,74 @@ TEST(Export, WritesPackedSceneWithWhatItLost) {
         EXPECT_NE(entry.path().extension(), ".tmp") << entry.path();
 }
 
+/// A run without view dependence; `more` has the scene and its size.
+void train_plain(const Program& program, const std::string& run, const std::string& more) {
+    const Outcome outcome = program.run(
+        "train --device cpu --quiet --appearance none --iterations 5 --init-points 300 -m " + run + " " + more);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
+TEST(Export, WritesTwoRunsAndTheirPhotographs) {
+    const Program program;
+    train(program);
+    train_plain(program, "plain", "-s builtin:glossy --eval -r 8");
+    const Outcome both = program.run("export run plain/ --photographs -o site");
+    ASSERT_EQ(both.exit_code, 0) << both.err;
+    const PackedScene first = read_ngsplat(program.path("site/scene.ngsplat")),
+                      second = read_ngsplat(program.path("site/scene-2.ngsplat"));
+    EXPECT_NE(first.trailer.find("\"appearance\":\"sv\""), std::string::npos) << first.trailer;
+    EXPECT_NE(first.trailer.find("\"site\":true"), std::string::npos) << first.trailer;
+    EXPECT_NE(second.trailer.find("\"appearance\":\"none\""), std::string::npos) << second.trailer;
+    const nlohmann::json site = parse_json(program.read("site/site.json"));
+    EXPECT_EQ(site.at("version"), 1);
+    EXPECT_EQ(site.at("models").at(0).at("file"), "scene.ngsplat");
+    EXPECT_EQ(site.at("models").at(0).at("name"), "run");
+    EXPECT_EQ(site.at("models").at(1).at("file"), "scene-2.ngsplat");
+    EXPECT_EQ(site.at("models").at(1).at("name"), "plain");
+    ASSERT_EQ(site.at("photographs").size(), first.cameras.size());
+    // They are the pictures that the scores were computed from.
+    for (std::size_t i = 0; i < first.cameras.size(); ++i) {
+        const std::string photograph = program.read("site/" + site.at("photographs").at(i).get<std::string>());
+        EXPECT_FALSE(photograph.empty());
+        EXPECT_EQ(photograph, program.read(fmt::format("run/test/ours_30/gt/{:05}.png", i))) << i;
+    }
+    EXPECT_EQ(program.run("export run plain -o site").exit_code, 2) << "an earlier export is not replaced unasked";
+
+    // A later export leaves nothing of the earlier one that the page would show with it.
+    const Outcome few = program.run("export run --photographs=2 -o site --overwrite");
+    ASSERT_EQ(few.exit_code, 0) << few.err;
+    const nlohmann::json paths = parse_json(program.read("site/site.json")).at("photographs");
+    EXPECT_EQ(paths.size(), first.cameras.size());
+    EXPECT_EQ(std::count(paths.begin(), paths.end(), nullptr), std::ptrdiff_t(paths.size()) - 2);
+    const auto photographs = fs::directory_iterator(program.path("site/photographs"));
+    EXPECT_EQ(std::distance(begin(photographs), end(photographs)), 2);
+    EXPECT_FALSE(fs::exists(program.path("site/scene-2.ngsplat")));
+    ASSERT_EQ(program.run("export run -o site --overwrite").exit_code, 0);
+    EXPECT_FALSE(fs::exists(program.path("site/site.json")));
+    EXPECT_FALSE(fs::exists(program.path("site/photographs")));
+    EXPECT_EQ(read_ngsplat(program.path("site/scene.ngsplat")).trailer.find("\"site\""), std::string::npos);
+}
+
+TEST(Export, RunsThatDoNotCompareAreRefused) {
+    const Program program;
+    train_plain(program, "run", "-s builtin:glossy --eval -r 8");
+    train_plain(program, "larger", "-s builtin:glossy --eval -r 4");
+    train_plain(program, "all", "-s builtin:glossy -r 8");
+    const auto refused = [&](const std::string& arguments, const std::string& word) {
+        const Outcome outcome = program.run("export -o out " + arguments);
+        EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.err;
+        EXPECT_NE(outcome.err.find(word), std::string::npos) << arguments << "\n" << outcome.err;
+        EXPECT_FALSE(fs::exists(program.path("out"))) << arguments;
+    };
+    refused("run larger", "do not compare: their test view 1 has other cameras");
+    refused("run all", "do not compare: ");
+    refused("all --photographs", "no test views");
+    refused("run --photographs --format ply", "--photographs is for --format web");
+    refused("run larger --format splat", "two runs are for --format web");
+    refused("run --photographs=-3", "-3");
+    EXPECT_EQ(program.run("export all all -o out").exit_code, 0) << "training views compare as well";
+}
+
 TEST(Export, WritesFilesForOtherPrograms) {
     const Program program;
     train(program);
@@ -65,6 +139,49 @@ TEST(Export, WritesFilesForOtherPrograms) {
     EXPECT_EQ(sh.count, own.count);
     EXPECT_NE(program.read("sh/point_cloud.ply").find("comment spherical harmonics fitted to the colours of sv, "),
               std::string::npos);
+}
+
+TEST(Export, TurnsWhatIsUp) {
+    const Program program;
+    train(program);
+    train_plain(program, "plain", "-s builtin:glossy --eval -r 8");
+    const Outcome refused = program.run("export run -o lobes --format ply --up y");
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_NE(refused.err.find("'sv' cannot be turned"), std::string::npos) << refused.err;
+    EXPECT_FALSE(fs::exists(program.path("lobes")));
+    for (const std::string run : {"run --sh-projection", "plain"}) {
+        ASSERT_EQ(program.run("export -o as-is --overwrite --format ply " + run).exit_code, 0);
+        ASSERT_EQ(program.run("export -o turned --overwrite --format ply --up y " + run).exit_code, 0);
+        const Gaussians as_is = read_ply(program.path("as-is/point_cloud.ply")),
+                        up = read_ply(program.path("turned/point_cloud.ply"));
+        ASSERT_EQ(up.count, as_is.count);
+        // The cameras of built-in scenes are level, and z is up.
+        for (std::int64_t i = 0; i < up.count; ++i) {
+            const float *p = as_is[Group::kMean].param.data() + 3 * i, *q = up[Group::kMean].param.data() + 3 * i;
+            EXPECT_NEAR(q[0], p[0], 1e-5);
+            EXPECT_NEAR(q[1], p[2], 1e-5);
+            EXPECT_NEAR(q[2], -p[1], 1e-5);
+        }
+    }
+    ASSERT_EQ(program.run("export run -o dots --format splat --up -y").exit_code, 0);
+    float dot[3], turned_dot[3];
+    ASSERT_EQ(program.run("export run -o as-is --format splat").exit_code, 0);
+    std::memcpy(dot, program.read("as-is/point_cloud.splat").data(), sizeof dot);
+    std::memcpy(turned_dot, program.read("dots/point_cloud.splat").data(), sizeof turned_dot);
+    EXPECT_NEAR(turned_dot[1], -dot[2], 1e-5);
+    EXPECT_NEAR(turned_dot[2], dot[1], 1e-5);
+
+    // A site is turned with its cameras, so that its test views show what they showed.
+    const auto psnr = [](const PackedScene& scene) {
+        return parse_json(scene.trailer).at("test_views").at("packed_psnr").get<double>();
+    };
+    ASSERT_EQ(program.run("export plain -o site").exit_code, 0);
+    ASSERT_EQ(program.run("export plain -o up --up=-y").exit_code, 0);
+    const PackedScene as_is = read_ngsplat(program.path("site/scene.ngsplat")),
+                      up = read_ngsplat(program.path("up/scene.ngsplat"));
+    EXPECT_NEAR(as_is.up[2], 1, 0.05);
+    EXPECT_NEAR(up.up[1], -1, 0.05);
+    EXPECT_NEAR(psnr(up), psnr(as_is), 0.1) << "the same but for other rounding";
 }
 
 TEST(Export, WhatCannotBeExportedLeavesNothing) {

@@ -116,6 +116,29 @@ TEST(Staging, EarlierFilesAreProtected) {
     EXPECT_CONTAINS(message_of<UsageError>([&] { require_free(folder / "site/a", {}, true); }), "is a file");
 }
 
+TEST(Site, KeepsNothingOfAnEarlierOneButWhatIsNotItsOwn) {
+    const TempFolder folder;
+    const std::vector<std::string> left = {"scene.ngsplat", "scene-2.ngsplat", "site.json", "photographs/00000.png",
+                                           "photographs/00001.png"},
+                                   foreign = {"notes.txt", "photographs/mine.png", "photographs/old/00001.png"};
+    for (const auto* names : {&left, &foreign})
+        for (const std::string& name : *names) spit(folder / "site" / name, "earlier");
+    remove_earlier_site(folder / "site", {"scene.ngsplat", "site.json", "photographs/00001.png"});
+    EXPECT_EQ(site_file::photograph(1), "photographs/00001.png");
+    for (const std::string name : {"scene.ngsplat", "site.json", "photographs/00001.png"})
+        EXPECT_TRUE(fs::exists(folder / "site" / name)) << name;
+    for (const std::string& name : foreign) EXPECT_TRUE(fs::exists(folder / "site" / name)) << name;
+    for (const std::string name : {"scene-2.ngsplat", "photographs/00000.png"})
+        EXPECT_FALSE(fs::exists(folder / "site" / name)) << name;
+    fs::remove_all(folder / "site/photographs/old");
+    fs::remove(folder / "site/photographs/mine.png");
+    remove_earlier_site(folder / "site", {"scene.ngsplat"});
+    EXPECT_FALSE(fs::exists(folder / "site/site.json"));
+    EXPECT_FALSE(fs::exists(folder / "site/photographs"));
+    remove_earlier_site(folder / "site", {});
+    EXPECT_TRUE(fs::exists(folder / "site/scene.ngsplat")) << "an export without a scene does not exist";
+}
+
 TEST(Staging, CopiesFilesButNoLinks) {
     const TempFolder folder;
     spit(folder / "from/index.html", "page");

@@ -4,6 +4,8 @@
 import { runBenchmark, type BenchmarkResult } from './benchmark';
 import { Navigator, type MovementName } from './camera/navigator';
 import type { View } from './camera/view';
+import { Comparison } from './compare/comparison';
+import { fetchSite, SITE_FILE, type Site } from './compare/site';
 import { FormatError } from './format/cursor';
 import { inSteps, peekHead, readAll, readParts, type Source } from './format/load';
 import { isNgsplat } from './format/import';
@@ -43,6 +45,7 @@ export class App {
   private readonly panel: Panel;
   private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
   private readonly meter = new Meter();
+  private readonly comparison = new Comparison(this.renderer, () => this.redraw());
   private loaded: Loaded | undefined;
   private loading = new AbortController();
   private mode: Mode = 'full';
@@ -53,8 +56,6 @@ export class App {
   private isReserved = false;
   /** A newer state of the model is there, but not yet its order: the picture before stays. */
   private awaitsOrder = false;
-  /** Called after every frame. */
-  afterDraw: () => void = () => undefined;
   private refreshing: ReturnType<typeof setTimeout> | undefined;
 
   constructor() {
@@ -152,11 +153,6 @@ export class App {
     }
   }
 
-  /** The test view that is shown exactly. */
-  get pinned(): number | undefined {
-    return this.loaded?.navigator.pinned;
-  }
-
   /** Unloads a model that never became complete. */
   private dropPart(): void {
     if (this.loaded && !this.loaded.isComplete) this.unload();
@@ -167,7 +163,9 @@ export class App {
     this.loaded?.sorter?.dispose();
     this.loaded = undefined;
     this.renderer.clearScene();
-    if (!keep) document.body.classList.remove('loaded');
+    if (keep) return;
+    this.comparison.setScene(undefined);
+    document.body.classList.remove('loaded');
   }
 
   /** Shows a scene that has its texels, and takes them out of it. With `keep`, the camera stays as it is. */
@@ -184,6 +182,8 @@ export class App {
   private begin(name: string, scene: Scene, keep?: Navigator): void {
     this.renderer.beginScene(scene);
     document.body.classList.add('loaded');
+    if (keep) this.comparison.replaceScene(scene);
+    else this.comparison.setScene(scene);
     const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
     if (keep) keep.setScene(scene);
     else navigator.setMovement(this.movement);
@@ -233,8 +233,8 @@ export class App {
     });
   }
 
-  private picture(mode: Mode, testView: number | undefined): Picture {
-    const { scene } = this.loaded!, { photometric } = scene;
+  private picture(mode: Mode, testView: number | undefined, scene = this.loaded!.scene): Picture {
+    const { photometric } = scene;
     const exposure = this.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
     const ownColors = mode === 'full' || mode === 'base';
     return { mode, background: ownColors ? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined };
@@ -253,9 +253,9 @@ export class App {
     if (this.awaitsOrder) return;
     this.panel.setCamera(navigator.pinned);
     try {
-      this.renderer.render(view, this.picture(this.mode, navigator.pinned));
+      if (this.comparison.isOn) this.comparison.draw(view, navigator.pinned, (mode, scene) => this.picture(mode, navigator.pinned, scene));
+      else this.renderer.render(view, this.picture(this.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
-      this.afterDraw();
     } catch (error) {
       this.unload();
       this.fail('This model cannot be drawn', (error as Error).message);
@@ -271,6 +271,23 @@ export class App {
     } finally {
       this.isReserved = false;
       this.redraw();
+    }
+  }
+
+  /** What lies beside the model. */
+  setSite(site: Site): void {
+    this.comparison.setSite(site);
+  }
+
+  /** Where the model shown came from beside the page: what else lies there. */
+  async readSite(): Promise<void> {
+    const { loaded } = this;
+    if (!loaded?.scene.hasSite) return;
+    try {
+      const site = await fetchSite(loaded.scene.testCameras.length);
+      if (loaded === this.loaded) this.comparison.setSite(site);
+    } catch (error) {
+      this.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
     }
   }
 

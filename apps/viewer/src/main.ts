@@ -20,7 +20,7 @@ async function openFirst(app: App): Promise<void> {
   if (query.has('live')) return void new Live(app);
   if (wanted !== null) return app.open((signal) => fetchSource(wanted, signal));
   const beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
-  return beside ? app.open(beside) : showWelcome();
+  return beside ? app.open(beside).then(() => app.readSite()) : showWelcome();
 }
 
 try {

@@ -29,12 +29,11 @@ TEST(ExportRun, WritesAPackedScene) {
     const test::TinyRun saved;
     const ExportRequest request{
         .run = saved.path(), .iteration = 100, .output = saved.folder.path() / "web", .overwrite = false};
-    export_web(request, "");
+    export_web(request);
     EXPECT_GT(std::filesystem::file_size(request.output / "scene.ngsplat"), 16u);
-    EXPECT_THROW(export_web(request, ""), UsageError);
+    EXPECT_THROW(export_web(request), UsageError);
     EXPECT_THROW(
-        export_web({.run = saved.path(), .iteration = 7, .output = saved.folder.path() / "other", .overwrite = false},
-                   ""),
+        export_web({.run = saved.path(), .iteration = 7, .output = saved.folder.path() / "other", .overwrite = false}),
         DataError);
     EXPECT_FALSE(std::filesystem::exists(saved.folder.path() / "other"));
 }

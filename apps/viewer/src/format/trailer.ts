@@ -14,6 +14,8 @@ export interface Trailer {
   name?: string;
   /** Of the test views, in decibels: of the model, and of what the file keeps of it. */
   psnr?: { model: number; packed: number };
+  /** Whether a site.json lies beside the file. */
+  hasSite?: boolean;
 }
 
 interface Json {
@@ -21,6 +23,7 @@ interface Json {
   background: Vector;
   scene: string;
   test_views: { psnr: number; packed_psnr: number };
+  site: boolean;
 }
 
 /**
@@ -49,11 +52,11 @@ export function readTrailer(bytes: Uint8Array<ArrayBuffer>, start: number, befor
 
 const hex = (n: number): string => n.toString(16).padStart(8, '0');
 
-function fromJson({ appearance, background, scene, test_views: views }: Partial<Json>): Trailer {
+function fromJson({ appearance, background, scene, test_views: views, site }: Partial<Json>): Trailer {
   if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every((value) => Number.isFinite(value) && Math.abs(value) <= LARGEST_NUMBER))
     throw new FormatError('its trailer lacks appearance or background, or a colour of the background is no number');
   return {
-    appearance, background, name: typeof scene === 'string' ? scene : undefined,
+    appearance, background, name: typeof scene === 'string' ? scene : undefined, hasSite: site === true,
     psnr: views && Number.isFinite(views.psnr) && Number.isFinite(views.packed_psnr) ? { model: views.psnr, packed: views.packed_psnr } : undefined,
   };
 }

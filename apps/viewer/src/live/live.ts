@@ -27,7 +27,6 @@ export class Live {
   private loading = false;
 
   constructor(private readonly app: App) {
-    app.afterDraw = () => this.panel.setView(app.pinned);
     document.addEventListener('visibilitychange', () => void this.look());
     setInterval(() => void this.look(), INTERVAL);
     void this.look();
@@ -50,13 +49,15 @@ export class Live {
     }
   }
 
-  private async load({ id, scene, model }: Status): Promise<void> {
+  private async load({ id, scene, model, photographs }: Status): Promise<void> {
     const wanted = model ? `${id} ${model.version}` : '';
     if (!model || wanted === this.shown || this.loading) return;
     this.loading = true;
     try {
       const source = await fetchSource(model.url, new AbortController().signal);
-      if (await this.app.refresh({ ...source, name: scene })) this.shown = wanted;
+      if (!(await this.app.refresh({ ...source, name: scene }))) return;
+      if (!this.shown && photographs > 0) this.app.setSite({ name: scene, photographs: Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) });
+      this.shown = wanted;
     } catch {
       // replaced by a newer one meanwhile, which the next look finds
     } finally {

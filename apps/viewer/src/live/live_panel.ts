@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of the settings that speaks of the training: where it is, its curves, its buttons, and the photograph of the view that is shown.
+// The part of the settings that speaks of the training: where it is, its curves and its buttons.
 
 import { element } from '../ui/elements';
 import { drawCurve } from './chart';
@@ -51,10 +51,7 @@ export class LivePanel {
   private readonly pause = element<HTMLButtonElement>('live-pause');
   private readonly save = element<HTMLButtonElement>('live-save');
   private readonly stop = element<HTMLButtonElement>('live-stop');
-  private readonly wantsPhotograph = element<HTMLInputElement>('live-photograph');
-  private readonly photograph = element<HTMLImageElement>('photograph');
   private status: Status | undefined;
-  private view: number | undefined;
   private confirming: ReturnType<typeof setTimeout> | undefined;
 
   constructor(control: (control: Control) => void) {
@@ -68,8 +65,6 @@ export class LivePanel {
       this.stop.textContent = 'Really stop?';
       this.confirming = setTimeout(() => this.unconfirm(), CONFIRM_MILLISECONDS);
     });
-    this.wantsPhotograph.addEventListener('change', () => this.showPhotograph());
-    this.photograph.addEventListener('error', () => (this.photograph.hidden = true));
   }
 
   private unconfirm(): void {
@@ -94,8 +89,6 @@ export class LivePanel {
     element('live-buttons').hidden = !(status.controls && mayControl && runs);
     this.pause.textContent = status.state === 'paused' ? 'Continue' : 'Pause';
     this.save.disabled = status.save_pending;
-    element('live-photograph-row').hidden = status.photographs === 0;
-    this.showPhotograph();
   }
 
   private showCurve(id: string, curve: Curve, text: (value: number) => string): void {
@@ -119,20 +112,5 @@ export class LivePanel {
 
   showRefused(): void {
     this.setState('Only the page whose address gsapp printed may do this.');
-  }
-
-  /** The test view that is shown exactly, if one is. */
-  setView(view: number | undefined): void {
-    if (view === this.view) return;
-    this.view = view;
-    this.showPhotograph();
-  }
-
-  private showPhotograph(): void {
-    const { view, photograph } = this, has = view !== undefined && view < (this.status?.photographs ?? 0);
-    this.wantsPhotograph.disabled = !has;
-    photograph.hidden = !(has && this.wantsPhotograph.checked);
-    const source = `live/photograph/${view}.jpg`;
-    if (!photograph.hidden && photograph.getAttribute('src') !== source) photograph.src = source;
   }
 }

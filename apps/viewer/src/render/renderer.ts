@@ -44,8 +44,12 @@ export class Renderer {
   private splats: Splats | undefined;
   private colorsOf = '';
 
-  /** Throws RenderError where there is no WebGL2. */
-  constructor(canvas: HTMLCanvasElement) {
+  /** On a canvas, or on the device of another renderer, for a scene of its own. Throws RenderError where there is no WebGL2. */
+  constructor(canvas: HTMLCanvasElement | Renderer) {
+    if (canvas instanceof Renderer) {
+      ({ webgl: this.webgl, gl: this.gl, blended: this.blended } = canvas);
+      return;
+    }
     const context = canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false, powerPreference: 'high-performance' });
     if (!context) throw new RenderError('This page needs WebGL2, which this browser does not offer or has switched off.');
     this.gl = context;
@@ -156,6 +160,23 @@ export class Renderer {
       this.resolve.set({ gain: gain(exposure[0]), mix_colors: [a, d, g, b, e, h, c, f, i], response });
     }
     this.resolve.draw(this.webgl, target);
+  }
+
+  /** What `draw` draws on the canvas stays within the columns from `first` to before `end`. */
+  within(first: number, end: number, height: number, draw: () => void): void {
+    const targets = Object.values(this.blended);
+    for (const target of targets) {
+      target.scissor.set(first, 0, end - first, height); // saves work: the rest would not be seen
+      target.scissorTest = true;
+    }
+    this.webgl.setScissor(first, 0, end - first, height);
+    this.webgl.setScissorTest(true);
+    try {
+      draw();
+    } finally {
+      for (const target of targets) target.scissorTest = false;
+      this.webgl.setScissorTest(false);
+    }
   }
 
   /** The picture's bytes, rgba from the upper left. */

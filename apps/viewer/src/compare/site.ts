@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lies beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the photographs.
+
+import { fetchSource } from '../format/load';
+
+export const SITE_FILE = 'site.json';
+const FIRST_MODEL = 'scene.ngsplat', VERSION = 1;
+/** More characters than any site needs. */
+const LONGEST = 1 << 22;
+const LONGEST_NAME = 200;
+
+export interface Site {
+  /** What the model of scene.ngsplat is called. */
+  name: string;
+  other?: { file: string; name: string };
+  /** A path for each test view; undefined where its photograph is not there. */
+  photographs?: (string | undefined)[];
+}
+
+/** Below the page alone: no other site, no folder above, nothing that an address gives a meaning to. */
+function isOwnPath(path: unknown, endings: RegExp): path is string {
+  return typeof path === 'string' && /^[\w-][\w.-]*(\/[\w-][\w.-]*)*$/.test(path) && endings.test(path);
+}
+
+function model(value: unknown): { file: string; name: string } {
+  const { file, name } = (value ?? {}) as Record<string, unknown>;
+  if (!isOwnPath(file, /\.ngsplat$/)) throw new Error(`${JSON.stringify(file)} is no .ngsplat file of this site`);
+  if (typeof name !== 'string') throw new Error(`the model ${file} has no name`);
+  return { file, name: name.slice(0, LONGEST_NAME) };
+}
+
+/** Throws Error, which says what is wrong, for anything but the description of a site with so many test views. */
+export function parseSite(text: string, numViews: number): Site {
+  let json: { version?: unknown; models?: unknown; photographs?: unknown } | null;
+  try {
+    json = JSON.parse(text) as typeof json;
+  } catch (error) {
+    throw new Error(`it is not JSON: ${(error as Error).message}`);
+  }
+  if (json?.version !== VERSION) throw new Error(`it is of version ${JSON.stringify(json?.version)}, this viewer reads ${VERSION}`);
+  if (!Array.isArray(json.models) || json.models.length < 1 || json.models.length > 2) throw new Error('it names neither one model nor two');
+  const [first, other] = json.models.map(model);
+  if (first.file !== FIRST_MODEL) throw new Error(`its first model is ${first.file}, not ${FIRST_MODEL}`);
+  if (other?.file === FIRST_MODEL) throw new Error('its two models are the same');
+  const { photographs } = json;
+  if (photographs === undefined) return { name: first.name, other };
+  if (!Array.isArray(photographs) || photographs.length !== numViews) throw new Error(`it has no list of ${numViews} photographs, one for each test view`);
+  return {
+    name: first.name, other,
+    photographs: photographs.map((path: unknown) => {
+      if (path !== null && !isOwnPath(path, /\.(png|jpe?g)$/)) throw new Error(`${JSON.stringify(path)} is no picture of this site`);
+      return path ?? undefined;
+    }),
+  };
+}
+
+/** Throws Error with a message for the user. */
+export async function fetchSite(numViews: number): Promise<Site> {
+  const text = await new Response((await fetchSource(SITE_FILE, new AbortController().signal)).stream).text();
+  if (text.length > LONGEST) throw new Error(`it has more than ${LONGEST} characters`);
+  return parseSite(text, numViews);
+}

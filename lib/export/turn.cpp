@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds which way is up, and turns Gaussians and cameras.
+#include "lib/export/turn.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include "appearance/model_info.h"
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "lib/export/sh_fit.h"
+
+namespace gs {
+namespace {
+
+/// The mean square by which horizontal axes have to spread over a plane to say what is perpendicular to it: that of
+/// cameras that look 13 degrees to both sides.
+constexpr double kLeastSpread = 0.05;
+/// Directions that the fit of a rotation samples; the 15 coefficients need some more than 16.
+constexpr int kTurnDirections = 64;
+
+}  // namespace
+
+Eigen::Vector3d up_direction(const std::vector<Camera>& cameras) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const Camera& camera : cameras) {
+        const Eigen::Vector3d right = camera.rotation.row(0).transpose();
+        mean -= camera.rotation.row(1).transpose() / double(cameras.size());  // the camera's y axis points down
+        spread += right * right.transpose() / double(cameras.size());
+    }
+    if (!(mean.norm() > 1e-6)) throw UsageError("the cameras do not say which way is up");
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);  // eigenvalues rise
+    const Eigen::Vector3d level = axes.eigenvectors().col(0);
+    if (axes.eigenvalues()[1] < kLeastSpread || std::abs(level.dot(mean)) < 0.5 * mean.norm()) return mean.normalized();
+    return level.dot(mean) < 0 ? -level : level;
+}
+
+Eigen::Matrix3d turn_to(const Eigen::Vector3d& up, const Eigen::Vector3d& axis) {
+    Eigen::Index main = 0;
+    up.cwiseAbs().maxCoeff(&main);
+    const Eigen::Vector3d nearest = Eigen::Vector3d::Unit(main) * (up[main] < 0 ? -1 : 1);
+    const Eigen::Matrix3d coarse =
+        nearest.dot(axis) < -0.5
+            ? Eigen::Vector3d(1, -1, -1).asDiagonal().toDenseMatrix()  // half a turn about x
+            : Eigen::Quaterniond::FromTwoVectors(nearest, axis).toRotationMatrix().array().round().matrix();
+    return Eigen::Quaterniond::FromTwoVectors(coarse * up, axis).toRotationMatrix() * coarse;
+}
+
+Eigen::MatrixXd sh_turn(const Eigen::Matrix3d& rotation, int degree) {
+    const std::vector<Vec3<double>> at = sphere_directions(kTurnDirections);
+    std::vector<Vec3<double>> turned_at;
+    for (const Vec3<double>& d : at) {
+        const Eigen::Vector3d t = rotation * Eigen::Vector3d(d.x, d.y, d.z);
+        turned_at.push_back({t.x(), t.y(), t.z()});
+    }
+    const Eigen::MatrixXd before = sh_basis_matrix(at, degree), after = sh_basis_matrix(turned_at, degree);
+    const Eigen::MatrixXd whole = after.completeOrthogonalDecomposition().solve(before);
+    Eigen::MatrixXd out = Eigen::MatrixXd::Zero(whole.rows() - 1, whole.cols() - 1);
+    // Bands do not mix; what the fit leaves between them is rounding.
+    for (int band = 1; band <= degree; ++band) {
+        const int first = band * band, size = 2 * band + 1;
+        out.block(first - 1, first - 1, size, size) = whole.block(first, first, size, size);
+    }
+    return out;
+}
+
+void turn(Gaussians& g, const Eigen::Matrix3d& rotation) {
+    const ModelInfo& info = appearance_model(g.appearance.model);
+    GroupArrays<float>& residuals = g[Group::kResidual];
+    if (residuals.width > 0 && !info.plain_sh)
+        throw UsageError(
+            fmt::format("the colours of the appearance '{}' cannot be turned; with --format ply --sh-projection they "
+                        "become spherical harmonics, which can",
+                        info.name));
+    const int degree = residuals.width > 0 ? g.appearance.max_degree : 0;
+    const Eigen::MatrixXd sh = degree > 0 ? sh_turn(rotation, degree) : Eigen::MatrixXd();
+    const Eigen::Quaterniond q(rotation);
+    parallel_for_rows(g.count, [&](std::int64_t i) {
+        Eigen::Map<Eigen::Vector3f> mean(g[Group::kMean].param.data() + 3 * i);
+        mean = (rotation * mean.cast<double>()).cast<float>();
+        float* wxyz = g[Group::kRotation].param.data() + 4 * i;
+        const Eigen::Quaterniond turned_q = q * Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+        wxyz[0] = float(turned_q.w()), wxyz[1] = float(turned_q.x()), wxyz[2] = float(turned_q.y()),
+        wxyz[3] = float(turned_q.z());
+        if (degree == 0 || i >= g.num_residuals()) return;
+        // One row a basis function, one column a channel.
+        Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>> colors(
+            residuals.param.data() + i * residuals.width, sh.rows(), 3);
+        colors = (sh * colors.cast<double>()).cast<float>().eval();
+    });
+}
+
+Camera turned(Camera camera, const Eigen::Matrix3d& rotation) {
+    camera.rotation = camera.rotation * rotation.transpose();
+    return camera;
+}
+
+}  // namespace gs
