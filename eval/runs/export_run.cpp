@@ -229,7 +229,7 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
         log_warning("the file cannot hold the photometric correction: colours are those before it");
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     if (!request.up.empty()) {
-        rotation = turn_of(request.up, read_camera_path(RunFolder{request.run}.cameras(), Frame{}));
+        rotation = turn_of(request.up, read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras);
         frame.center = rotation * frame.center;
     }
     if (format == SplatFormat::kSplat) {
