@@ -61,23 +61,23 @@ function setField(words: Uint32Array, at: number, index: number, bits: number, v
   if (shift + bits > 32) words[at + 1] |= code >>> (32 - shift);
 }
 
-/** How a band of spherical harmonics is stored: its numbers in a row, and the range and place of their codes. */
-interface Band {
-  first: number;
-  fields: number;
-  bits: number;
-  limit: number;
-  /** The coefficient that the code `limit` stands for. */
-  scale: number;
+/** Where the words of a band begin, and how many a Gaussian has. */
+interface Place {
   data: Uint32Array;
-  /** Words from the beginning of `data`, and of a Gaussian. */
   begin: number;
   words: number;
 }
 
-/** The bands lie in the textures of the payload one after another. */
-function makeBands(samples: Float64Array[], payload: TexelBlock[], texels: number): Band[] {
-  const places = payload.flatMap(({ words, layers, data }) => Array.from({ length: layers }, (_, layer) => ({ words, data, begin: words * texels * layer })));
+/** A band of spherical harmonics: its numbers in a row, and the range and place of their codes. `limit` is the largest, and stands for `scale`. */
+interface Band extends Place {
+  first: number;
+  fields: number;
+  bits: number;
+  limit: number;
+  scale: number;
+}
+
+function makeBands(samples: Float64Array[], places: Place[]): Band[] {
   return places.map((place, k) => {
     const first = REST + restWidth(k), fields = restWidth(k + 1) - restWidth(k), bits = BAND_BITS[k], limit = (1 << (bits - 1)) - 1;
     return { ...place, first, fields, bits, limit, scale: findBandScale(samples, first, fields, limit) };
@@ -119,13 +119,17 @@ export function packScene(source: GaussianSource): Imported {
   const kept = findDrawable(source, row), count = kept.length;
   const samples = sampleRows(source, kept, row.length), { middle, frame } = findFrame(samples), { center, scale } = frame;
 
-  const model = models.get(SH_MODEL)!, textureHeight = Math.ceil(count / TEXTURE_WIDTH), texels = TEXTURE_WIDTH * textureHeight;
+  const model = models.get(SH_MODEL)!;
   const fields = { featureDim: 0, nFrequencies: 0, shBandMask: (2 << degree) - 2, nNeurons: 0, nHiddenLayers: 0, constantInput: 1, folded: 0 };
-  const { textures, constants } = packedLayout(model.packing, fields);
-  const geometry = allocate(Uint32Array, 4 * texels);
-  const payload: TexelBlock[] = textures.map((shape) => ({ ...shape, data: allocate(Uint32Array, shape.words * shape.layers * texels) }));
-  const range = findBaseRange(samples, degree, colorActivation), bands = makeBands(samples, payload, texels);
+  const layout = packedLayout(model.packing, fields);
+  const range = findBaseRange(samples, degree, colorActivation);
 
+  const textureHeight = Math.ceil(count / TEXTURE_WIDTH), texels = TEXTURE_WIDTH * textureHeight;
+  const geometry = allocate(Uint32Array, 4 * texels);
+  const payload: TexelBlock[] = layout.textures.map((shape) => ({ ...shape, data: allocate(Uint32Array, shape.words * shape.layers * texels) }));
+  // The bands lie in the textures one after another.
+  const places = payload.flatMap(({ words, layers, data }) => Array.from({ length: layers }, (_, layer) => ({ words, data, begin: words * texels * layer })));
+  const bands = makeBands(samples, places);
   for (let i = 0; i < count; ++i) {
     source.read(kept[i], row);
     for (let k = 0; k < 3; ++k) {
@@ -143,7 +147,7 @@ export function packScene(source: GaussianSource): Imported {
   return {
     remarks: remarksOn(source, count, frame),
     scene: {
-      count, textureHeight, numResiduals: count, payloadHeight: textureHeight, model, constants, floats, colorActivation, antialiased, up, geometry, payload,
+      count, textureHeight, numResiduals: count, payloadHeight: textureHeight, model, constants: layout.constants, floats, colorActivation, antialiased, up, geometry, payload,
       residualActivation: ResidualActivation.None, exponentialBase: false, baseScale: range.scale, baseOffset: range.offset,
       center: middle.map((c, axis) => scale * (c - center[axis])) as Vector, distance: 1.5 * frame.spread,
       testCameras: [], weights: new Uint16Array(), appearance: degree > 0 ? model.packing.name : 'none', background: [0, 0, 0],
