@@ -150,7 +150,7 @@ def check_refused(browser, folder):
         "cut.spz": ((folder / "model.spz").read_bytes()[:-20], "truncated"),
         "bundle.sog": (b"PK\3\4" + bytes(100), "splat-transform in.sog out.ply"),
         "other.ksplat": (bytes(100), "splat-transform in.ksplat out.ply"),
-        "mesh.ply": (b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n" + bytes(12), "no property opacity"),
+        "mesh.ply": (b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n" + bytes(12), "no property scale_0"),
     }
     for name, (data, words) in bad.items():
         (folder / name).write_bytes(data)

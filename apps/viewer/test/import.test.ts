@@ -179,7 +179,7 @@ describe('importScene of .ply', () => {
     ['no Gaussians', encodePly(columnsOf([]), {}), /no property x, y, z|no Gaussians/],
     ['none at all', encodePly(Object.fromEntries(Object.keys(columns).map((name) => [name, []]))), /it holds no Gaussians/],
     ['none that is finite', encodePly({ ...columns, y: [NaN, NaN, NaN] }), /none of its Gaussians has finite numbers/],
-    ['points without colours', encodePly({ x: [1], y: [1], z: [1] }), /no property opacity, scale_0, .*rot_3, f_dc_0.*point cloud without colours/],
+    ['points without colours', encodePly({ x: [1], y: [1], z: [1] }), /no property scale_0, .*rot_3, opacity, f_dc_0.*point cloud without colours/],
     ['Gaussians without one column', encodePly(without('rot_2')), /no property rot_2$/],
     ['Gaussians without positions', encodePly(without('x', 'z')), /no property x, z$/],
     ['another number of coefficients', encodePly(without('f_rest_8')), /8 properties f_rest_\*, expected 0, 9, 24 or 45/],

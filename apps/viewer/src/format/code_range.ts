@@ -21,8 +21,10 @@ const DIRECTIONS = [[HALF, HALF, HALF], [HALF, -HALF, -HALF], [-HALF, HALF, -HAL
 function basis([x, y, z]: number[]): number[] {
   return [
     -0.4886025119029199 * y, 0.4886025119029199 * z, -0.4886025119029199 * x,
-    1.0925484305920792 * x * y, -1.0925484305920792 * y * z, 0.9461746957575601 * z * z - 0.31539156525252005, -1.0925484305920792 * x * z, 0.5462742152960396 * (x * x - y * y),
-    0.5900435899266435 * y * (y * y - 3 * x * x), 2.890611442640554 * x * y * z, 0.4570457994644658 * y * (1 - 5 * z * z), 0.3731763325901154 * z * (5 * z * z - 3),
+    1.0925484305920792 * x * y, -1.0925484305920792 * y * z, 0.9461746957575601 * z * z - 0.31539156525252005,
+    -1.0925484305920792 * x * z, 0.5462742152960396 * (x * x - y * y),
+    0.5900435899266435 * y * (y * y - 3 * x * x), 2.890611442640554 * x * y * z, 0.4570457994644658 * y * (1 - 5 * z * z),
+    0.3731763325901154 * z * (5 * z * z - 3),
     0.4570457994644658 * x * (1 - 5 * z * z), 1.445305721320277 * z * (x * x - y * y), 0.5900435899266435 * x * (3 * y * y - x * x),
   ];
 }
@@ -33,6 +35,7 @@ function shown(activation: ColorActivation, color: number, opacity: number): num
   if (activation === ColorActivation.Sigmoid) color = 1 / (1 + Math.exp(-4 * color));
   else if (activation === ColorActivation.Softplus) color = Math.max(color, 0) + Math.log1p(Math.exp(-10 * Math.abs(color))) / 10;
   else color = Math.max(color, 0);
+  if (activation === ColorActivation.HardSigmoid) color = Math.min(color, 1);
   return Math.min(opacity * color, 1);
 }
 

@@ -8,15 +8,22 @@ import { readPlyHeader, type PlyElement, type PlyHeader, type PlyProperty } from
 
 const indexed = (prefix: string, count: number): string[] => Array.from({ length: count }, (_, k) => `${prefix}_${k}`);
 
-const POSITION = ['x', 'y', 'z'], GEOMETRY = ['opacity', ...indexed('scale', 3), ...indexed('rot', 4)], DC = indexed('f_dc', 3), RGB = ['red', 'green', 'blue'];
+/** Columns in the order of a row. */
+const POSITION = ['x', 'y', 'z'], GEOMETRY = [...indexed('scale', 3), ...indexed('rot', 4), 'opacity'];
+const DC = indexed('f_dc', 3), RGB = ['red', 'green', 'blue'], APP_BASE = indexed('app_base', 3);
 const LARGEST_CODE: Record<string, number> = { uchar: 255, uint8: 255, ushort: 65535, uint16: 65535 };
+/** Colours that are no floating-point numbers go up to the largest of their type. */
+const colorFactor = ({ type }: PlyProperty): number => 1 / (LARGEST_CODE[type] ?? 1);
 const ACTIVATIONS: Record<string, ColorActivation> = {
   relu: ColorActivation.Relu, softplus: ColorActivation.Softplus, sigmoid: ColorActivation.Sigmoid, hardsigmoid: ColorActivation.HardSigmoid,
 };
 /** Models of gsapp that f_dc and f_rest hold completely. */
 const PLAIN_MODELS = ['sh', 'none'];
 
-/** The rows of one element: numbers by column. */
+/** Copies a row's numbers of some columns to `out`, from `at` on. */
+type Copy = (row: number, out: Float64Array, at: number) => void;
+
+/** The rows of one element. */
 class Rows {
   private readonly view: DataView;
 
@@ -32,8 +39,7 @@ class Rows {
     this.view = new DataView(buffer, begin, bytes);
   }
 
-  /** Copies a row's numbers of these columns to `out`, from `at` on. */
-  copier(columns: PlyProperty[]): (row: number, out: Float64Array, at: number) => void {
+  copier(columns: PlyProperty[]): Copy {
     const { view, header: { littleEndian }, element: { stride } } = this;
     if (columns.some(({ type }) => type !== 'float' && type !== 'float32')) {
       return (row, out, at) => columns.forEach(({ offset, read }, k) => (out[at + k] = read(view, row * stride + offset, littleEndian)));
@@ -54,57 +60,74 @@ function gsappComment(comments: string[]): { model: string; activation: string }
   return undefined;
 }
 
+/** The base colour before `activation` is a column's number times `factor`, plus `shift`. */
+interface Colors {
+  names: string[];
+  factor: number;
+  shift: number;
+  activation: ColorActivation;
+  remarks: string[];
+}
+
+function findColors({ comments }: PlyHeader, properties: Map<string, PlyProperty>): Colors {
+  const has = (names: string[]) => names.every((name) => properties.has(name)), own = gsappComment(comments);
+  const relu = { activation: ColorActivation.Relu, remarks: [] };
+  if (own && PLAIN_MODELS.includes(own.model) && Object.hasOwn(ACTIVATIONS, own.activation) && has(APP_BASE)) {
+    const activation = ACTIVATIONS[own.activation];
+    return { names: APP_BASE, factor: 1, shift: activation === ColorActivation.Sigmoid ? 0 : 0.5, activation, remarks: [] };
+  }
+  if (!has(DC)) return { names: RGB, factor: colorFactor(properties.get(RGB[0])!), shift: 0, ...relu };
+  const colors = { names: DC, factor: Y0, shift: 0.5, ...relu };
+  if (!own || PLAIN_MODELS.includes(own.model)) return colors;
+  const remark = `Its appearance model is '${own.model.slice(0, 80)}', of which the base colour is shown. gsapp export --format web writes a file that shows all.`;
+  return { ...colors, remarks: [remark] };
+}
+
+/** Throws FormatError, which names what is missing, unless the vertices are Gaussians or coloured points. */
+function requireColumns({ properties, hasLists }: PlyElement): void {
+  const missing = (names: string[]) => names.filter((name) => !properties.has(name));
+  if (properties.has('packed_position'))
+    throw new FormatError('it is a compressed .ply; this command makes one that the viewer reads: splat-transform in.compressed.ply out.ply');
+  if (hasLists) throw new FormatError('its vertices have lists, which the viewer does not read');
+  if (missing(POSITION).length > 0) throw new FormatError(`its vertices have no property ${missing(POSITION).join(', ')}`);
+  const hasColors = missing(RGB).length === 0, shape = missing(GEOMETRY);
+  if (hasColors && shape.length === GEOMETRY.length) return;
+  const absent = [...shape, ...(hasColors ? [] : missing(DC))];
+  const hint = shape.length === GEOMETRY.length ? ' (a mesh or a point cloud without colours, perhaps)' : '';
+  if (absent.length > 0) throw new FormatError(`its vertices are no Gaussians: there is no property ${absent.join(', ')}${hint}`);
+}
+
 const sigmoid = (x: number): number => 1 / (1 + Math.exp(-x));
 
 /** Throws FormatError, which says what is wrong or missing. */
 export function readPly(buffer: ArrayBuffer): GaussianSource {
   const header = readPlyHeader(buffer), vertices = header.elements.find(({ name }) => name === 'vertex');
   if (!vertices) throw new FormatError('it has no element vertex, and so no Gaussians');
-  const { properties, count } = vertices;
-  if (properties.has('packed_position')) throw new FormatError('it is a compressed .ply; this command makes one that the viewer reads: splat-transform in.compressed.ply out.ply');
-  if (vertices.hasLists) throw new FormatError('its vertices have lists, which the viewer does not read');
-  const missing = (names: string[]) => names.filter((name) => !properties.has(name));
-  const columns = (names: string[]) => names.map((name) => properties.get(name)!);
-  if (missing(POSITION).length > 0) throw new FormatError(`its vertices have no property ${missing(POSITION).join(', ')}`);
-  const hasColors = missing(RGB).length === 0;
-  if (missing(GEOMETRY).length === GEOMETRY.length && hasColors) return readPoints(new Rows(buffer, header, vertices), count, columns([...POSITION, ...RGB]));
-  const absent = [...missing(GEOMETRY), ...(hasColors ? [] : missing(DC))];
-  if (absent.length > 0)
-    throw new FormatError(`its vertices are no Gaussians: there is no property ${absent.join(', ')}${absent.length > 7 ? ' (a mesh or a point cloud without colours, perhaps)' : ''}`);
-
-  const remarks: string[] = [];
-  const rows = new Rows(buffer, header, vertices);
-  let base = columns(missing(DC).length === 0 ? DC : RGB), factor = base.map(({ type }) => 1 / (LARGEST_CODE[type] ?? 1)), shift = 0;
-  if (missing(DC).length === 0) [factor, shift] = [[Y0, Y0, Y0], 0.5];
-  let colorActivation = ColorActivation.Relu;
-  const own = gsappComment(header.comments);
-  if (own && !PLAIN_MODELS.includes(own.model)) {
-    remarks.push(`Its appearance model is '${own.model.slice(0, 80)}', of which the base colour is shown: a .ply has no place for the rest that other programs know. Export the run with --format web to see all.`);
-  } else if (own && Object.hasOwn(ACTIVATIONS, own.activation) && missing(indexed('app_base', 3)).length === 0) {
-    colorActivation = ACTIVATIONS[own.activation];
-    base = columns(indexed('app_base', 3));
-    factor = [1, 1, 1];
-    shift = colorActivation === ColorActivation.Sigmoid ? 0 : 0.5;
-  }
+  requireColumns(vertices);
+  const { properties, count } = vertices, rows = new Rows(buffer, header, vertices);
+  const copier = (names: string[]) => rows.copier(names.map((name) => properties.get(name)!));
+  if (!properties.has('opacity')) return readPoints(count, copier(POSITION), copier(RGB), colorFactor(properties.get(RGB[0])!));
 
   let coefficients = 0;
   while (properties.has(`f_rest_${coefficients}`)) ++coefficients;
   const fileDegree = Math.sqrt(coefficients / 3 + 1) - 1, degree = Math.min(fileDegree, MOST_DEGREE);
   if (!Number.isInteger(fileDegree)) throw new FormatError(`it has ${coefficients} properties f_rest_*, expected 0, 9, 24 or 45`);
-  if (fileDegree > degree) remarks.push(`Of its spherical harmonics of degree ${fileDegree}, those up to degree ${degree} are shown.`);
   // The file has all numbers of red, then of green, then of blue.
   const rest = Array.from({ length: restWidth(degree) }, (_, k) => `f_rest_${(k % 3) * (coefficients / 3) + Math.floor(k / 3)}`);
-  const copyGeometry = rows.copier(columns([...POSITION, ...indexed('scale', 3), ...indexed('rot', 4), 'opacity'])), copyBase = rows.copier(base), copyRest = rows.copier(columns(rest));
 
+  const { names, factor, shift, activation, remarks } = findColors(header, properties);
+  const copyGeometry = copier([...POSITION, ...GEOMETRY]), copyBase = copier(names), copyRest = copier(rest);
   return {
-    count, degree, up: [0, -1, 0], colorActivation, remarks, antialiased: header.comments.some((comment) => /^SplatRenderMode: *mip$/.test(comment)),
+    count, degree, up: [0, -1, 0], colorActivation: activation,
+    antialiased: header.comments.some((comment) => /^SplatRenderMode: *mip$/.test(comment)),
+    remarks: fileDegree > degree ? [...remarks, `Of its spherical harmonics of degree ${fileDegree}, those up to degree ${degree} are shown.`] : remarks,
     read: (i, row) => {
       copyGeometry(i, row, MEAN); // in the order of a row
       copyBase(i, row, BASE);
       copyRest(i, row, REST);
       for (let k = 0; k < 3; ++k) {
         row[SCALE + k] = Math.exp(row[SCALE + k]);
-        row[BASE + k] = row[BASE + k] * factor[k] + shift;
+        row[BASE + k] = row[BASE + k] * factor + shift;
       }
       row[OPACITY] = sigmoid(row[OPACITY]);
     },
@@ -115,17 +138,17 @@ export function readPly(buffer: ArrayBuffer): GaussianSource {
 const MOST_MEASURED = 1000;
 
 /** Shows points as small round Gaussians of one size, which follows from the spread of the cloud as if they lay on a surface. */
-function readPoints(rows: Rows, count: number, columns: PlyProperty[]): GaussianSource {
-  const factor = columns.slice(3).map(({ type }) => 1 / (LARGEST_CODE[type] ?? 1)), copyMean = rows.copier(columns.slice(0, 3)), copyColor = rows.copier(columns.slice(3));
+function readPoints(count: number, copyMean: Copy, copyColor: Copy, factor: number): GaussianSource {
   let radius = 0;
   const source: GaussianSource = {
-    count, degree: 0, up: [0, -1, 0], antialiased: false, colorActivation: ColorActivation.Relu, remarks: ['It is a point cloud: its points are shown as dots of one size.'],
+    count, degree: 0, up: [0, -1, 0], antialiased: false, colorActivation: ColorActivation.Relu,
+    remarks: ['It is a point cloud: its points are shown as dots of one size.'],
     read: (i, row) => {
       copyMean(i, row, MEAN);
       copyColor(i, row, BASE);
       for (let k = 0; k < 3; ++k) {
         row[SCALE + k] = radius;
-        row[BASE + k] *= factor[k];
+        row[BASE + k] *= factor;
       }
       row[ROTATION] = row[OPACITY] = 1;
       row[ROTATION + 1] = row[ROTATION + 2] = row[ROTATION + 3] = 0;

@@ -10,7 +10,10 @@ import { readGzipBlocks, readZstdBlocks } from './spz_blocks';
 const ANTIALIASED = 1;
 /** What a step of a colour's byte is, in units of the constant coefficient. */
 const COLOR_SCALE = 0.15;
-/** Signs of the basis functions of degrees 1 to 3 where y and z change theirs: the format's axes are right, up and back, those of .ply files right, down and forward. */
+/**
+ * Signs of the basis functions of degrees 1 to 3 where y and z change theirs: the format's axes are right, up and back, those of .ply files
+ * right, down and forward.
+ */
 const TURNED = [-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1];
 
 /** Three numbers of the quaternion in 8 bits each; the fourth, w, is not negative. */

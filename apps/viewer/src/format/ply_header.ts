@@ -15,8 +15,8 @@ const TYPES: Record<string, { bytes: number; read: Read }> = {
   float: { bytes: 4, read: (view, at, little) => view.getFloat32(at, little) },
   double: { bytes: 8, read: (view, at, little) => view.getFloat64(at, little) },
 };
-for (const [name, sized] of [['char', 'int8'], ['uchar', 'uint8'], ['short', 'int16'], ['ushort', 'uint16'], ['int', 'int32'], ['uint', 'uint32'], ['float', 'float32'], ['double', 'float64']])
-  TYPES[sized] = TYPES[name];
+const SIZED = ['int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'float32', 'float64'];
+Object.values(TYPES).forEach((type, k) => (TYPES[SIZED[k]] = type));
 
 export interface PlyProperty {
   type: string;
@@ -45,6 +45,8 @@ export interface PlyHeader {
 const MOST_BYTES = 1 << 20, MOST_ENTRIES = 4096;
 const END = 'end_header';
 
+const misplaced = (line: string, expected: string): FormatError => new FormatError(`its header has a line '${line.slice(0, 80)}', which is no ${expected}`);
+
 /** Throws FormatError where the header is none, or is of a kind that the viewer does not read. */
 export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
   const text = new TextDecoder('latin1').decode(new Uint8Array(buffer, 0, Math.min(buffer.byteLength, MOST_BYTES)));
@@ -58,11 +60,11 @@ export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
     else if (keyword === 'comment') header.comments.push(words.join(' '));
     else if (keyword === 'element') {
       const [name, count] = words;
-      if (name === undefined || !/^\d{1,15}$/.test(count ?? '')) throw new FormatError(`its header has a line '${line.slice(0, 80)}', which is no element with a count`);
+      if (name === undefined || !/^\d{1,15}$/.test(count ?? '')) throw misplaced(line, 'element with a count');
       header.elements.push({ name, count: Number(count), stride: 0, hasLists: false, properties: new Map() });
     } else if (keyword === 'property') {
       const [type, name] = words, known = Object.hasOwn(TYPES, type ?? '') ? TYPES[type] : undefined;
-      if (!element || words.length < 2 || (!known && type !== 'list')) throw new FormatError(`its header has a line '${line.slice(0, 80)}', which is no property of an element`);
+      if (!element || words.length < 2 || (!known && type !== 'list')) throw misplaced(line, 'property of an element');
       if (!known) element.hasLists = true;
       else if (element.properties.has(name)) throw new FormatError(`its header has the property ${name.slice(0, 80)} twice`);
       else {
@@ -72,7 +74,7 @@ export function readPlyHeader(buffer: ArrayBuffer): PlyHeader {
     } else continue; // 'ply', obj_info, empty lines
     if (++entries > MOST_ENTRIES) throw new FormatError(`its header has more than ${MOST_ENTRIES} lines`);
   }
-  if (format === 'ascii') throw new FormatError('its numbers are written as text (format ascii); the viewer reads binary .ply files, as which most programs can save it');
+  if (format === 'ascii') throw new FormatError('its numbers are text (format ascii); the viewer reads binary .ply files, as which most programs can save it');
   if (format !== 'binary_little_endian' && format !== 'binary_big_endian') throw new FormatError(`its format '${format.slice(0, 80)}' is unknown`);
   header.littleEndian = format === 'binary_little_endian';
   return header;

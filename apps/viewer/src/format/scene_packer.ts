@@ -61,60 +61,96 @@ function setField(words: Uint32Array, at: number, index: number, bits: number, v
   if (shift + bits > 32) words[at + 1] |= code >>> (32 - shift);
 }
 
-/** Throws FormatError where nothing of the source can be drawn. Its file is no longer needed afterwards. */
-export function packScene(source: GaussianSource): Imported {
-  const { degree } = source, remarks = [...source.remarks], row = new Float64Array(rowWidth(degree));
+/** Where the words of a band begin, and how many a Gaussian has. */
+interface Place {
+  data: Uint32Array;
+  begin: number;
+  words: number;
+}
+
+/** A band of spherical harmonics: its numbers in a row, and the range and place of their codes. `limit` is the largest, and stands for `scale`. */
+interface Band extends Place {
+  first: number;
+  fields: number;
+  bits: number;
+  limit: number;
+  scale: number;
+}
+
+function makeBands(samples: Float64Array[], places: Place[]): Band[] {
+  return places.map((place, k) => {
+    const first = REST + restWidth(k), fields = restWidth(k + 1) - restWidth(k), bits = BAND_BITS[k], limit = (1 << (bits - 1)) - 1;
+    return { ...place, first, fields, bits, limit, scale: findBandScale(samples, first, fields, limit) };
+  });
+}
+
+/** The Gaussians that can be drawn. Throws FormatError where there is none. */
+function findDrawable(source: GaussianSource, row: Float64Array): Uint32Array {
   const kept = allocate(Uint32Array, source.count);
   let count = 0;
   for (let i = 0; i < source.count; ++i) {
     source.read(i, row);
     if (isDrawable(row)) kept[count++] = i;
   }
-  const broken = source.count - count;
   if (count === 0) throw new FormatError(source.count ? 'none of its Gaussians has finite numbers' : 'it holds no Gaussians');
-  if (broken > 0) remarks.push(`${broken} of ${source.count} Gaussians are left out, because a number of theirs is not finite or their rotation is zero.`);
+  return kept.subarray(0, count);
+}
 
-  const samples = Array.from({ length: Math.min(count, MOST_SAMPLES) }, (_, k, n = Math.min(count, MOST_SAMPLES)) => {
-    const sample = new Float64Array(row.length);
-    source.read(kept[Math.floor((k * count) / n)], sample);
+function sampleRows(source: GaussianSource, kept: Uint32Array, width: number): Float64Array[] {
+  const length = Math.min(kept.length, MOST_SAMPLES);
+  return Array.from({ length }, (_, k) => {
+    const sample = new Float64Array(width);
+    source.read(kept[Math.floor((k * kept.length) / length)], sample);
     return sample;
   });
-  const { middle, frame } = findFrame(samples);
-  if (frame.scale !== 1 || frame.center.some((c) => c !== 0))
-    remarks.push(`Its coordinates are shown ${frame.scale === 1 ? '' : `${frame.scale.toPrecision(3)} times as large, and `}relative to (${frame.center.map((c) => c.toPrecision(4)).join(', ')}).`);
+}
 
-  const model = models.get(SH_MODEL)!, bands = Array.from({ length: degree }, (_, k) => k + 1);
-  const layout = packedLayout(model.packing, { featureDim: 0, nFrequencies: 0, shBandMask: (2 << degree) - 2, nNeurons: 0, nHiddenLayers: 0, constantInput: 1, folded: 0 });
-  const baseRange = findBaseRange(samples, degree, source.colorActivation);
-  const limit = (band: number) => (1 << (BAND_BITS[band - 1] - 1)) - 1;
-  const first = (band: number) => REST + restWidth(band - 1), fields = (band: number) => 3 * (2 * band + 1);
-  const floats = new Float32Array(MOST_DEGREE);
-  for (const band of bands) floats[band - 1] = findBandScale(samples, first(band), fields(band), limit(band));
+function remarksOn(source: GaussianSource, count: number, { center, scale }: Frame): string[] {
+  const remarks = [...source.remarks], broken = source.count - count;
+  if (broken > 0) remarks.push(`${broken} of ${source.count} Gaussians are left out, because a number of theirs is not finite or their rotation is zero.`);
+  const enlarged = scale === 1 ? '' : `${scale.toPrecision(3)} times as large, and `;
+  if (enlarged || center.some((c) => c !== 0)) remarks.push(`Its coordinates are shown ${enlarged}relative to (${center.map((c) => c.toPrecision(4)).join(', ')}).`);
+  return remarks;
+}
+
+/** Throws FormatError where nothing of the source can be drawn. */
+export function packScene(source: GaussianSource): Imported {
+  const { degree, colorActivation, antialiased, up } = source, row = new Float64Array(rowWidth(degree));
+  const kept = findDrawable(source, row), count = kept.length;
+  const samples = sampleRows(source, kept, row.length), { middle, frame } = findFrame(samples), { center, scale } = frame;
+
+  const model = models.get(SH_MODEL)!;
+  const fields = { featureDim: 0, nFrequencies: 0, shBandMask: (2 << degree) - 2, nNeurons: 0, nHiddenLayers: 0, constantInput: 1, folded: 0 };
+  const layout = packedLayout(model.packing, fields);
+  const range = findBaseRange(samples, degree, colorActivation);
 
   const textureHeight = Math.ceil(count / TEXTURE_WIDTH), texels = TEXTURE_WIDTH * textureHeight;
   const geometry = allocate(Uint32Array, 4 * texels);
   const payload: TexelBlock[] = layout.textures.map((shape) => ({ ...shape, halfLayers: 0, data: allocate(Uint32Array, shape.words * shape.layers * texels) }));
   // The bands lie in the textures one after another.
   const places = payload.flatMap(({ words, layers, data }) => Array.from({ length: layers }, (_, layer) => ({ words, data, begin: words * texels * layer })));
+  const bands = makeBands(samples, places);
   for (let i = 0; i < count; ++i) {
     source.read(kept[i], row);
     for (let k = 0; k < 3; ++k) {
-      row[MEAN + k] = frame.scale * (row[MEAN + k] - frame.center[k]);
-      row[SCALE + k] *= frame.scale;
+      row[MEAN + k] = scale * (row[MEAN + k] - center[k]);
+      row[SCALE + k] *= scale;
     }
-    encodeGeometry(row, baseRange, geometry, 4 * i);
+    encodeGeometry(row, range, geometry, 4 * i);
     for (const band of bands) {
-      const { words, data, begin } = places[band - 1];
-      for (let f = 0; f < fields(band); ++f) setField(data, begin + words * i, f, BAND_BITS[band - 1], bandCode(row[first(band) + f], floats[band - 1], limit(band)));
+      const at = band.begin + band.words * i;
+      for (let f = 0; f < band.fields; ++f) setField(band.data, at, f, band.bits, bandCode(row[band.first + f], band.scale, band.limit));
     }
   }
+  const floats = new Float32Array(MOST_DEGREE);
+  floats.set(bands.map((band) => band.scale));
   return {
-    remarks,
+    remarks: remarksOn(source, count, frame),
     scene: {
-      count, textureHeight, numResiduals: count, payloadHeight: textureHeight, model, constants: layout.constants, floats, colorActivation: source.colorActivation,
-      residualActivation: ResidualActivation.None, antialiased: source.antialiased, exponentialBase: false, baseScale: baseRange.scale, baseOffset: baseRange.offset,
-      center: middle.map((c, axis) => frame.scale * (c - frame.center[axis])) as Vector, up: source.up, distance: 1.5 * frame.spread,
-      testCameras: [], weights: new Uint16Array(), geometry, payload, appearance: degree > 0 ? model.packing.name : 'none', background: [0, 0, 0],
+      count, textureHeight, numResiduals: count, payloadHeight: textureHeight, model, constants: layout.constants, floats, colorActivation, antialiased, up, geometry, payload,
+      residualActivation: ResidualActivation.None, exponentialBase: false, baseScale: range.scale, baseOffset: range.offset,
+      center: middle.map((c, axis) => scale * (c - center[axis])) as Vector, distance: 1.5 * frame.spread,
+      testCameras: [], weights: new Uint16Array(), appearance: degree > 0 ? model.packing.name : 'none', background: [0, 0, 0],
     },
   };
 }

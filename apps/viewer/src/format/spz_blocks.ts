@@ -43,7 +43,8 @@ function readHeader(c: Cursor): SpzHeader {
 
 /** Throws FormatError where so few bytes cannot be `bytes` compressed. */
 function requireHeld(header: SpzHeader, bytes: number, compressed: number, inflation: number): void {
-  if (bytes > inflation * compressed) throw new FormatError(`the file is truncated: ${header.count} Gaussians take ${bytes} bytes, more than ${compressed} can hold compressed`);
+  const what = `${header.count} Gaussians take ${bytes} bytes, more than ${compressed} can hold compressed`;
+  if (bytes > inflation * compressed) throw new FormatError(`the file is truncated: ${what}`);
 }
 
 /** Versions 1 to 3. What may follow as extensions is left out. */
