@@ -46,7 +46,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
             part, begin = data[begin:int(share * len(data))], int(share * len(data))
             self.wfile.write(packer.compress(part) + packer.flush(zlib.Z_SYNC_FLUSH) if self.server.is_packed else part)
             if share < 1:
-                self.server.go_on.wait(30)
+                self.server.go_on.wait(120)
                 self.server.go_on.clear()
         if self.server.is_packed:
             self.wfile.write(packer.flush())
