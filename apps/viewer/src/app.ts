@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: one renderer, at most one model, and what the user asked to see of it.
 
+import { AddressBar, formatAddress, parseAddress, type Address } from './address';
 import { runBenchmark, type BenchmarkResult } from './benchmark';
-import { Navigator, type MovementName } from './camera/navigator';
+import { sceneExtent, type Extent } from './camera/extent';
+import { Navigator } from './camera/navigator';
 import type { View } from './camera/view';
 import { FormatError } from './format/cursor';
 import { readAll, type Source } from './format/load';
 import { parseScene, type Scene } from './format/ngsplat';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
+import { DEFAULTS, type Settings } from './settings';
 import { sceneCenters, SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
-import { element } from './ui/elements';
+import { element, save } from './ui/elements';
+import { toggleFullscreen } from './ui/fullscreen';
+import { onKeys } from './ui/keys';
 import { Meter } from './ui/meter';
 import { hideNotice, showError, showLoading } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
@@ -21,7 +26,10 @@ const MOST_DEVICE_PIXELS = 2;
 
 interface Loaded {
   name: string;
+  /** What the model is called on the page. */
+  title: string;
   scene: Scene;
+  extent: Extent;
   navigator: Navigator;
   sorter?: SortClient;
 }
@@ -37,27 +45,26 @@ export class App {
   private readonly meter = new Meter();
   private loaded: Loaded | undefined;
   private loading = new AbortController();
-  private mode: Mode = 'full';
-  private photometric = true;
-  private movement: MovementName = 'orbit';
+  private settings: Settings = { ...DEFAULTS };
+  private readonly address = new AddressBar(() => formatAddress(this.state(), this.loaded?.scene.distance ?? 1));
+  /** The fragment that the next model is shown with. */
+  private begin: string | undefined = location.hash;
+  /** Opens the model again that is shown, and whether its address does so elsewhere. */
+  private again: { open: () => Promise<void>; inAddress: boolean } | undefined;
   private sortedFor = '';
   private scheduled = false;
   private isReserved = false;
 
   constructor() {
     this.panel = new Panel({
-      mode: (mode) => (this.mode = mode, this.redraw()),
-      photometric: (on) => (this.photometric = on, this.redraw()),
-      movement: (name) => {
-        this.movement = name;
-        this.loaded?.navigator.setMovement(name);
-      },
-      camera: (index) => {
-        if (index === undefined) this.loaded?.navigator.unpin();
-        else this.loaded?.navigator.pin(index);
-        this.redraw();
-      },
+      change: (settings) => this.change(settings),
+      camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
+      frame: this.frame, reset: this.reset, copyLink: () => this.copyLink(), savePicture: () => this.savePicture(),
     });
+    this.panel.show(this.settings);
+    const saved = () => void this.savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
+    onKeys(this.canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved }, () => undefined);
+    addEventListener('hashchange', (event) => this.apply(new URL(event.newURL).hash));
     this.canvas.addEventListener('webglcontextlost', () => this.fail('The graphics device was lost', 'Often its memory ran out. Reload the page; a smaller model may help.'));
     const resize = () => {
       const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
@@ -68,17 +75,77 @@ export class App {
     addEventListener('resize', resize); // another density of the screen may become known after the size
   }
 
+  private change(settings: Partial<Settings>): void {
+    const { movement } = this.settings;
+    Object.assign(this.settings, settings);
+    if (this.settings.movement !== movement) this.loaded?.navigator.setMovement(this.settings.movement);
+    this.panel.show(this.settings);
+    this.redraw();
+  }
+
+  private move(how: (navigator: Navigator, loaded: Loaded) => void): void {
+    if (this.loaded) how(this.loaded.navigator, this.loaded);
+    this.redraw();
+  }
+
+  private readonly frame = () => this.move((navigator, { extent }) => navigator.frame(extent));
+  private readonly reset = () => this.move((navigator) => navigator.reset());
+
+  /** What the address says of the picture. */
+  private state(): Address {
+    const { settings } = this, navigator = this.loaded?.navigator;
+    if (!navigator || navigator.isFirst || navigator.pinned === 0) return { settings };
+    return { settings, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
+  }
+
+  /** Shows what a fragment says, as far as this model has it. */
+  private apply(fragment: string): void {
+    const { settings, camera } = parseAddress(fragment);
+    this.change(settings);
+    this.move((navigator, { scene }) => {
+      if (camera && 'from' in camera) navigator.look(camera.from, camera.to, camera.fov);
+      else if (camera && camera.view < scene.testCameras.length) navigator.pin(camera.view);
+      else navigator.reset();
+    });
+  }
+
+  private async copyLink(): Promise<string> {
+    if (!this.again) return 'There is no model yet.';
+    this.address.write();
+    const file = this.again.inAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
+    try {
+      await navigator.clipboard.writeText(location.href);
+    } catch {
+      return `The browser does not allow copying; the link is the address of this page.${file}`;
+    }
+    return `Copied.${file}`;
+  }
+
+  /** The picture as it is on the screen, as PNG. */
+  private async savePicture(): Promise<string> {
+    const { blob, title } = await this.reserve(async ({ navigator, title }) => {
+      const view = navigator.view(this.canvas.width, this.canvas.height);
+      await this.sort(view);
+      this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
+      // Asked for before anything else runs: the browser clears the canvas when it has shown it.
+      return { title, blob: await new Promise<Blob | null>((resolve) => this.canvas.toBlob(resolve)) };
+    });
+    if (!blob) throw new Error('The browser cannot make a PNG file of this size.');
+    save(blob, `${title}.png`);
+    return `Saved, ${this.canvas.width} × ${this.canvas.height} pixels.`;
+  }
+
   private fail(title: string, message: string): void {
     showError(title, message, this.loaded !== undefined);
   }
 
-  /** Reads and shows a file. What fails is said on the page; what was there before stays where the file could not be read. */
-  async open(source: Source | ((signal: AbortSignal) => Promise<Source>)): Promise<void> {
+  /** Reads and shows a file; `inAddress` says whether the page's address leads to it. What fails is said on the page; what was there before stays where the file could not be read. */
+  async open(source: (signal: AbortSignal) => Promise<Source>, inAddress = true): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
     let name = 'the model';
     try {
-      const { name: found, size, stream } = typeof source === 'function' ? await source(signal) : source;
+      const { name: found, size, stream } = await source(signal);
       name = found;
       showLoading(name, 0, size);
       const buffer = await readAll({ name, size, stream }, (bytes) => {
@@ -89,6 +156,7 @@ export class App {
       const scene = parseScene(buffer);
       hideNotice(); // before drawing, which may have something to say
       this.show(name, scene, buffer.byteLength);
+      this.again = { open: () => this.open(source, inAddress), inAddress };
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
       this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
@@ -105,21 +173,25 @@ export class App {
 
   private show(name: string, scene: Scene, bytes: number): void {
     this.unload(); // first, so that both need not fit into memory
-    const centers = sceneCenters(scene);
+    const centers = sceneCenters(scene), extent = sceneExtent(centers);
     this.renderer.setScene(scene);
     document.body.classList.add('loaded');
     const navigator = new Navigator(scene, this.canvas, () => this.redraw());
-    navigator.setMovement(this.movement);
+    navigator.setMovement(this.settings.movement);
     const apply = (order: Uint32Array, count: number) => {
       this.redraw();
       return this.renderer.setOrder(order, count);
     };
     const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
-    this.loaded = { name, scene, navigator, sorter };
+    const title = scene.name ?? name;
+    this.loaded = { name, title, scene, extent, navigator, sorter };
     this.sortedFor = '';
-    this.panel.setScene(scene.name ?? name, scene);
+    this.panel.setScene(title, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     this.benchmarkPanel.clear();
+    if (this.begin === undefined) this.panel.show(this.settings);
+    else this.apply(this.begin);
+    this.begin = undefined;
     this.draw();
   }
 
@@ -133,10 +205,13 @@ export class App {
   }
 
   private picture(mode: Mode, testView: number | undefined): Picture {
-    const { scene } = this.loaded!, { photometric } = scene;
-    const exposure = this.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
+    const { scene } = this.loaded!, { photometric } = scene, { settings } = this;
+    const exposure = settings.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
     const ownColors = mode === 'full' || mode === 'base';
-    return { mode, background: ownColors ? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined };
+    return {
+      mode, background: ownColors ? settings.background ?? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined,
+      splats: { size: settings.points ? 0 : settings.splatSize, near: settings.near },
+    };
   }
 
   private sort(view: View): Promise<void> {
@@ -150,8 +225,9 @@ export class App {
     const view = navigator.view(this.canvas.width, this.canvas.height);
     if (poseKey(view) !== this.sortedFor) void this.sort(view);
     this.panel.setCamera(navigator.pinned);
+    this.address.touch();
     try {
-      this.renderer.render(view, this.picture(this.mode, navigator.pinned));
+      this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
     } catch (error) {
       this.unload();

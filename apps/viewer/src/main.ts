@@ -11,19 +11,33 @@ declare global {
   }
 }
 
+const given = new URLSearchParams(location.search);
+
 /** `?model=URL`, or the file that gsapp export puts beside this page. */
 async function openFirst(app: App): Promise<void> {
-  const wanted = new URLSearchParams(location.search).get('model');
+  const wanted = given.get('model');
   if (wanted !== null) return app.open((signal) => fetchSource(wanted, signal));
-  const beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
-  return beside ? app.open(beside) : showWelcome();
+  let beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
+  if (!beside) return showWelcome();
+  return app.open(async (signal) => {
+    const first = beside ?? (await fetchSource('scene.ngsplat', signal));
+    beside = undefined; // a stream is read once
+    return first;
+  });
 }
 
+/** `?embed`: the picture alone, for a frame in another page. */
+document.body.classList.toggle('embedded', given.has('embed'));
+let app: App | undefined;
 try {
-  const app = new App();
-  onFile((source) => void app.open(source));
-  await openFirst(app);
-  window.gsapp = app;
+  app = new App();
 } catch (error) {
   showError('The viewer cannot start', (error as Error).message, false);
+  // Nothing can be shown; the message says why.
+  for (const control of document.querySelectorAll<HTMLInputElement>('#controls :is(button, input, select), #notice-actions button')) control.disabled = true;
+}
+onFile(app && ((source) => void app.open(source, false)));
+if (app) {
+  await openFirst(app);
+  window.gsapp = app;
 }

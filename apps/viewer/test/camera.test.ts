@@ -2,8 +2,9 @@
 import { PerspectiveCamera, Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { summarize } from '../src/benchmark';
+import { sceneExtent } from '../src/camera/extent';
 import { cameraPose, defaultView } from '../src/camera/navigator';
-import { camFromWorld, cropView, fitView, type View } from '../src/camera/view';
+import { camFromWorld, cropView, fitView, fovOf, withFov, type View } from '../src/camera/view';
 import { parseScene } from '../src/format/ngsplat';
 import { dot, type Vector } from '../src/format/vector';
 import { colorMix, gain } from '../src/render/photometric';
@@ -36,6 +37,14 @@ describe('views', () => {
     expect(pixel(cropView(VIEW, 1280, 720), [1, 0, 1])).toEqual(pixel(VIEW, [1, 0, 1]));
   });
 
+  it('takes another field of view', () => {
+    const wide = withFov(VIEW, 90);
+    expect(fovOf(wide)).toBeCloseTo(90);
+    expect(wide.fy).toBeCloseTo(25);
+    expect(wide.fx / wide.fy).toBeCloseTo(VIEW.fx / VIEW.fy);
+    expect(fovOf(withFov(VIEW, fovOf(VIEW)))).toBeCloseTo(fovOf(VIEW), 12);
+  });
+
   it('reads the pose of a three.js camera', () => {
     const camera = new PerspectiveCamera();
     camera.up.set(0, -1, 0);
@@ -52,6 +61,26 @@ describe('views', () => {
     expect(dot(view.right, [0, -1, 0])).toBeCloseTo(0);
     expect(view.down[1]).toBeCloseTo(1);
     expect(pixel(view, [0, 0, 0])[0]).toBeCloseTo(640);
+  });
+});
+
+describe('the extent of a scene', () => {
+  it('holds all Gaussians of a ball, but not a stray one far away', () => {
+    const centers = new Float32Array(3 * 1001);
+    for (let i = 0; i < 1000; ++i) {
+      const z = 2 * ((i + 0.5) / 1000) - 1, angle = 2.4 * i, side = 2 * Math.sqrt(1 - z * z);
+      centers.set([5 + side * Math.cos(angle), side * Math.sin(angle), 2 * z], 3 * i);
+    }
+    centers.set([1e4, 0, 0], 3000);
+    const { center, radius } = sceneExtent(centers);
+    [5, 0, 0].forEach((x, i) => expect(center[i]).toBeCloseTo(x, 1));
+    expect(radius).toBeGreaterThan(1.95);
+    expect(radius).toBeLessThan(2.1);
+  });
+
+  it('is a sphere also without Gaussians', () => {
+    expect(sceneExtent(new Float32Array())).toEqual({ center: [0, 0, 0], radius: 1 });
+    expect(sceneExtent(new Float32Array([1, 2, 3]))).toEqual({ center: [1, 2, 3], radius: 0 });
   });
 });
 

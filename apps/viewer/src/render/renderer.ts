@@ -11,7 +11,7 @@ import { fullscreenPass, uniforms } from './pass';
 import { colorMix, gain } from './photometric';
 import { Prepass, type Mode } from './prepass';
 import resolveCode from './resolve.frag.glsl?raw';
-import { Splats } from './splats';
+import { PLAIN_SPLATS, Splats, type SplatStyle } from './splats';
 import { renderTarget, targetBytes, type Precision } from './target';
 
 export class RenderError extends Error {}
@@ -24,6 +24,7 @@ function colorsKey(view: View, mode: Mode, precision: Precision): string {
 export interface Picture {
   mode: Mode;
   background: Vector;
+  splats: SplatStyle;
   /** Exposure and latents, where the picture is to be corrected. */
   exposure?: Float32Array;
 }
@@ -107,20 +108,20 @@ export class Renderer {
   }
 
   /** Blends the Gaussians with the colours of the last drawColors. */
-  drawSplats(view: View, precision: Precision): WebGLRenderTarget {
+  drawSplats(view: View, precision: Precision, style = PLAIN_SPLATS): WebGLRenderTarget {
     const target = this.blended[precision];
     if (target.width !== view.width || target.height !== view.height) target.setSize(view.width, view.height);
     this.webgl.setRenderTarget(target);
     this.webgl.setClearColor(0, 0);
     this.webgl.clear(true, false, false);
-    if (this.gpu) this.splats!.draw(this.webgl, view, this.prepass!.target(precision).texture, target);
+    if (this.gpu) this.splats!.draw(this.webgl, view, style, this.prepass!.target(precision).texture, target);
     return target;
   }
 
   /** The whole way, to the screen or to `target`. */
   render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.precision): void {
     if (this.colorsOf !== colorsKey(view, picture.mode, precision)) this.drawColors(view, picture.mode, precision);
-    const blended = this.drawSplats(view, precision);
+    const blended = this.drawSplats(view, precision, picture.splats);
     const { exposure } = picture, response = this.gpu?.scene.photometric?.response;
     const corrected = exposure !== undefined && response !== undefined;
     this.resolve.set({ blended: blended.texture, background: picture.background, corrected });
