@@ -4,6 +4,7 @@
 Usage: viewer_controls_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, or no viewer there.
 """
 
+import json
 import pathlib
 import shutil
 import struct
@@ -13,7 +14,7 @@ import time
 
 from browser import Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
-from viewer_scenes import BACKGROUND, drop, message, pixel, scene_file
+from viewer_scenes import BACKGROUND, drop, message, pixel, scene_file, unit
 
 OWN = [round(255 * x) for x in BACKGROUND]
 COUNT = 3000
@@ -35,8 +36,8 @@ def set_input(browser, name, value):
 
 
 def fragment(browser):
-    """Of the address, when it is up to date."""
-    return browser.evaluate("new Promise(resolve => setTimeout(() => resolve(location.hash), 600))")
+    """Of the address, when it and the controls are up to date."""
+    return browser.evaluate("new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(() => resolve(location.hash), 600))))")
 
 
 def hash_to(browser, text):
@@ -70,12 +71,12 @@ class Downloads:
         deadline = time.monotonic() + seconds
         while True:
             files = list(self.folder.iterdir())
-            if len(files) == 1 and files[0].suffix != ".crdownload" and files[0].stat().st_size > 0:
-                data = files[0].read_bytes()
+            data = files[0].read_bytes() if len(files) == 1 and files[0].suffix != ".crdownload" else b""
+            time.sleep(0.2)
+            if data and files[0].read_bytes() == data:
                 files[0].unlink()
                 return files[0].name, data
             check(time.monotonic() < deadline, f"within {seconds} s: {what} is saved, not {files}")
-            time.sleep(0.05)
 
 
 def check_link(browser, site):
@@ -97,9 +98,9 @@ def check_link(browser, site):
     check(fragment(browser) == moved, f"opening the link shows the same: {fragment(browser)}")
     check(browser.evaluate("document.querySelector('[value=depth]').checked") and value(browser, "background") == "#ff8000", "and sets the controls")
     hash_to(browser, "view=2&mode=base")
-    check((shown(browser), fragment(browser)) == ("Test view 2", "#view=2&mode=base"), f"another fragment is followed: {fragment(browser)}")
+    check((fragment(browser), shown(browser)) == ("#view=2&mode=base", "Test view 2"), f"another fragment is followed: {fragment(browser)}")
     hash_to(browser, "from=1,2&to=x&mode=nothing&fov=1e9&view=99&size=-3&background=zzzzzz&near=NaN&=&%25&points=on")
-    check((shown(browser), fragment(browser)) == ("Test view 1", "#points=on"), f"nonsense in it is left out: {fragment(browser)}")
+    check((fragment(browser), shown(browser)) == ("#points=on", "Test view 1"), f"nonsense in it is left out: {fragment(browser)}")
     check(message(browser) == "", "without a word")
     hash_to(browser, "from=0,0,-4&to=0,0,0&fov=45.2397")  # of the first test view
     check(shown(browser) == "Free", "a pose belongs to no test view")
@@ -161,32 +162,30 @@ def check_settings(browser, site, downloads):
 
 def check_frame(browser, site):
     fresh(browser, site.url + "#from=0,0,-1.5&to=0,0,9")
-    # Columns of the canvas that the ball reaches, by a picture read at once after it was drawn.
-    reach = f"""new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(() => {{
+    # The part of the canvas that the ball reaches, by a picture read at once after it was drawn: left, right, low, high from 0 to 1.
+    reach = f"""(() => {{
         const canvas = document.getElementById('canvas'), gl = canvas.getContext('webgl2'), [w, h] = [canvas.width, canvas.height], all = new Uint8Array(4 * w * h);
         dispatchEvent(new Event('resize')); // draws
         gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, all);
         let [left, right, low, high] = [w, -1, h, -1];
-        for (let i = 0; i < w * h; ++i) if ([{OWN}].some(own => own.some((c, k) => all[4 * i + k] !== c))) {{
+        for (let i = 0; i < w * h; ++i) if ({OWN}.some((c, k) => all[4 * i + k] !== c)) {{
             const x = i % w, y = i / w | 0;
             [left, right, low, high] = [Math.min(left, x), Math.max(right, x), Math.min(low, y), Math.max(high, y)];
         }}
-        resolve([left / w, right / w, low / h, high / h]);
-    }})))"""
-    left, right, low, high = browser.evaluate(reach)
-    check(low == 0 and high > 0.99, f"the ball does not fit the view: {low}, {high}")
-    for how in ("button", "key"):
-        hash_to(browser, f"from=0,0,-1.5&to=0,0,{7 if how == 'button' else 8}")
-        if how == "button":
-            click(browser, "frame")
-        else:
-            key(browser, "f", "f")
-        time.sleep(0.5)
-        left, right, low, high = browser.evaluate(reach)
-        check(min(left, low) > 0 and max(right, high) < 0.995 and right - left > 0.75, f"by {how} all of it is seen, and fills the view: {left}, {right}, {low}, {high}")
+        return [left / w, right / w, low / h, high / h];
+    }})()"""
+    is_outside = f"(([left, right, low, high]) => low === 0 && high > 0.99)({reach})"
+    fits = f"(([left, right, low, high]) => Math.min(left, low) > 0 && Math.max(right, high) < 0.995 && right - left > 0.75)({reach})"
+    wait_for(browser, is_outside, "the ball does not fit the view")
+    click(browser, "frame")
+    wait_for(browser, fits, "by a button all of it is seen, and fills the view")
+    hash_to(browser, "from=0,0,-1.5&to=0,0,8")
+    wait_for(browser, is_outside, "the ball does not fit the view again")
+    key(browser, "f", "f")
+    wait_for(browser, fits, "so it is by key")
     check("&to=" in fragment(browser), "from a pose of its own")
     click(browser, "reset")
-    check((shown(browser), fragment(browser)) == ("Test view 1", ""), "the first view is there again")
+    check((fragment(browser), shown(browser)) == ("", "Test view 1"), "the first view is there again")
     click(browser, "next")
     key(browser, "r", "r")
     check(fragment(browser) == "", "also by key")
@@ -240,6 +239,154 @@ def check_embedded(browser, site):
     wait_for(browser, "frames[0].gsapp && frames[0].document.body.matches('.embedded.loaded')", "another page shows it in a frame")
 
 
+def check_film(browser, site, downloads):
+    fresh(browser, site.url)
+    browser.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    said = "document.getElementById('film-message').textContent"
+    add = lambda: click(browser, "add-keyframe")
+    add()
+    click(browser, "next")
+    key(browser, "k", "k")
+    check(browser.evaluate("document.getElementById('keyframes').children.length") == 2, "a button and a key add keyframes")
+    click(browser, "reset")
+    browser.evaluate("document.querySelector('[aria-label=\"Go to keyframe 2\"]').click()")
+    check(fragment(browser).startswith("#from=3.4,0,-2.2&to="), f"a keyframe is gone to: {fragment(browser)}")
+    add()
+    browser.evaluate("document.querySelector('[aria-label=\"Remove keyframe 3\"]').click()")
+    check(browser.evaluate("document.getElementById('keyframes').children.length") == 2, "a keyframe can be removed")
+
+    set_input(browser, "seconds", 2)
+    set_input(browser, "frame-rate", 10)
+    click(browser, "save-cameras")
+    name, data = downloads.take("a path")
+    cameras = json.loads(data)
+    check((name, len(cameras), [c["keyframe"] for c in cameras].count(True)) == ("cameras.json", 20, 2), f"it has all pictures: {name}, {len(cameras)}")
+    first, last = cameras[0], cameras[-1]
+    close = lambda a, b: all(abs(x - y) < 1e-5 for x, y in zip(a, b, strict=True))
+    check(close(first["position"], [0, 0, -4]) and close(last["position"], [3.4, 0, -2.2]), "from the first test view to the second")
+    columns = list(zip(*last["rotation"]))  # right, down, forward
+    check(close(columns[2], unit([-3.4, 0, 2.2])) and close(columns[1], [0, 1, 0]), f"rotations are from camera to world: {columns}")
+    check((first["width"], first["height"], first["fx"], first["fy"]) == (100, 100, 120, 120), "with the lens")
+    click(browser, "save-nerfstudio")
+    name, path = downloads.take("a path for nerfstudio")
+    check((name, len(json.loads(path)["camera_path"]), json.loads(path)["seconds"]) == ("camera_path.json", 20, 2), "the other form as well")
+
+    for text in (data, path):
+        fresh(browser, site.url)
+        load = f"""{{ const input = document.getElementById('path-file'), transfer = new DataTransfer();
+            transfer.items.add(new File([{json.dumps(text.decode())}], 'path.json'));
+            input.files = transfer.files;
+            input.dispatchEvent(new Event('change')); }}"""
+        browser.evaluate(load)
+        wait_for(browser, "document.getElementById('keyframes').children.length === 2", "the keyframes are read again")
+        check(fragment(browser).startswith("#from=0,0,-4&"), f"and the first is shown: {fragment(browser)}")
+    browser.evaluate(load.replace("camera_to_world", "something"))
+    wait_for(browser, f"{said}.includes('camera 1: camera_to_world is not 16 numbers')", "a bad path is refused with a reason")
+    check(browser.evaluate("document.getElementById('keyframes').children.length") == 2, "the keyframes stay")
+
+    set_input(browser, "seconds", 1)
+    click(browser, "play-path")
+    check(browser.evaluate("document.getElementById('record-path').disabled && !document.getElementById('stop-film').disabled"), "while it plays there is a way to stop it")
+    wait_for(browser, "document.getElementById('stop-film').disabled", "it ends")
+    check(fragment(browser).startswith("#from=3.4,0,-2.2&"), f"where the path does: {fragment(browser)}")
+    check(browser.evaluate(said) == "", "without complaint")
+    set_input(browser, "seconds", 600)
+    click(browser, "play-path")
+    browser.press("Escape", 27)
+    wait_for(browser, "document.getElementById('stop-film').disabled", "Escape stops it")
+
+    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=480, deviceScaleFactor=1, mobile=False)  # drawn in software, more pictures of it fit into a second
+    set_input(browser, "seconds", 4)
+    wait_for(browser, "document.getElementById('canvas').width === 360", "the canvas is smaller")
+    size = browser.evaluate("[document.getElementById('canvas').width, document.getElementById('canvas').height]")
+    films = {}
+    for button in ("record-turntable", "record-path"):
+        click(browser, button)
+        name, films[button] = downloads.take("a film", 60)
+        check(name == "film.webm" and films[button][:4] == b"\x1a\x45\xdf\xa3", f"it is WebM: {name}, {films[button][:8]}")
+    check("Saved" in browser.evaluate(said), "saving is said")
+    browser.evaluate("window.MediaRecorder = undefined")
+    click(browser, "record-turntable")
+    wait_for(browser, f"{said}.includes('cannot record')", "a browser without a recorder says so")
+
+    browser.call("Emulation.clearDeviceMetricsOverride")
+    (site.folder / "player.html").write_text("<video muted></video>")
+    browser.open(site.url + "player.html")
+    for button, film in films.items():
+        (site.folder / f"{button}.webm").write_bytes(film)
+        seen = browser.evaluate(f"""new Promise((resolve, reject) => {{
+            const video = document.querySelector('video'), context = new OffscreenCanvas(64, 64).getContext('2d', {{ willReadFrequently: true }}), pictures = new Set();
+            const look = () => {{
+                context.drawImage(video, 0, 0, 64, 64);
+                pictures.add(context.getImageData(0, 0, 64, 64).data.join());
+                video.requestVideoFrameCallback(look);
+            }};
+            video.requestVideoFrameCallback(look);
+            video.onerror = () => reject(video.error);
+            video.onended = () => resolve([video.videoWidth, video.videoHeight, video.currentTime, pictures.size]);
+            video.src = '{button}.webm';
+            video.play();
+        }})""")
+        check(all(abs(a - b) <= 1 for a, b in zip(seen, size)) and 2 < seen[2] < 12 and seen[3] > 3, f"{button}: it plays, in motion: {seen}, canvas {size}")
+
+
+def check_lost_device(browser, site):
+    pixels = "gsapp.testViewPixels(1, 'full').then(v => v.pixels.join())"
+    lose = """(async () => {
+        const device = document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context');
+        device.loseContext();
+        await new Promise(resolve => setTimeout(resolve, 300));
+        const words = document.getElementById('notice').innerText;
+        device.restoreContext();
+        return words;
+    })()"""
+    for how in ("from the site", "of the user"):
+        fresh(browser, site.url)
+        if how == "of the user":
+            drop(browser, "mine.ngsplat", scene_file(500))
+            wait_for(browser, "document.getElementById('name').textContent === 'mine.ngsplat'", "a file is shown")
+        before = browser.evaluate(pixels)
+        key(browser, "ArrowLeft")
+        browser.evaluate("document.querySelector('[value=base]').click()")
+        moved, name = fragment(browser), browser.evaluate("document.getElementById('name').textContent")
+        check("device was lost" in browser.evaluate(lose), "a lost device is noticed")
+        wait_for(browser, "document.body.matches('.loaded') && document.getElementById('notice').hidden", f"a model {how} comes back with the device")
+        check((fragment(browser), browser.evaluate("document.getElementById('name').textContent")) == (moved, name), f"seen as before: {fragment(browser)}, {moved}")
+        check(browser.evaluate(pixels) == before, "with the same pictures")
+    fresh(browser, site.url)
+    browser.call("Network.setCacheDisabled", cacheDisabled=True)
+    (site.folder / "scene.ngsplat").rename(site.folder / "elsewhere.ngsplat")
+    browser.evaluate(lose)
+    wait_for(browser, "document.getElementById('notice').innerText.includes('404')", "a model that is gone is said to be")
+    (site.folder / "elsewhere.ngsplat").rename(site.folder / "scene.ngsplat")
+    browser.errors = [e for e in browser.errors if "404" not in e]
+
+
+def check_accessibility(browser, site, axe):
+    """By axe-core's rules, in every state that shows other controls."""
+    if not axe.exists():
+        return print(f"without axe-core: npm ci in {axe.parents[2]} installs it")
+    fresh(browser, site.url)
+    browser.evaluate(axe.read_text() + "; void 0")
+    found = "axe.run(document).then(r => [r.passes.length, r.violations.map(v => v.id + ': ' + v.nodes.map(n => n.html).join(' '))])"
+    states = {
+        "the page": "",
+        "all settings": "document.querySelectorAll('details').forEach(d => d.open = true); document.getElementById('add-keyframe').click()",
+        "the keys": "document.getElementById('open-help').click()",
+        "a message": "document.querySelector('#help button').click(); document.getElementById('notice').hidden = false; document.getElementById('notice-title').textContent = 'A message'",
+        "a folded panel": "document.getElementById('notice').hidden = true; document.getElementById('toggle').click()",
+        "embedded": "document.body.classList.add('embedded')",
+    }
+    for scheme in ("light", "dark"):
+        browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        for state, action in states.items():
+            browser.evaluate(f"{{ {action} }}")
+            passed, violations = browser.evaluate(found)
+            check(passed > 5 and violations == [], f"{state}, {scheme}: {violations}")
+        browser.evaluate("document.body.classList.remove('embedded'); document.getElementById('toggle').click()")
+    browser.call("Emulation.setEmulatedMedia", features=[])
+
+
 def main():
     program = find_chromium()
     viewer = pathlib.Path(sys.argv[1])
@@ -258,7 +405,10 @@ def main():
             check_settings(browser, site, downloads)
             check_frame(browser, site)
             check_keys(browser, site)
+            check_film(browser, site, downloads)
+            check_lost_device(browser, site)
             check_embedded(browser, site)
+            check_accessibility(browser, site, viewer.resolve().parent / "node_modules" / "axe-core" / "axe.min.js")
             check(browser.errors == [], f"the console is silent: {browser.errors}")
     print("passed")
     return 0

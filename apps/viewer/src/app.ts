@@ -3,8 +3,9 @@
 
 import { AddressBar, formatAddress, parseAddress, type Address } from './address';
 import { runBenchmark, type BenchmarkResult } from './benchmark';
-import { sceneExtent, type Extent } from './camera/extent';
+import { CenterSample } from './camera/extent';
 import { Navigator } from './camera/navigator';
+import { turntable, type CameraPath } from './camera/path';
 import type { View } from './camera/view';
 import { FormatError } from './format/cursor';
 import { readAll, type Source } from './format/load';
@@ -15,11 +16,13 @@ import { DEFAULTS, type Settings } from './settings';
 import { sceneCenters, SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
 import { element, save } from './ui/elements';
+import { FilmPanel } from './ui/film_panel';
 import { toggleFullscreen } from './ui/fullscreen';
 import { onKeys } from './ui/keys';
 import { Meter } from './ui/meter';
-import { hideNotice, showError, showLoading } from './ui/notice';
+import { hideNotice, showError, showLoading, showWelcome } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
+import { record } from './ui/recorder';
 
 /** More pixels than this per CSS pixel are not seen, but paid for. */
 const MOST_DEVICE_PIXELS = 2;
@@ -29,7 +32,7 @@ interface Loaded {
   /** What the model is called on the page. */
   title: string;
   scene: Scene;
-  extent: Extent;
+  sample: CenterSample;
   navigator: Navigator;
   sorter?: SortClient;
 }
@@ -42,11 +45,21 @@ export class App {
   private readonly renderer = new Renderer(this.canvas);
   private readonly panel: Panel;
   private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
+  private readonly film = new FilmPanel({
+    view: () => this.model.navigator.current(),
+    show: (view) => this.move((navigator) => navigator.showExactly(view)),
+    turntable: () => turntable(this.model.navigator.current(), this.model.navigator.target, this.model.scene.up),
+    frame: () => this.model.scene.frame,
+    play: (path, seconds) => this.play(path, seconds),
+    record: (path, seconds) => record(this.canvas, () => this.play(path, seconds)),
+    stop: () => this.playing.abort(),
+  });
+  private playing = new AbortController();
   private readonly meter = new Meter();
   private loaded: Loaded | undefined;
   private loading = new AbortController();
   private settings: Settings = { ...DEFAULTS };
-  private readonly address = new AddressBar(() => formatAddress(this.state(), this.loaded?.scene.distance ?? 1));
+  private readonly address = new AddressBar(() => this.fragment());
   /** The fragment that the next model is shown with. */
   private begin: string | undefined = location.hash;
   /** Opens the model again that is shown, and whether its address does so elsewhere. */
@@ -63,9 +76,15 @@ export class App {
     });
     this.panel.show(this.settings);
     const saved = () => void this.savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
-    onKeys(this.canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved }, () => undefined);
-    addEventListener('hashchange', (event) => this.apply(new URL(event.newURL).hash));
-    this.canvas.addEventListener('webglcontextlost', () => this.fail('The graphics device was lost', 'Often its memory ran out. Reload the page; a smaller model may help.'));
+    onKeys(this.canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.film.add() }, () => this.playing.abort());
+    for (const event of ['pointerdown', 'wheel', 'keydown']) this.canvas.addEventListener(event, () => this.playing.abort());
+    addEventListener('hashchange', (event) => {
+      const { hash } = new URL(event.newURL); // the address may have been brought up to date since
+      if (this.loaded) this.apply(hash);
+      else this.begin = hash;
+    });
+    this.canvas.addEventListener('webglcontextlost', () => this.lose());
+    this.canvas.addEventListener('webglcontextrestored', () => void this.restore());
     const resize = () => {
       const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
       this.renderer.webgl.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)), false);
@@ -88,7 +107,7 @@ export class App {
     this.redraw();
   }
 
-  private readonly frame = () => this.move((navigator, { extent }) => navigator.frame(extent));
+  private readonly frame = () => this.move((navigator, { sample }) => navigator.frame(sample.extent()));
   private readonly reset = () => this.move((navigator) => navigator.reset());
 
   /** What the address says of the picture. */
@@ -96,6 +115,10 @@ export class App {
     const { settings } = this, navigator = this.loaded?.navigator;
     if (!navigator || navigator.isFirst || navigator.pinned === 0) return { settings };
     return { settings, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
+  }
+
+  private fragment(): string {
+    return formatAddress(this.state(), this.loaded?.scene.distance ?? 1);
   }
 
   /** Shows what a fragment says, as far as this model has it. */
@@ -109,10 +132,27 @@ export class App {
     });
   }
 
+  private get model(): Loaded {
+    if (!this.loaded) throw new Error('There is no model yet.');
+    return this.loaded;
+  }
+
+  /** Shows a path in its time, until the user moves or stops it, or another model comes. */
+  private async play(path: CameraPath, seconds: number): Promise<void> {
+    this.playing.abort();
+    const { signal } = (this.playing = new AbortController()), { navigator } = this.model, begin = performance.now();
+    for (let time = 0; !signal.aborted && this.loaded?.navigator === navigator; ) {
+      navigator.showExactly(path(time));
+      this.draw();
+      if (time === 1) return;
+      await new Promise(requestAnimationFrame);
+      time = Math.min(1, (performance.now() - begin) / 1000 / seconds);
+    }
+  }
+
   private async copyLink(): Promise<string> {
-    if (!this.again) return 'There is no model yet.';
     this.address.write();
-    const file = this.again.inAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
+    const file = this.again?.inAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
     try {
       await navigator.clipboard.writeText(location.href);
     } catch {
@@ -163,6 +203,22 @@ export class App {
     }
   }
 
+  /** The device is gone, and all on it. What is deleted now, before another one comes, needs no device. */
+  private lose(): void {
+    this.playing.abort();
+    if (this.loaded) this.begin = this.fragment();
+    this.unload();
+    this.renderer.forget();
+    this.fail('The graphics device was lost', 'Often its memory ran out. The model comes back with the device; where that takes long, reload the page. A smaller model may help.');
+  }
+
+  /** The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. */
+  private async restore(): Promise<void> {
+    if (!this.again) return showWelcome();
+    await this.again.open();
+    this.begin = undefined; // also where it could not be read
+  }
+
   private unload(): void {
     this.loaded?.navigator.dispose();
     this.loaded?.sorter?.dispose();
@@ -173,7 +229,8 @@ export class App {
 
   private show(name: string, scene: Scene, bytes: number): void {
     this.unload(); // first, so that both need not fit into memory
-    const centers = sceneCenters(scene), extent = sceneExtent(centers);
+    const centers = sceneCenters(scene), sample = new CenterSample(scene.count);
+    sample.add(scene.geometry);
     this.renderer.setScene(scene);
     document.body.classList.add('loaded');
     const navigator = new Navigator(scene, this.canvas, () => this.redraw());
@@ -184,7 +241,7 @@ export class App {
     };
     const sorter = scene.count ? new SortClient(centers, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     const title = scene.name ?? name;
-    this.loaded = { name, title, scene, extent, navigator, sorter };
+    this.loaded = { name, title, scene, sample, navigator, sorter };
     this.sortedFor = '';
     this.panel.setScene(title, scene);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
@@ -237,10 +294,11 @@ export class App {
 
   /** The order that `work` sorts for stays: nothing else is drawn meanwhile. */
   private async reserve<T>(work: (loaded: Loaded) => Promise<T>): Promise<T> {
-    if (!this.loaded || this.isReserved) throw new Error(this.loaded ? 'another one is running' : 'no model is loaded');
+    if (this.isReserved) throw new Error('another one is running');
+    const { model } = this;
     this.isReserved = true;
     try {
-      return await work(this.loaded);
+      return await work(model);
     } finally {
       this.isReserved = false;
       this.redraw();

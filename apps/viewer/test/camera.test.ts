@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-import { PerspectiveCamera, Vector3 } from 'three';
+import { DataUtils, PerspectiveCamera, Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { summarize } from '../src/benchmark';
-import { sceneExtent } from '../src/camera/extent';
+import { CenterSample } from '../src/camera/extent';
 import { cameraPose, defaultView } from '../src/camera/navigator';
 import { camFromWorld, cropView, fitView, fovOf, withFov, type View } from '../src/camera/view';
 import { parseScene } from '../src/format/ngsplat';
 import { dot, type Vector } from '../src/format/vector';
 import { colorMix, gain } from '../src/render/photometric';
 import { encode } from './encode';
+
+const half = (x: number): number => DataUtils.toHalfFloat(x);
 
 const VIEW: View = { right: [0, 0, -1], down: [0, -1, 0], forward: [-1, 0, 0], position: [3, 1, 2], fx: 100, fy: 110, cx: 40, cy: 30, width: 80, height: 50 };
 
@@ -65,22 +67,36 @@ describe('views', () => {
 });
 
 describe('the extent of a scene', () => {
-  it('holds all Gaussians of a ball, but not a stray one far away', () => {
-    const centers = new Float32Array(3 * 1001);
-    for (let i = 0; i < 1000; ++i) {
-      const z = 2 * ((i + 0.5) / 1000) - 1, angle = 2.4 * i, side = 2 * Math.sqrt(1 - z * z);
-      centers.set([5 + side * Math.cos(angle), side * Math.sin(angle), 2 * z], 3 * i);
-    }
-    centers.set([1e4, 0, 0], 3000);
-    const { center, radius } = sceneExtent(centers);
+  /** As packed geometry. */
+  const texels = (centers: Vector[]) => Uint32Array.from(centers.flatMap(([x, y, z]) => [0, half(x) | (half(y) << 16), half(z), 0]));
+  const ball = Array.from({ length: 1000 }, (_, i): Vector => {
+    const z = 2 * ((i + 0.5) / 1000) - 1, angle = 2.4 * i, side = 2 * Math.sqrt(1 - z * z);
+    return [5 + side * Math.cos(angle), side * Math.sin(angle), 2 * z];
+  });
+
+  it('holds all Gaussians of a ball, but not a stray one far away, nor what fills the last row', () => {
+    const sample = new CenterSample(1001);
+    sample.add(texels(ball.slice(0, 300)));
+    sample.add(texels([...ball.slice(300), [1e4, 0, 0], [0, 0, 0]]));
+    const { center, radius } = sample.extent();
     [5, 0, 0].forEach((x, i) => expect(center[i]).toBeCloseTo(x, 1));
     expect(radius).toBeGreaterThan(1.95);
     expect(radius).toBeLessThan(2.1);
   });
 
+  it('needs no more than some of many', () => {
+    const sample = new CenterSample(300_000);
+    for (let i = 0; i < 300; ++i) sample.add(texels(ball));
+    const { center, radius } = sample.extent();
+    [5, 0, 0].forEach((x, i) => expect(center[i]).toBeCloseTo(x, 1));
+    expect(radius).toBeCloseTo(2, 1);
+  });
+
   it('is a sphere also without Gaussians', () => {
-    expect(sceneExtent(new Float32Array())).toEqual({ center: [0, 0, 0], radius: 1 });
-    expect(sceneExtent(new Float32Array([1, 2, 3]))).toEqual({ center: [1, 2, 3], radius: 0 });
+    expect(new CenterSample(0).extent()).toEqual({ center: [0, 0, 0], radius: 1 });
+    const one = new CenterSample(1);
+    one.add(texels([[1, 2, 3]]));
+    expect(one.extent()).toEqual({ center: [1, 2, 3], radius: 0 });
   });
 });
 

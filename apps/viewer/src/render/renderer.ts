@@ -87,6 +87,13 @@ export class Renderer {
     this.colorsOf = '';
   }
 
+  /** Lets go of everything on a device that was lost; what comes next is made anew. */
+  forget(): void {
+    this.clearScene();
+    for (const target of Object.values(this.blended)) target.dispose();
+    this.resolve.dispose();
+  }
+
   /** The next pictures draw the first `count` of `order`. Returns the array that is no longer needed. */
   setOrder(order: Uint32Array, count: number): Uint32Array {
     return this.splats!.setOrder(order, count);
