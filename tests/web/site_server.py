@@ -56,6 +56,7 @@ class Site:
     """Serves `folder` from this machine until the end of the program."""
 
     def __init__(self, folder):
+        self.folder = folder
         self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Handler, directory=folder))
         self.server.slow_file, self.server.go_on = folder / "scene.ngsplat", threading.Event()
         self.server.slow_shares, self.server.is_packed = (0.5,), False

@@ -4,7 +4,6 @@
 Usage: viewer_page_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium, or no viewer there.
 """
 
-import base64
 import json
 import math
 import pathlib
@@ -13,58 +12,12 @@ import shutil
 import struct
 import sys
 import tempfile
-import zlib
 
 from browser import Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
+from viewer_scenes import BACKGROUND, camera, cross, drop, header, message, padded, pixel, scene_file, trailer, unit
 
 TAB, END, ARROW_LEFT = ("Tab", 9), ("End", 35), ("ArrowLeft", 37)
-BACKGROUND = (0.2, 0.4, 0.6)
-
-
-def trailer(data, version=1):
-    text = json.dumps({"appearance": "none", "background": BACKGROUND}).encode()
-    data += b"GSAPPEXT" + struct.pack("<2I", version, len(text)) + text
-    return data + struct.pack("<I", zlib.crc32(data))
-
-
-def unit(v):
-    length = math.hypot(*v)
-    return [x / length for x in v]
-
-
-def cross(a, b):
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def camera(position):
-    """Looks at the origin from there: world from camera, then intrinsics."""
-    forward = unit([-x for x in position])
-    right = unit(cross([0, 1, 0], forward))
-    rows = zip(right, cross(forward, right), forward, position)
-    return struct.pack("<18f", *[x for row in rows for x in row], 120, 120, 50, 50, 100, 100)
-
-
-def header(count, cameras, model=1, features=0):
-    data = b"NGSPLAT\n" + struct.pack("<11I", count, 2048, (count + 2047) // 2048, features, 0, 0, 0, 0, 0, 0, (model & 3) << 3 | (model & 4) << 4)
-    data += struct.pack("<2f", 1 / 255, 0) + (bytes(12) if model == 1 else b"") + struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4)
-    return data + struct.pack("<I", len(cameras)) + b"".join(camera(c) for c in cameras) + struct.pack("<I", 0)
-
-
-def padded(texels, count):
-    """Filled up to whole rows of 2048 texels."""
-    return texels + bytes(16 * (-count % 2048))
-
-
-def scene_file(count):
-    """A ball of Gaussians with one colour each, and two test views."""
-    rng = random.Random(1)
-    texels = b""
-    for _ in range(count):
-        p = unit([rng.gauss(0, 1) for _ in range(3)])
-        texels += struct.pack("<4B3e2B4B", *[int(127 * (x + 1)) for x in p], 200, *p, 128, 128, 105, 105, 105, 0)
-    return trailer(header(count, [(0, 0, -4), (3.4, 0, -2.2)]) + padded(texels, count))
-
 
 # Of the lobe in lobe_file: unlike 1, as it has to be visible if the axis were special.
 PEAK = 0.25
@@ -105,24 +58,6 @@ def network_file(bands, mixes, cameras):
     data += struct.pack("<I", len(cameras)) + b"".join(camera(c) for c in cameras) + struct.pack(f"<I{len(texels)}e", len(texels) // 4, *texels)
     geometry = struct.pack("<4B3e2B4B", 128, 128, 128, 255, 0, 0, 0, 128, 128, 146, 146, 146, 0)
     return trailer(data + padded(geometry, 1) + padded(bytes(16), 1))
-
-
-def drop(browser, name, data):
-    """Drops a file on the page."""
-    browser.evaluate(f"""(() => {{
-        const transfer = new DataTransfer();
-        transfer.items.add(new File([Uint8Array.from(atob('{base64.b64encode(data).decode()}'), c => c.charCodeAt(0))], {json.dumps(name)}));
-        dispatchEvent(new DragEvent('drop', {{ dataTransfer: transfer, cancelable: true }}));
-    }})()""")
-
-
-def message(browser):
-    return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
-
-
-def pixel(browser, mode="full", view=0):
-    """The one in the middle of a test view."""
-    return browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
 
 
 def check_bad_files(browser, good):
@@ -202,7 +137,7 @@ def check_controls(browser, url):
     check(nameless == [], f"without a label: {nameless}")
     browser.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
     browser.evaluate(f"window.reached = new Set(); window.controls = {controls}.filter(c => c.type !== 'radio' || c.checked)")
-    for _ in range(40):
+    for _ in range(80):
         browser.press(*TAB)
         browser.evaluate("void reached.add(document.activeElement)")
     missed = browser.evaluate("controls.filter(c => !reached.has(c)).map(c => c.outerHTML)")
@@ -285,6 +220,9 @@ def check_without_webgl(program, url):
         browser.open(url)
         wait_for(browser, "!document.getElementById('notice').hidden", "a message without WebGL2")
         check("needs WebGL2" in message(browser), message(browser))
+        check(browser.evaluate("[...document.querySelectorAll('#open, #open-notice')].every(b => b.disabled)"), "where nothing can be shown, no button offers to open a file")
+        drop(browser, "good.ngsplat", scene_file(1))
+        check("needs WebGL2" in message(browser), "and a file dropped on the page changes nothing")
 
 
 def main():

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: one renderer, at most one model, and what the user asked to see of it.
 
+import { AddressBar, formatAddress, parseAddress, type Address } from './address';
 import { runBenchmark, type BenchmarkResult } from './benchmark';
-import { Navigator, type MovementName } from './camera/navigator';
+import { CenterSample } from './camera/extent';
+import { Navigator } from './camera/navigator';
+import { turntable, type CameraPath } from './camera/path';
 import type { View } from './camera/view';
 import { Comparison } from './compare/comparison';
 import { fetchSite, SITE_FILE, type Site } from './compare/site';
@@ -14,12 +17,17 @@ import { SceneCollector, SceneReader, texelsOf, type Plane } from './format/read
 import { convertScene } from './format/convert_scene';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
+import { DEFAULTS, type Settings } from './settings';
 import { SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
-import { element } from './ui/elements';
+import { element, save } from './ui/elements';
+import { FilmPanel } from './ui/film_panel';
+import { toggleFullscreen } from './ui/fullscreen';
+import { onKeys } from './ui/keys';
 import { Meter } from './ui/meter';
-import { hideNotice, showError, showLoading } from './ui/notice';
+import { hideNotice, showError, showLoading, showWelcome } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
+import { record } from './ui/recorder';
 
 /** More pixels than this per CSS pixel are not seen, but paid for. */
 const MOST_DEVICE_PIXELS = 2;
@@ -29,28 +37,45 @@ const REFRESH = 200;
 
 interface Loaded {
   name: string;
+  /** What the model is called on the page. */
+  title: string;
   /** Nothing of it is still on its way. */
   isComplete: boolean;
   scene: Scene;
+  sample: CenterSample;
   navigator: Navigator;
   sorter?: SortClient;
 }
 
 /** Equal where the order is. */
-const poseKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: View): string => JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height]);
+const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: View, size: number): string =>
+  JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height, size]);
 
 export class App {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
   private readonly renderer = new Renderer(this.canvas);
   private readonly panel: Panel;
   private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
+  private readonly film = new FilmPanel({
+    view: () => this.model.navigator.current(),
+    show: (view) => this.move((navigator) => navigator.showExactly(view)),
+    turntable: () => turntable(this.model.navigator.current(), this.model.navigator.target, this.model.scene.up),
+    frame: () => this.model.scene.frame,
+    play: (path, seconds) => this.play(path, seconds),
+    record: (path, seconds) => record(this.canvas, () => this.play(path, seconds)),
+    stop: () => this.playing.abort(),
+  });
+  private playing = new AbortController();
   private readonly meter = new Meter();
   private readonly comparison = new Comparison(this.renderer, () => this.redraw());
   private loaded: Loaded | undefined;
   private loading = new AbortController();
-  private mode: Mode = 'full';
-  private photometric = true;
-  private movement: MovementName = 'orbit';
+  private settings: Settings = { ...DEFAULTS };
+  private readonly address = new AddressBar(() => this.fragment());
+  /** The fragment that the next model is shown with. */
+  private wanted: string | undefined = location.hash;
+  /** Opens the model again that is shown, and whether its address does so elsewhere. */
+  private again: { open: () => Promise<void>; inAddress: boolean } | undefined;
   private sortedFor = '';
   private scheduled = false;
   private isReserved = false;
@@ -60,19 +85,21 @@ export class App {
 
   constructor() {
     this.panel = new Panel({
-      mode: (mode) => (this.mode = mode, this.redraw()),
-      photometric: (on) => (this.photometric = on, this.redraw()),
-      movement: (name) => {
-        this.movement = name;
-        this.loaded?.navigator.setMovement(name);
-      },
-      camera: (index) => {
-        if (index === undefined) this.loaded?.navigator.unpin();
-        else this.loaded?.navigator.pin(index);
-        this.redraw();
-      },
+      change: (settings) => this.change(settings),
+      camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
+      frame: this.frame, reset: this.reset, copyLink: () => this.copyLink(), savePicture: () => this.savePicture(),
     });
-    this.canvas.addEventListener('webglcontextlost', () => this.fail('The graphics device was lost', 'Often its memory ran out. Reload the page; a smaller model may help.'));
+    this.panel.show(this.settings);
+    const saved = () => void this.savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
+    onKeys(this.canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.film.add() }, () => this.playing.abort());
+    for (const event of ['pointerdown', 'wheel', 'keydown']) this.canvas.addEventListener(event, () => this.playing.abort());
+    addEventListener('hashchange', (event) => {
+      const { hash } = new URL(event.newURL); // the address may have been brought up to date since
+      if (this.loaded) this.apply(hash);
+      else this.wanted = hash;
+    });
+    this.canvas.addEventListener('webglcontextlost', () => this.lose());
+    this.canvas.addEventListener('webglcontextrestored', () => void this.restore());
     const resize = () => {
       const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
       this.renderer.webgl.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)), false);
@@ -82,6 +109,87 @@ export class App {
     addEventListener('resize', resize); // another density of the screen may become known after the size
   }
 
+  private change(settings: Partial<Settings>): void {
+    const { movement } = this.settings;
+    Object.assign(this.settings, settings);
+    if (this.settings.movement !== movement) this.loaded?.navigator.setMovement(this.settings.movement);
+    this.panel.show(this.settings);
+    this.redraw();
+  }
+
+  private move(how: (navigator: Navigator, loaded: Loaded) => void): void {
+    if (this.loaded) how(this.loaded.navigator, this.loaded);
+    this.redraw();
+  }
+
+  private readonly frame = () => this.move((navigator, { sample }) => navigator.frame(sample.extent()));
+  private readonly reset = () => this.move((navigator) => navigator.reset());
+
+  /** What the address says of the picture. */
+  private state(): Address {
+    const { settings } = this, navigator = this.loaded?.navigator;
+    if (!navigator || navigator.isFirst || navigator.pinned === 0) return { settings };
+    return { settings, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
+  }
+
+  private fragment(): string {
+    return formatAddress(this.state(), this.loaded?.scene.distance ?? 1);
+  }
+
+  /** Shows what a fragment says, as far as this model has it. */
+  private apply(fragment: string): void {
+    const { settings, camera } = parseAddress(fragment);
+    this.change(settings);
+    this.move((navigator, { scene }) => {
+      if (camera && 'from' in camera) navigator.look(camera.from, camera.to, camera.fov);
+      else if (camera && camera.view < scene.testCameras.length) navigator.pin(camera.view);
+      else navigator.reset();
+    });
+  }
+
+  private get model(): Loaded {
+    if (!this.loaded) throw new Error('There is no model yet.');
+    return this.loaded;
+  }
+
+  /** Shows a path in its time, until the user moves or stops it, or another model comes. */
+  private async play(path: CameraPath, seconds: number): Promise<void> {
+    this.playing.abort();
+    const { signal } = (this.playing = new AbortController()), { navigator } = this.model, begin = performance.now();
+    for (let time = 0; !signal.aborted && this.loaded?.navigator === navigator; ) {
+      navigator.showExactly(path(time));
+      this.draw();
+      if (time === 1) return;
+      await new Promise(requestAnimationFrame);
+      time = Math.min(1, (performance.now() - begin) / 1000 / seconds);
+    }
+  }
+
+  private async copyLink(): Promise<string> {
+    this.address.write();
+    const file = this.again?.inAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
+    try {
+      await navigator.clipboard.writeText(location.href);
+    } catch {
+      return `The browser does not allow copying; the link is the address of this page.${file}`;
+    }
+    return `Copied.${file}`;
+  }
+
+  /** The picture as it is on the screen, as PNG. */
+  private async savePicture(): Promise<string> {
+    const { blob, title } = await this.reserve(async ({ navigator, title }) => {
+      const view = navigator.view(this.canvas.width, this.canvas.height);
+      await this.sort(view);
+      this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
+      // Asked for before anything else runs: the browser clears the canvas when it has shown it.
+      return { title, blob: await new Promise<Blob | null>((resolve) => this.canvas.toBlob(resolve)) };
+    });
+    if (!blob) throw new Error('The browser cannot make a PNG file of this size.');
+    save(blob, `${title}.png`);
+    return `Saved, ${this.canvas.width} × ${this.canvas.height} pixels.`;
+  }
+
   private fail(title: string, message: string): void {
     showError(title, message, this.loaded !== undefined);
   }
@@ -89,20 +197,23 @@ export class App {
   /**
    * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
    * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
+   * `from` says where the file is: beside the page, where its address leads, or elsewhere.
    */
-  async open(source: Source | ((signal: AbortSignal) => Promise<Source>)): Promise<void> {
+  async open(source: (signal: AbortSignal) => Promise<Source>, from: 'beside' | 'address' | 'elsewhere' = 'address'): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
     this.dropPart();
     let name = 'the model';
     try {
-      const found = typeof source === 'function' ? await source(signal) : source;
+      const found = await source(signal);
       name = found.name;
       showLoading(name, 0, found.size);
       const { head, source: whole } = await peekHead(found);
       signal.throwIfAborted();
       if (isNgsplat(name, head)) await this.openPacked(whole, signal);
       else await this.openOther(whole, signal);
+      this.setAgain(() => this.open(source, from), from !== 'elsewhere');
+      if (from === 'beside') await this.readSite();
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
       this.dropPart();
@@ -112,7 +223,7 @@ export class App {
 
   private async openPacked(source: Source, signal: AbortSignal): Promise<void> {
     const { name, size } = source, collector = this.loaded && new SceneCollector();
-    const reader = new SceneReader(collector ?? { begin: (scene) => this.begin(name, scene), rows: (...part) => this.addRows(...part) }, size);
+    const reader = new SceneReader(collector ?? { begin: (scene) => this.beginScene(name, scene), rows: (...part) => this.addRows(...part) }, size);
     await readParts(source, (part) => {
       signal.throwIfAborted();
       reader.push(part);
@@ -153,6 +264,27 @@ export class App {
     }
   }
 
+  /** Says how the model that is shown can be opened again, and whether the page's address does so elsewhere. */
+  setAgain(open: () => Promise<void>, inAddress: boolean): void {
+    this.again = { open, inAddress };
+  }
+
+  /** The device is gone, and all on it. What is deleted now, before another one comes, needs no device. */
+  private lose(): void {
+    this.playing.abort();
+    if (this.loaded) this.wanted = this.fragment();
+    this.unload();
+    this.renderer.forget();
+    this.fail('The graphics device was lost', 'Often its memory ran out. The model comes back with the device; where that takes long, reload the page. A smaller model may help.');
+  }
+
+  /** The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. */
+  private async restore(): Promise<void> {
+    if (!this.again) return showWelcome();
+    await this.again.open();
+    this.wanted = undefined; // also where it could not be read
+  }
+
   /** Unloads a model that never became complete. */
   private dropPart(): void {
     if (this.loaded && !this.loaded.isComplete) this.unload();
@@ -171,7 +303,7 @@ export class App {
   /** Shows a scene that has its texels, and takes them out of it. With `keep`, the camera stays as it is. */
   private async show(name: string, scene: Scene, signal: AbortSignal, keep?: Navigator): Promise<void> {
     this.unload(keep); // first, so that both need not fit into memory
-    this.begin(name, scene, keep);
+    this.beginScene(name, scene, keep);
     await inSteps(texelsOf(scene), (part) => {
       signal.throwIfAborted();
       this.addRows(...part);
@@ -179,14 +311,14 @@ export class App {
   }
 
   /** Shows a scene whose texels follow. */
-  private begin(name: string, scene: Scene, keep?: Navigator): void {
+  private beginScene(name: string, scene: Scene, keep?: Navigator): void {
     this.renderer.beginScene(scene);
     document.body.classList.add('loaded');
     if (keep) this.comparison.replaceScene(scene);
     else this.comparison.setScene(scene);
     const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
     if (keep) keep.setScene(scene);
-    else navigator.setMovement(this.movement);
+    else navigator.setMovement(this.settings.movement);
     this.awaitsOrder = keep !== undefined && scene.count > 0;
     const apply = (order: Uint32Array, count: number) => {
       if (this.loaded?.isComplete) this.awaitsOrder = false;
@@ -194,16 +326,21 @@ export class App {
       return this.renderer.setOrder(order, count);
     };
     const sorter = scene.count ? new SortClient(scene.count, apply, (message) => this.fail('Sorting failed', message)) : undefined;
-    this.loaded = { name, isComplete: false, scene, navigator, sorter };
+    this.loaded = { name, title: name, isComplete: false, scene, sample: new CenterSample(scene.count), navigator, sorter };
     this.sortedFor = '';
-    if (this.panel.numViews !== scene.testCameras.length || !keep) this.panel.setScene(name, scene);
-    if (!keep) this.panel.setInfo([]);
     this.benchmarkPanel.clear();
+    if (keep && this.panel.numViews === scene.testCameras.length) return;
+    this.panel.setScene(name, scene);
+    this.panel.setInfo([]);
+    if (this.wanted === undefined) this.panel.show(this.settings);
+    else this.apply(this.wanted);
+    this.wanted = undefined;
   }
 
   private addRows(plane: Plane, row: number, texels: Uint32Array): void {
     this.renderer.addRows(plane, row, texels);
     if (plane.block >= 0) return;
+    this.loaded!.sample.add(texels);
     this.loaded!.sorter?.add(texels);
     this.refreshing ??= setTimeout(() => {
       this.refreshing = undefined;
@@ -216,9 +353,11 @@ export class App {
   private complete(bytes: number): void {
     const { name, scene } = this.loaded!;
     this.loaded!.isComplete = true;
+    this.loaded!.title = scene.name ?? name;
     this.renderer.completeScene();
     this.sortedFor = '';
-    this.panel.setName(scene.name ?? name);
+    this.panel.setEnd(this.loaded!.title, scene.background);
+    this.panel.show(this.settings);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     hideNotice(); // before drawing, which may have something to say
     this.draw();
@@ -234,27 +373,36 @@ export class App {
   }
 
   private picture(mode: Mode, testView: number | undefined, scene = this.loaded!.scene): Picture {
-    const { photometric } = scene;
-    const exposure = this.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
+    const { photometric } = scene, { settings } = this;
+    const exposure = settings.photometric && photometric ? (testView === undefined ? photometric.neutral : photometric.testViews[testView]) : undefined;
     const ownColors = mode === 'full' || mode === 'base';
-    return { mode, background: ownColors ? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined };
+    return {
+      mode, background: ownColors ? settings.background ?? scene.background : [0, 0, 0], exposure: ownColors ? exposure : undefined,
+      splats: { size: settings.points ? 0 : settings.splatSize, near: settings.near },
+    };
+  }
+
+  /** The factor of all scales, which decides about what a view shows. */
+  private get size(): number {
+    return this.renderer.growth * (this.settings.points ? 0 : this.settings.splatSize);
   }
 
   private sort(view: View): Promise<void> {
-    this.sortedFor = poseKey(view);
-    return this.loaded!.sorter?.sort(view, this.renderer.growth) ?? Promise.resolve();
+    this.sortedFor = orderKey(view, this.size);
+    return this.loaded!.sorter?.sort(view, this.size) ?? Promise.resolve();
   }
 
   private draw(): void {
     if (!this.loaded || this.isReserved) return;
     const { navigator, sorter } = this.loaded;
     const view = navigator.view(this.canvas.width, this.canvas.height);
-    if (poseKey(view) !== this.sortedFor) void this.sort(view);
+    if (orderKey(view, this.size) !== this.sortedFor) void this.sort(view);
     if (this.awaitsOrder) return;
     this.panel.setCamera(navigator.pinned);
+    this.address.touch();
     try {
       if (this.comparison.isOn) this.comparison.draw(view, navigator.pinned, (mode, scene) => this.picture(mode, navigator.pinned, scene));
-      else this.renderer.render(view, this.picture(this.mode, navigator.pinned));
+      else this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
     } catch (error) {
       this.unload();
@@ -264,10 +412,11 @@ export class App {
 
   /** The order that `work` sorts for stays: nothing else is drawn meanwhile. */
   private async reserve<T>(work: (loaded: Loaded) => Promise<T>): Promise<T> {
-    if (!this.loaded || this.isReserved) throw new Error(this.loaded ? 'another one is running' : 'no model is loaded');
+    if (this.isReserved) throw new Error('another one is running');
+    const { model } = this;
     this.isReserved = true;
     try {
-      return await work(this.loaded);
+      return await work(model);
     } finally {
       this.isReserved = false;
       this.redraw();
@@ -280,7 +429,7 @@ export class App {
   }
 
   /** Where the model shown came from beside the page: what else lies there. */
-  async readSite(): Promise<void> {
+  private async readSite(): Promise<void> {
     const { loaded } = this;
     if (!loaded?.scene.hasSite) return;
     try {

@@ -14,20 +14,34 @@ declare global {
   }
 }
 
+const given = new URLSearchParams(location.search);
+
 /** `?live`, `?model=URL`, or the file that gsapp export puts beside this page. */
 async function openFirst(app: App): Promise<void> {
-  const query = new URLSearchParams(location.search), wanted = query.get('model');
-  if (query.has('live')) return void new Live(app);
+  const wanted = given.get('model');
+  if (given.has('live')) return void new Live(app);
   if (wanted !== null) return app.open((signal) => fetchSource(wanted, signal));
-  const beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
-  return beside ? app.open(beside).then(() => app.readSite()) : showWelcome();
+  let beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
+  if (!beside) return showWelcome();
+  return app.open(async (signal) => {
+    const first = beside ?? (await fetchSource('scene.ngsplat', signal));
+    beside = undefined; // a stream is read once
+    return first;
+  }, 'beside');
 }
 
+/** `?embed`: the picture alone, for a frame in another page. */
+document.body.classList.toggle('embedded', given.has('embed'));
+let app: App | undefined;
 try {
-  const app = (window.gsappLoading = new App());
-  onFile((source) => void app.open(source));
-  await openFirst(app);
-  window.gsapp = app;
+  app = window.gsappLoading = new App();
 } catch (error) {
   showError('The viewer cannot start', (error as Error).message, false);
+  // Nothing can be shown; the message says why.
+  for (const control of document.querySelectorAll<HTMLInputElement>('#controls :is(button, input, select), #notice-actions button')) control.disabled = true;
+}
+onFile(app && ((source) => void app.open(source, 'elsewhere')));
+if (app) {
+  await openFirst(app);
+  window.gsapp = app;
 }

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-import { PerspectiveCamera, Vector3 } from 'three';
+import { DataUtils, PerspectiveCamera, Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { summarize } from '../src/benchmark';
+import { CenterSample } from '../src/camera/extent';
 import { cameraPose, defaultView } from '../src/camera/navigator';
-import { camFromWorld, cropView, fitView, type View } from '../src/camera/view';
+import { camFromWorld, cropView, fitView, fovOf, withFov, type View } from '../src/camera/view';
 import { parseScene } from '../src/format/reader';
 import { dot, type Vector } from '../src/format/vector';
 import { colorMix, gain } from '../src/render/photometric';
 import { encode } from './encode';
+
+const half = (x: number): number => DataUtils.toHalfFloat(x);
 
 const VIEW: View = { right: [0, 0, -1], down: [0, -1, 0], forward: [-1, 0, 0], position: [3, 1, 2], fx: 100, fy: 110, cx: 40, cy: 30, width: 80, height: 50 };
 
@@ -36,6 +39,14 @@ describe('views', () => {
     expect(pixel(cropView(VIEW, 1280, 720), [1, 0, 1])).toEqual(pixel(VIEW, [1, 0, 1]));
   });
 
+  it('takes another field of view', () => {
+    const wide = withFov(VIEW, 90);
+    expect(fovOf(wide)).toBeCloseTo(90);
+    expect(wide.fy).toBeCloseTo(25);
+    expect(wide.fx / wide.fy).toBeCloseTo(VIEW.fx / VIEW.fy);
+    expect(fovOf(withFov(VIEW, fovOf(VIEW)))).toBeCloseTo(fovOf(VIEW), 12);
+  });
+
   it('reads the pose of a three.js camera', () => {
     const camera = new PerspectiveCamera();
     camera.up.set(0, -1, 0);
@@ -52,6 +63,40 @@ describe('views', () => {
     expect(dot(view.right, [0, -1, 0])).toBeCloseTo(0);
     expect(view.down[1]).toBeCloseTo(1);
     expect(pixel(view, [0, 0, 0])[0]).toBeCloseTo(640);
+  });
+});
+
+describe('the extent of a scene', () => {
+  /** As packed geometry. */
+  const texels = (centers: Vector[]) => Uint32Array.from(centers.flatMap(([x, y, z]) => [0, half(x) | (half(y) << 16), half(z), 0]));
+  const ball = Array.from({ length: 1000 }, (_, i): Vector => {
+    const z = 2 * ((i + 0.5) / 1000) - 1, angle = 2.4 * i, side = 2 * Math.sqrt(1 - z * z);
+    return [5 + side * Math.cos(angle), side * Math.sin(angle), 2 * z];
+  });
+
+  it('holds all Gaussians of a ball, but not a stray one far away, nor what fills the last row', () => {
+    const sample = new CenterSample(1001);
+    sample.add(texels(ball.slice(0, 300)));
+    sample.add(texels([...ball.slice(300), [1e4, 0, 0], [0, 0, 0]]));
+    const { center, radius } = sample.extent();
+    [5, 0, 0].forEach((x, i) => expect(center[i]).toBeCloseTo(x, 1));
+    expect(radius).toBeGreaterThan(1.95);
+    expect(radius).toBeLessThan(2.1);
+  });
+
+  it('needs no more than some of many', () => {
+    const sample = new CenterSample(300_000);
+    for (let i = 0; i < 300; ++i) sample.add(texels(ball));
+    const { center, radius } = sample.extent();
+    [5, 0, 0].forEach((x, i) => expect(center[i]).toBeCloseTo(x, 1));
+    expect(radius).toBeCloseTo(2, 1);
+  });
+
+  it('is a sphere also without Gaussians', () => {
+    expect(new CenterSample(0).extent()).toEqual({ center: [0, 0, 0], radius: 1 });
+    const one = new CenterSample(1);
+    one.add(texels([[1, 2, 3]]));
+    expect(one.extent()).toEqual({ center: [1, 2, 3], radius: 0 });
   });
 });
 

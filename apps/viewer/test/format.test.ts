@@ -51,6 +51,8 @@ describe('parseScene', () => {
 
   it('reads what gsapp says about the model', () => {
     const trailer = { ...TRAILER, appearance: 'nasg', scene: 'lego', test_views: { psnr: 30.5, packed_psnr: 30.25, protocol: '' } };
+    const frame = { center: [1, 2, 3], scale: 0.5 };
+    expect(parseScene(encode({ trailer: { ...trailer, frame } })).frame).toEqual(frame);
     expect(parseScene(encode({ trailer }))).toMatchObject({ appearance: 'nasg', name: 'lego', psnr: { model: 30.5, packed: 30.25 } });
   });
 
@@ -136,6 +138,7 @@ describe('parseScene', () => {
     ['bytes behind the checksum', withBytesBehind({ appearance: 'sh', background: [0, 0, 0] }), /12 bytes follow the checksum/],
     ['bytes behind the textures', withBytesBehind(undefined), /12 unknown bytes follow/],
     ['a trailer without what it must have', encode({ trailer: { appearance: 1 } }), /lacks/],
+    ['a trailer with half a frame', encode({ trailer: { ...TRAILER, frame: { center: [0, 0, 0] } } }), /frame/],
   ])('refuses %s', (_, bytes, message) => {
     expect(() => parseScene(bytes)).toThrow(message);
   });

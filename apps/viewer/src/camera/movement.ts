@@ -34,6 +34,11 @@ export class Orbit implements Movement {
     this.silent = false;
   }
 
+  /** The point that the camera turns around. */
+  get target(): Vector3 {
+    return this.controls.target;
+  }
+
   end(): void {
     this.canvas.removeEventListener('keydown', this.onKey);
     this.controls.enabled = false;

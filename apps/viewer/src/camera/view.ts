@@ -28,3 +28,12 @@ export function fitView(view: View, width: number, height: number): View {
 export function cropView(view: View, width: number, height: number): View {
   return { ...view, width, height };
 }
+
+/** The vertical field of view in degrees. */
+export const fovOf = (view: View): number => (360 / Math.PI) * Math.atan(view.height / 2 / view.fy);
+
+/** The same with another one, and with pixels of the same shape. */
+export function withFov(view: View, fov: number): View {
+  const fy = view.height / 2 / Math.tan((fov * Math.PI) / 360);
+  return { ...view, fy, fx: (view.fx * fy) / view.fy };
+}

@@ -7,11 +7,19 @@ import type { Vector } from './vector';
 
 const MAGIC = 'GSAPPEXT', VERSION = 1;
 
+/** The file's coordinates are x = scale (X - center) of the scene's own X. */
+export interface Frame {
+  center: Vector;
+  scale: number;
+}
+
 export interface Trailer {
   appearance: string;
   background: Vector;
   /** Name of the scene. */
   name?: string;
+  /** Undefined: the file has the scene's own coordinates. */
+  frame?: Frame;
   /** Of the test views, in decibels: of the model, and of what the file keeps of it. */
   psnr?: { model: number; packed: number };
   /** Whether a site.json lies beside the file. */
@@ -22,6 +30,7 @@ interface Json {
   appearance: string;
   background: Vector;
   scene: string;
+  frame: Partial<Frame>;
   test_views: { psnr: number; packed_psnr: number };
   site: boolean;
 }
@@ -52,11 +61,16 @@ export function readTrailer(bytes: Uint8Array<ArrayBuffer>, start: number, befor
 
 const hex = (n: number): string => n.toString(16).padStart(8, '0');
 
-function fromJson({ appearance, background, scene, test_views: views, site }: Partial<Json>): Trailer {
+function checkedFrame({ center, scale }: Partial<Frame>): Frame {
+  if (!Array.isArray(center) || center.length !== 3 || !center.every(Number.isFinite) || !(Number.isFinite(scale) && scale! > 0)) throw new FormatError('the frame in its trailer is none');
+  return { center, scale: scale! };
+}
+
+function fromJson({ appearance, background, scene, frame, test_views: views, site }: Partial<Json>): Trailer {
   if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every((value) => Number.isFinite(value) && Math.abs(value) <= LARGEST_NUMBER))
     throw new FormatError('its trailer lacks appearance or background, or a colour of the background is no number');
   return {
-    appearance, background, name: typeof scene === 'string' ? scene : undefined, hasSite: site === true,
+    appearance, background, name: typeof scene === 'string' ? scene : undefined, frame: frame ? checkedFrame(frame) : undefined, hasSite: site === true,
     psnr: views && Number.isFinite(views.psnr) && Number.isFinite(views.packed_psnr) ? { model: views.psnr, packed: views.packed_psnr } : undefined,
   };
 }

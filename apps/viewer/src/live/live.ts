@@ -27,6 +27,10 @@ export class Live {
   private loading = false;
 
   constructor(private readonly app: App) {
+    app.setAgain(() => {
+      this.shown = '';
+      return this.look();
+    }, true);
     document.addEventListener('visibilitychange', () => void this.look());
     setInterval(() => void this.look(), INTERVAL);
     void this.look();

@@ -12,7 +12,7 @@ import { fullscreenPass, uniforms } from './pass';
 import { colorMix, gain } from './photometric';
 import { Prepass, type Mode } from './prepass';
 import resolveCode from './resolve.frag.glsl?raw';
-import { Splats } from './splats';
+import { PLAIN_SPLATS, Splats, type SplatStyle } from './splats';
 import { renderTarget, targetBytes, type Precision } from './target';
 
 /** Share of the Gaussians that shows most of the picture, and how fast they grow where fewer are there (docs/results.md). */
@@ -28,6 +28,7 @@ function colorsKey(view: View, mode: Mode, precision: Precision): string {
 export interface Picture {
   mode: Mode;
   background: Vector;
+  splats: SplatStyle;
   /** Exposure and latents, where the picture is to be corrected. */
   exposure?: Float32Array;
 }
@@ -117,6 +118,13 @@ export class Renderer {
     this.colorsOf = '';
   }
 
+  /** Lets go of everything on a device that was lost; what comes next is made anew. */
+  forget(): void {
+    this.clearScene();
+    for (const target of Object.values(this.blended)) target.dispose();
+    this.resolve.dispose();
+  }
+
   /** The next pictures draw the first `count` of `order`. Returns the array that is no longer needed. */
   setOrder(order: Uint32Array, count: number): Uint32Array {
     return this.splats!.setOrder(order, count);
@@ -138,20 +146,20 @@ export class Renderer {
   }
 
   /** Blends the Gaussians with the colours of the last drawColors. */
-  drawSplats(view: View, precision: Precision): WebGLRenderTarget {
+  drawSplats(view: View, precision: Precision, style = PLAIN_SPLATS): WebGLRenderTarget {
     const target = this.blended[precision];
     if (target.width !== view.width || target.height !== view.height) target.setSize(view.width, view.height);
     this.webgl.setRenderTarget(target);
     this.webgl.setClearColor(0, 0);
     this.webgl.clear(true, false, false);
-    if (this.gpu) this.splats!.draw(this.webgl, view, this.prepass!.target(precision).texture, target);
+    if (this.gpu) this.splats!.draw(this.webgl, view, style, this.prepass!.target(precision).texture, target);
     return target;
   }
 
   /** The whole way, to the screen or to `target`. */
   render(view: View, picture: Picture, target: WebGLRenderTarget | null = null, precision = this.precision): void {
     if (this.colorsOf !== colorsKey(view, picture.mode, precision)) this.drawColors(view, picture.mode, precision);
-    const blended = this.drawSplats(view, precision);
+    const blended = this.drawSplats(view, precision, picture.splats);
     const { exposure } = picture, response = this.gpu?.scene.photometric?.response;
     const corrected = exposure !== undefined && response !== undefined;
     this.resolve.set({ blended: blended.texture, background: picture.background, corrected });

@@ -7,9 +7,9 @@ uniform mat3 rotation; // of cam_from_world, OpenCV axes
 uniform vec3 translation;
 uniform vec4 intrinsics; // fx, fy, cx, cy in pixels
 uniform vec2 size;
-uniform float growth; // a factor of all scales
+uniform float splat_size, near_plane; // a factor of all scales, 0 for points; and nothing nearer is drawn
 
-const float kDilation = GS_DILATION, kMinDeterminant = 1e-6, kMinAlpha = 1.0 / 255.0, kFrustumMargin = 0.15, kNear = 0.2, kFar = 10000.0;
+const float kDilation = GS_DILATION, kMinDeterminant = 1e-6, kMinAlpha = 1.0 / 255.0, kFrustumMargin = 0.15, kFar = 10000.0;
 
 in vec3 position; // x, y: the corner, each -1 or 1
 in uint order;
@@ -42,11 +42,11 @@ void main() {
     shown = vec4(texelFetch(colors, texel, 0).rgb, float(g.x >> 24) / 255.0);
     offset = vec2(0);
     vec3 cam = rotation * decode_mean(g) + translation;
-    if (!(cam.z >= kNear && cam.z <= kFar) || shown.a < kMinAlpha) return;
+    if (!(cam.z >= near_plane && cam.z <= kFar) || shown.a < kMinAlpha) return;
 
     vec2 focal = intrinsics.xy, center = intrinsics.zw, uv = cam.xy / cam.z;
     vec2 clipped = clamp(uv, (-kFrustumMargin * size - center) / focal, ((1.0 + kFrustumMargin) * size - center) / focal);
-    vec3 s = growth * decode_scale(g);
+    vec3 s = splat_size * decode_scale(g);
     mat3 axes = rotation * decode_rotation(g); // columns: the principal axes, seen from the camera
     vec3 du = focal.x / cam.z * vec3(axes[0].x - clipped.x * axes[0].z, axes[1].x - clipped.x * axes[1].z, axes[2].x - clipped.x * axes[2].z) * s;
     vec3 dv = focal.y / cam.z * vec3(axes[0].y - clipped.y * axes[0].z, axes[1].y - clipped.y * axes[1].z, axes[2].y - clipped.y * axes[2].z) * s;
@@ -58,7 +58,7 @@ void main() {
     float determinant = cov.x * cov.z - cov.y * cov.y;
     if (!(determinant >= kMinDeterminant && cov.x <= 1e12 && cov.z <= 1e12)) return;
 #if GS_ANTIALIASED
-    shown.a *= sqrt(max(before / determinant, 0.0));
+    if (splat_size > 0.0) shown.a *= sqrt(max(before / determinant, 0.0)); // points would all vanish
     if (shown.a < kMinAlpha) return;
 #endif
 

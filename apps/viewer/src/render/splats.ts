@@ -12,6 +12,17 @@ import gaussianCode from './gaussian.glsl?raw';
 import vertexCode from './splat.vert.glsl?raw';
 import fragmentCode from './splat.frag.glsl?raw';
 
+/** How Gaussians are drawn. */
+export interface SplatStyle {
+  /** A factor of all scales; 0 makes points. */
+  size: number;
+  /** Depth below which nothing is drawn. */
+  near: number;
+}
+
+/** As gsapp draws them: kNear in kernels/splat/raster_config.h is this near plane. */
+export const PLAIN_SPLATS: SplatStyle = { size: 1, near: 0.2 };
+
 export class Splats {
   private readonly geometry = new InstancedBufferGeometry();
   private readonly order: InstancedBufferAttribute;
@@ -27,7 +38,7 @@ export class Splats {
     this.geometry.instanceCount = 0;
     const { antialiased } = gpu.scene;
     this.pass = new Pass(this.geometry, gaussianCode + vertexCode, fragmentCode, uniforms({
-      geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null, growth: 1,
+      geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null, splat_size: 1, near_plane: 0,
     }), { GS_ANTIALIASED: antialiased, GS_DILATION: antialiased ? 0.1 : 0.3 }, {
       transparent: true, blending: CustomBlending, blendEquation: AddEquation, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor,
     });
@@ -48,8 +59,11 @@ export class Splats {
     return before;
   }
 
-  draw(renderer: WebGLRenderer, view: View, colors: Texture, target: RenderTarget): void {
-    this.pass.set({ colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height], growth: this.growth });
+  draw(renderer: WebGLRenderer, view: View, style: SplatStyle, colors: Texture, target: RenderTarget): void {
+    this.pass.set({
+      colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height],
+      splat_size: this.growth * style.size, near_plane: Math.max(PLAIN_SPLATS.near, style.near),
+    });
     this.pass.draw(renderer, target);
   }
 

@@ -40,3 +40,8 @@ export function hideNotice(): void {
 }
 
 dismiss.addEventListener('click', hideNotice);
+
+/** Does what the button Close does; nothing where there is none. */
+export function dismissNotice(): void {
+  if (!box.hidden && !actions.hidden && !dismiss.hidden) hideNotice();
+}

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The settings beside the picture.
 
+import { colorOf, hexColor } from '../address';
 import type { MovementName } from '../camera/navigator';
 import type { Scene } from '../format/ngsplat';
+import type { Vector } from '../format/vector';
 import type { Mode } from '../render/prepass';
+import type { Settings } from '../settings';
 import { element, onChoice } from './elements';
 import { megabytes } from './notice';
 
@@ -20,24 +23,48 @@ const KEYS: Record<MovementName, string> = {
 };
 
 export interface PanelEvents {
-  mode(mode: Mode): void;
+  /** The user changed some of the settings. */
+  change(settings: Partial<Settings>): void;
   /** A test view, or undefined to move on from where the camera is. */
   camera(index: number | undefined): void;
-  movement(name: MovementName): void;
-  photometric(on: boolean): void;
+  frame(): void;
+  reset(): void;
+  copyLink(): Promise<string>;
+  savePicture(): Promise<string>;
 }
+
+const radio = (group: string, value: string) => document.querySelector<HTMLInputElement>(`input[name="${group}"][value="${value}"]`)!;
+const short = (x: number): string => String(Number(x.toPrecision(3)));
 
 export class Panel {
   private readonly camera = element<HTMLSelectElement>('camera');
+  private readonly background = element<HTMLInputElement>('background');
+  private readonly splatSize = element<HTMLInputElement>('splat-size');
+  private readonly near = element<HTMLInputElement>('near');
+  private readonly points = element<HTMLInputElement>('points');
+  private readonly photometric = element<HTMLInputElement>('photometric');
   numViews = 0;
+  private ownBackground: Vector = [0, 0, 0];
 
   constructor(events: PanelEvents) {
-    const help = (mode: Mode) => (element('mode-help').textContent = MODE_HELP[mode]);
-    const keys = (name: MovementName) => (element('keys').textContent = KEYS[name]);
-    onChoice<Mode>('mode', (mode) => (help(mode), events.mode(mode)));
-    onChoice<MovementName>('movement', (name) => (keys(name), events.movement(name)));
-    help('full');
-    keys('orbit');
+    onChoice<Mode>('mode', (mode) => events.change({ mode }));
+    onChoice<MovementName>('movement', (movement) => events.change({ movement }));
+    this.background.addEventListener('input', () => events.change({ background: colorOf(this.background.value.slice(1)) }));
+    element('own-background').addEventListener('click', () => {
+      this.background.focus(); // the button is disabled at once
+      events.change({ background: undefined });
+    });
+    this.splatSize.addEventListener('input', () => events.change({ splatSize: this.splatSize.valueAsNumber }));
+    this.points.addEventListener('change', () => events.change({ points: this.points.checked }));
+    this.near.addEventListener('input', () => events.change({ near: this.near.valueAsNumber }));
+    this.photometric.addEventListener('change', () => events.change({ photometric: this.photometric.checked }));
+    element('frame').addEventListener('click', events.frame);
+    element('reset').addEventListener('click', events.reset);
+    const said = (work: () => Promise<string>) => async () => {
+      element('picture-message').textContent = await work().catch((error: Error) => error.message);
+    };
+    element('copy-link').addEventListener('click', said(events.copyLink));
+    element('save-picture').addEventListener('click', said(events.savePicture));
 
     const chosen = () => events.camera(this.camera.value === '' ? undefined : Number(this.camera.value));
     this.camera.addEventListener('change', chosen);
@@ -48,8 +75,6 @@ export class Panel {
     };
     element('previous').addEventListener('click', () => step(-1));
     element('next').addEventListener('click', () => step(1));
-    const photometric = element<HTMLInputElement>('photometric');
-    photometric.addEventListener('change', () => events.photometric(photometric.checked));
 
     const toggle = element('toggle');
     const fold = (folded: boolean) => {
@@ -61,13 +86,34 @@ export class Panel {
     fold(matchMedia('(max-width: 44rem)').matches);
   }
 
-  setName(name: string): void {
+  /** Brings the controls to what is set. */
+  show(settings: Settings): void {
+    const { mode, movement, background, splatSize, points, near, photometric } = settings;
+    radio('mode', mode).checked = radio('movement', movement).checked = true;
+    element('mode-help').textContent = MODE_HELP[mode];
+    element('keys').textContent = KEYS[movement];
+    this.background.value = `#${hexColor(background ?? this.ownBackground)}`;
+    element<HTMLButtonElement>('own-background').disabled = background === undefined;
+    this.splatSize.value = String(splatSize);
+    this.splatSize.disabled = points;
+    element('splat-size-value').textContent = short(splatSize);
+    this.points.checked = points;
+    this.near.value = String(near);
+    element('near-value').textContent = short(near);
+    this.photometric.checked = photometric;
+  }
+
+  /** What the end of a file says. */
+  setEnd(name: string, background: Vector): void {
     element('name').textContent = name;
     document.title = `${name} – gsapp viewer`;
+    this.ownBackground = background;
   }
 
   setScene(name: string, scene: Scene): void {
-    this.setName(name);
+    this.setEnd(name, scene.background);
+    this.near.max = String(2 * scene.distance || 1);
+    element('picture-message').textContent = '';
     this.numViews = scene.testCameras.length;
     this.camera.replaceChildren(new Option('Free', ''), ...scene.testCameras.map((_, i) => new Option(`Test view ${i + 1}`, String(i))));
     for (const id of ['camera', 'previous', 'next']) element<HTMLButtonElement>(id).disabled = this.numViews === 0;

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Small models for the viewer's tests, and what those ask of its page."""
+
+import base64
+import json
+import math
+import random
+import struct
+import zlib
+
+BACKGROUND = (0.2, 0.4, 0.6)
+
+
+def trailer(data, version=1):
+    text = json.dumps({"appearance": "none", "background": BACKGROUND}).encode()
+    data += b"GSAPPEXT" + struct.pack("<2I", version, len(text)) + text
+    return data + struct.pack("<I", zlib.crc32(data))
+
+
+def unit(v):
+    length = math.hypot(*v)
+    return [x / length for x in v]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def camera(position):
+    """Looks at the origin from there: world from camera, then intrinsics."""
+    forward = unit([-x for x in position])
+    right = unit(cross([0, 1, 0], forward))
+    rows = zip(right, cross(forward, right), forward, position)
+    return struct.pack("<18f", *[x for row in rows for x in row], 120, 120, 50, 50, 100, 100)
+
+
+def header(count, cameras, model=1, features=0):
+    data = b"NGSPLAT\n" + struct.pack("<11I", count, 2048, (count + 2047) // 2048, features, 0, 0, 0, 0, 0, 0, (model & 3) << 3 | (model & 4) << 4)
+    data += struct.pack("<2f", 1 / 255, 0) + (bytes(12) if model == 1 else b"") + struct.pack("<7f", 0, 0, 0, 0, -1, 0, 4)
+    return data + struct.pack("<I", len(cameras)) + b"".join(camera(c) for c in cameras) + struct.pack("<I", 0)
+
+
+def padded(texels, count):
+    """Filled up to whole rows of 2048 texels."""
+    return texels + bytes(16 * (-count % 2048))
+
+
+def scene_file(count):
+    """A ball of Gaussians with one colour each, and two test views."""
+    rng = random.Random(1)
+    texels = b""
+    for _ in range(count):
+        p = unit([rng.gauss(0, 1) for _ in range(3)])
+        texels += struct.pack("<4B3e2B4B", *[int(127 * (x + 1)) for x in p], 200, *p, 128, 128, 105, 105, 105, 0)
+    return trailer(header(count, [(0, 0, -4), (3.4, 0, -2.2)]) + padded(texels, count))
+
+
+def drop(browser, name, data):
+    """Drops a file on the page."""
+    browser.evaluate(f"""(() => {{
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([Uint8Array.from(atob('{base64.b64encode(data).decode()}'), c => c.charCodeAt(0))], {json.dumps(name)}));
+        dispatchEvent(new DragEvent('drop', {{ dataTransfer: transfer, cancelable: true }}));
+    }})()""")
+
+
+def message(browser):
+    return browser.evaluate("document.getElementById('notice').hidden ? '' : document.getElementById('notice').innerText")
+
+
+def pixel(browser, mode="full", view=0):
+    """The one in the middle of a test view."""
+    return browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
