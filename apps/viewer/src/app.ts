@@ -338,10 +338,12 @@ export class App {
   }
 
   private addRows(plane: Plane, row: number, texels: Uint32Array): void {
+    const { loaded } = this;
+    if (!loaded) return; // it could not be drawn, which was said
     this.renderer.addRows(plane, row, texels);
     if (plane.block >= 0) return;
-    this.loaded!.sample.add(texels);
-    this.loaded!.sorter?.add(texels);
+    loaded.sample.add(texels);
+    loaded.sorter?.add(texels);
     this.refreshing ??= setTimeout(() => {
       this.refreshing = undefined;
       this.sortedFor = '';
@@ -351,12 +353,14 @@ export class App {
 
   /** The scene has all its texels, and what the end of its file says. */
   private complete(bytes: number): void {
-    const { name, scene } = this.loaded!;
-    this.loaded!.isComplete = true;
-    this.loaded!.title = scene.name ?? name;
+    const { loaded } = this;
+    if (!loaded) return; // it could not be drawn, which was said
+    const { name, scene } = loaded;
+    loaded.isComplete = true;
+    loaded.title = scene.name ?? name;
     this.renderer.completeScene();
     this.sortedFor = '';
-    this.panel.setEnd(this.loaded!.title, scene.background);
+    this.panel.setEnd(loaded.title, scene.background);
     this.panel.show(this.settings);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     hideNotice(); // before drawing, which may have something to say
@@ -405,6 +409,7 @@ export class App {
       else this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
     } catch (error) {
+      this.loading.abort(); // what is still on its way cannot be drawn, either
       this.unload();
       this.fail('This model cannot be drawn', (error as Error).message);
     }
