@@ -11,13 +11,13 @@
 namespace gs {
 namespace {
 
-/// Returns what colmap prints, or nothing where it fails.
+/// Returns what colmap prints. Some versions report failure for help.
 std::string output_of(const std::vector<std::string>& arguments) {
     std::string text;
     try {
-        const ProcessResult result = run_process(arguments, {{"QT_QPA_PLATFORM", "offscreen"}},
-                                                 [&](const std::string& line) { text += line + "\n"; });
-        return result.exit_code == 0 ? text : "";
+        run_process(arguments, {{"QT_QPA_PLATFORM", "offscreen"}},
+                    [&](const std::string& line) { text += line + "\n"; });
+        return text;
     } catch (const UsageError& e) {
         throw UsageError(std::string(e.what()) + "; install it with: apt-get install colmap");
     }
@@ -61,6 +61,13 @@ std::optional<StageCount> registered_in(const std::string& line) {
     std::smatch match;
     if (!std::regex_search(line, match, kRegistered)) return {};
     return StageCount{number(match[1]), 0};
+}
+
+std::optional<double> reprojection_error_in(const std::string& line) {
+    static const std::regex kError(R"(Mean reprojection error: (\d{1,9}(?:\.\d+)?)px)");
+    std::smatch match;
+    if (!std::regex_search(line, match, kError)) return {};
+    return std::stod(match[1]);
 }
 
 }  // namespace gs

@@ -17,7 +17,7 @@ class ColmapProgram {
 
     const std::string& version() const { return version_; }  ///< "COLMAP 3.8"
     bool has_cuda() const { return has_cuda_; }
-    /// Returns what `colmap command -h` prints; empty for a command that it does not know.
+    /// Returns what `colmap command -h` prints.
     const std::string& help(const std::string& command);
     /// Returns the option of `command` whose name after the dot this is: for "use_gpu" of feature_extractor
     /// "--SiftExtraction.use_gpu" or, later, "--FeatureExtraction.use_gpu". Empty where there is none.
@@ -40,5 +40,8 @@ std::optional<StageCount> count_in(const std::string& line);
 /// Reads the number of registered photographs in "Registering image #7 (5)", later "(num_reg_frames=5)". Empty for
 /// other lines.
 std::optional<StageCount> registered_in(const std::string& line);
+
+/// Reads the pixels of "Mean reprojection error: 0.479041px". Empty for other lines.
+std::optional<double> reprojection_error_in(const std::string& line);
 
 }  // namespace gs

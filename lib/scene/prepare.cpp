@@ -2,13 +2,9 @@
 // Runs colmap's four stages, for a video after the choice of its frames.
 #include "lib/scene/prepare.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <set>
@@ -17,12 +13,12 @@
 #include "lib/core/input_file.h"
 #include "lib/core/log.h"
 #include "lib/core/process.h"
-#include "lib/io/atomic_file.h"
 #include "lib/io/temporary.h"
 #include "lib/scene/colmap_program.h"
 #include "lib/scene/colmap_reader.h"
 #include "lib/scene/matching.h"
 #include "lib/scene/photographs.h"
+#include "lib/scene/prepared_folder.h"
 #include "lib/scene/program_log.h"
 #include "lib/scene/video_frames.h"
 
@@ -32,12 +28,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double kDefaultFps = 2;
 constexpr const char* kLog = "colmap.log";
-constexpr const char* kFailedLog = "colmap-failed.log";
-
-bool lies_within(const fs::path& inner, const fs::path& outer) {
-    const fs::path relative = canonical_path(inner).lexically_relative(canonical_path(outer));
-    return !relative.empty() && *relative.begin() != "..";
-}
 
 bool is_video(const fs::path& source) { return path_exists(source) && !folder_exists(source); }
 
@@ -52,35 +42,6 @@ void check_options(const PrepareOptions& options) {
         throw UsageError(fmt::format("--fps is {:g}; must be from 0.01 to 60", *options.fps));
 }
 
-/// Checks the target first, because colmap may run for hours. Throws UsageError.
-void check_target(const PrepareOptions& options) {
-    if (lies_within(options.scene, options.source))
-        throw UsageError(fmt::format("{} lies inside the folder of photographs {}; give another -o",
-                                     options.scene.string(), options.source.string()));
-    if (!path_exists(options.scene)) return;
-    const std::string target = options.scene.string();
-    if (lies_within(options.source, options.scene))
-        throw UsageError(fmt::format("{} holds the photographs {} and cannot be replaced; give another -o", target,
-                                     options.source.string()));
-    if (folder_exists(options.scene)) {
-        std::vector<fs::path> entries = list_folder(options.scene);
-        std::erase_if(entries, [](const fs::path& entry) { return entry.filename() == kFailedLog; });
-        if (entries.empty()) return;
-    }
-    if (!folder_exists(options.scene / "sparse"))
-        throw UsageError(fmt::format("{} exists and is not a scene; give another -o", target));
-    if (!options.overwrite) throw UsageError(fmt::format("{} exists; --overwrite replaces it", target));
-}
-
-/// Reads the pixels of "Mean reprojection error: 0.479041px"; empty for other lines.
-std::optional<double> error_in(const std::string& line) {
-    constexpr std::string_view kBefore = "Mean reprojection error: ";
-    const std::size_t at = line.find(kBefore);
-    if (at == std::string::npos) return {};
-    const double error = std::strtod(line.c_str() + at + kBefore.size(), nullptr);
-    return std::isfinite(error) && error > 0 ? std::optional(error) : std::nullopt;
-}
-
 /// Returns the number of images in a binary model, 0 when there is none.
 std::uint64_t num_images(const fs::path& model) {
     std::ifstream file(model / "images.bin", std::ios::binary);
@@ -89,50 +50,6 @@ std::uint64_t num_images(const fs::path& model) {
     std::uint64_t count = 0;
     for (int i = 7; i >= 0; --i) count = count << 8 | bytes[i];  // little endian in the file
     return count;
-}
-
-/// Keeps images/ and sparse/ of the output of image_undistorter, moves the model to sparse/0/ and deletes the rest.
-void arrange(const fs::path& dense) {
-    std::vector<fs::path> models, superfluous;
-    for (const auto& entry : fs::directory_iterator(dense / "sparse")) {
-        if (entry.is_regular_file()) models.push_back(entry.path());
-    }
-    if (models.empty() || !fs::is_directory(dense / "images"))
-        throw DataError("colmap image_undistorter reported success but wrote no scene");
-    fs::create_directories(dense / "sparse" / "0");
-    for (const fs::path& file : models) fs::rename(file, dense / "sparse" / "0" / file.filename());
-    for (const auto& entry : fs::directory_iterator(dense)) {
-        if (entry.path().filename() != "images" && entry.path().filename() != "sparse")
-            superfluous.push_back(entry.path());
-    }
-    for (const fs::path& path : superfluous) fs::remove_all(path);
-}
-
-/// Makes all that colmap wrote survive a power cut, and finds out what a full disk has kept from it.
-void sync_scene(const fs::path& scene) {
-    const int fd = ::open(scene.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    const int error = fd >= 0 && ::syncfs(fd) == 0 ? 0 : errno;
-    if (fd >= 0) ::close(fd);
-    if (error != 0) fail_to_write("write", scene, error);
-}
-
-/// Puts the new scene in the place of an earlier one, which is removed only then, and put back if that fails.
-void put_in_place(const fs::path& scene, const fs::path& target) {
-    const fs::path old = target.string() + fmt::format(".replaced-{}", ::getpid());
-    const bool replaces = fs::exists(fs::symlink_status(target));
-    if (replaces) fs::rename(target, old);
-    try {
-        fs::rename(scene, target);
-    } catch (const fs::filesystem_error& e) {
-        std::error_code error;
-        if (replaces) fs::rename(old, target, error);
-        if (error)
-            throw DataError(fmt::format("{}: {}; the earlier scene is now in {}", target.string(), e.code().message(),
-                                        old.string()));
-        throw;
-    }
-    sync_folder(target.parent_path(), target);
-    fs::remove_all(old);
 }
 
 /// The work of one call.
@@ -159,7 +76,7 @@ class Preparation {
         match(matching);
         const fs::path model = reconstruct();
         undistort(model);
-        arrange(dense());
+        arrange_scene(dense());
         read_report(photographs);
         return std::move(report_);
     }
@@ -283,8 +200,12 @@ class Preparation {
             throw DataError(
                 "colmap found no camera positions; the photographs need more overlap, texture or sharpness");
         for (std::size_t i = 1; i < found.size(); ++i) report_.other_models.push_back(std::size_t(found[i].first));
-        colmap({"model_analyzer", "--path", found[0].second.string()},
-               [this](const std::string& line) { report_.error = report_.error ? report_.error : error_in(line); });
+        try {
+            colmap({"model_analyzer", "--path", found[0].second.string()}, [this](const std::string& line) {
+                if (const auto error = reprojection_error_in(line)) report_.error = error;
+            });
+        } catch (const DataError&) {  // the log says why the figure is missing
+        }
         return found[0].second;
     }
 
@@ -317,23 +238,11 @@ class Preparation {
     bool turns_ = false, use_gpu_ = false;
 };
 
-/// Keeps the log of a failure, and returns what the message says about it.
-std::string keep_log(const ProgramLog& log, const fs::path& target) {
-    if (!log.has_runs()) return "";
-    const fs::path kept = target / kFailedLog;
-    try {
-        copy_file_atomic(log.path(), kept);
-    } catch (const std::exception& e) {  // the error that brought us here is the one to report
-        return fmt::format("; its output could not be kept: {}", e.what());
-    }
-    return fmt::format("\nall that was printed is in {}", kept.string());
-}
-
 }  // namespace
 
 PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress& progress) {
     check_options(options);
-    check_target(options);
+    check_target(options.source, options.scene, options.overwrite);
     const fs::path target = options.scene.has_filename() ? options.scene : options.scene.parent_path();
     const WorkFolder work(target);
     ProgramLog log(work.path() / kLog);
@@ -341,7 +250,6 @@ PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress
         Preparation preparation(options, progress, work.path(), log);
         PrepareReport report = preparation.run();
         fs::rename(log.path(), preparation.dense() / kLog);
-        sync_scene(preparation.dense());
         put_in_place(preparation.dense(), target);
         report.log = target / kLog;
         return report;
@@ -349,7 +257,7 @@ PrepareReport prepare_scene(const PrepareOptions& options, const PrepareProgress
         const fs::path& path = e.path2().empty() ? e.path1() : e.path2();  // of a rename the target
         throw DataError(fmt::format("{}: {}", path.string(), e.code().message()));
     } catch (const DataError& e) {
-        throw DataError(e.what() + keep_log(log, target));
+        throw DataError(e.what() + (log.has_runs() ? keep_failed_log(log.path(), target) : ""));
     }
 }
 

@@ -29,7 +29,7 @@ if [ "$2" = -h ]; then
       echo "  --SequentialMatching.vocab_tree_path arg";;
     vocab_tree_matcher) echo "  --VocabTreeMatching.vocab_tree_path arg";;
   esac
-  exit 0
+  [ "$COLMAP_STYLE" = 3.8 ]; exit  # 1 from others, as some versions do
 fi
 echo "$QT_QPA_PLATFORM $*" >> "$COLMAP_CALLS"
 while [ $# -gt 0 ]; do

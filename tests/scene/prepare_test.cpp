@@ -156,6 +156,11 @@ TEST_F(Prepare, FailuresCarryColmapsWordsAndLeaveNothing) {
         EXPECT_NE(text_of(options_.scene / "colmap-failed.log").find("so far (1)\n"), std::string::npos)
             << "all lines, not the last ones";
     }
+    ::setenv("COLMAP_FAILS_AT", "model_analyzer", 1);
+    const PrepareReport report = prepare();
+    EXPECT_FALSE(report.error) << "a figure that is missing costs no scene";
+    EXPECT_EQ(report.registered, 2u);
+    fs::remove_all(options_.scene);
     ::unsetenv("COLMAP_FAILS_AT");
     ::setenv("COLMAP_FINDS_NOTHING", "1", 1);
     EXPECT_NE(failure().find("no camera positions"), std::string::npos);
@@ -385,6 +390,8 @@ TEST(ColmapMessages, CountsAreRead) {
     EXPECT_EQ(text(registered_in("I20260101 incremental_pipeline.cc:478] Registering image #3 (num_reg_frames=12)")),
               "12/0");
     EXPECT_EQ(text(registered_in("  => Image sees 318 / 511 points")), "");
+    EXPECT_EQ(reprojection_error_in("I20260101 model.cc:7] Mean reprojection error: 0.479041px"), 0.479041);
+    EXPECT_FALSE(reprojection_error_in("Mean reprojection error: nanpx"));
 }
 
 /// Prepares a video of twelve frames, of which those named sharp have a pattern.
