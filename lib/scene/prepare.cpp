@@ -187,11 +187,17 @@ class Preparation {
         const fs::path models = work_ / "models";
         fs::create_directories(models);
         begin("registered");
-        colmap({"mapper", "--database_path", database(), "--image_path", images_, "--output_path", models.string()},
-               [this](const std::string& line) {
-                   if (const auto count = registered_in(line))
-                       show(StageCount{count->done, std::int64_t(report_.photographs)});
-               });
+        bool finds_nothing = false;
+        try {
+            colmap({"mapper", "--database_path", database(), "--image_path", images_, "--output_path", models.string()},
+                   [&](const std::string& line) {
+                       if (const auto count = registered_in(line))
+                           show(StageCount{count->done, std::int64_t(report_.photographs)});
+                       finds_nothing |= line.find("failed to create sparse model") != std::string::npos;
+                   });
+        } catch (const DataError&) {
+            if (!finds_nothing) throw;  // otherwise it did its work, and there is a better message below
+        }
         std::vector<std::pair<std::uint64_t, fs::path>> found;
         for (int i = 0; fs::exists(models / std::to_string(i)); ++i)
             if (const auto n = num_images(models / std::to_string(i))) found.push_back({n, models / std::to_string(i)});

@@ -48,7 +48,8 @@ case $command in
     echo "${prefix}Processed file [1/2]"; echo "${prefix}Processed file [2/2]";;
   exhaustive_matcher) echo "${prefix}Matching block [2/3, 1/3] in 0.1s";;
   mapper)
-    [ -n "$COLMAP_FINDS_NOTHING" ] && exit 0
+    [ "$COLMAP_FINDS_NOTHING" = 1 ] && exit 0
+    [ -n "$COLMAP_FINDS_NOTHING" ] && echo "ERROR: failed to create sparse model" && exit 1
     if [ "$COLMAP_STYLE" = 4.1 ]; then echo "${prefix}Registering image #7 (num_reg_frames=2)"
     else echo "Registering image #7 (2)"; fi
     mkdir -p "$output/0" "$output/1"

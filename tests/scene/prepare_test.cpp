@@ -162,9 +162,11 @@ TEST_F(Prepare, FailuresCarryColmapsWordsAndLeaveNothing) {
     EXPECT_EQ(report.registered, 2u);
     fs::remove_all(options_.scene);
     ::unsetenv("COLMAP_FAILS_AT");
-    ::setenv("COLMAP_FINDS_NOTHING", "1", 1);
-    EXPECT_NE(failure().find("no camera positions"), std::string::npos);
-    EXPECT_TRUE(only_the_log_is_left());
+    for (const char* how : {"1", "as an error"}) {
+        ::setenv("COLMAP_FINDS_NOTHING", how, 1);
+        EXPECT_NE(failure().find("no camera positions"), std::string::npos) << how;
+        EXPECT_TRUE(only_the_log_is_left());
+    }
 }
 
 TEST_F(Prepare, WithoutColmapItSaysHowToGetIt) {
