@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp prepare: photographs to a scene, with colmap.
+// gsapp prepare: photographs or a video to a scene, with colmap.
 #include "lib/scene/prepare.h"
 
 #include <unistd.h>
@@ -14,44 +14,76 @@
 namespace gs {
 namespace {
 
-void run_prepare(const PrepareOptions& options) {
-    catch_interrupts();  // colmap gets the signal as well; its temporary folder is then removed
-    const bool terminal = ::isatty(STDERR_FILENO) == 1;
-    int shown_stage = 0;
-    prepare_scene(options, [&](int stage, int stages, const std::string& name, const std::string& count) {
-        if (terminal) {
-            std::fprintf(stderr, "%s[%d/%d] %-12s %-12s", stage == shown_stage ? "\r" : (shown_stage ? "\n" : ""),
-                         stage, stages, name.c_str(), count.c_str());
+/// The line of progress on a terminal; elsewhere one message a stage.
+class StageLine {
+  public:
+    void show(int stage, int stages, const std::string& name, const std::string& count) {
+        if (::isatty(STDERR_FILENO) == 1) {
+            if (stage != shown_) finish();
+            std::fprintf(stderr, "\r\033[K[%d/%d] %s %s", stage, stages, name.c_str(), count.c_str());
             std::fflush(stderr);
-        } else if (stage != shown_stage) {
+            open_ = true;
+        } else if (stage != shown_) {
             log_info("[{}/{}] {}", stage, stages, name);
         }
-        shown_stage = stage;
-    });
-    if (terminal) std::fputs("\n", stderr);
-    log_info("the scene is in {}; train it with: gsapp train -s {} --eval", options.scene.string(),
-             options.scene.string());
+        shown_ = stage;
+    }
+    void finish() {
+        if (open_) std::fputs("\n", stderr);
+        open_ = false;
+    }
+    ~StageLine() { finish(); }
+
+  private:
+    int shown_ = 0;
+    bool open_ = false;
+};
+
+void run_prepare(const PrepareOptions& options) {
+    catch_interrupts();  // the programs get the signal as well; the temporary folder is then removed
+    StageLine line;
+    const PrepareReport report =
+        prepare_scene(options, [&](int stage, int stages, const std::string& name, const std::string& count) {
+            line.show(stage, stages, name, count);
+        });
+    line.finish();
+    for (const std::string& sentence : describe(report))
+        log_message(is_poor(report) ? LogLevel::kWarn : LogLevel::kInfo, "{}", fmt::make_format_args(sentence));
+    if (is_poor(report))
+        log_warning("what is left out needs more overlap with its neighbours, texture or sharpness; colmap's words: {}",
+                    report.log.string());
+    log_info("the scene is in {} (colmap's output: {}); train it with: gsapp train -s {} --eval",
+             options.scene.string(), report.log.string(), options.scene.string());
 }
 
 }  // namespace
 
 void add_prepare_command(CLI::App& app, Command& selected) {
     auto options = std::make_shared<PrepareOptions>();
-    CLI::App* command =
-        app.add_subcommand("prepare", "Find the cameras of photographs with colmap and write an undistorted scene");
-    command->add_option("images", options->images, "Folder of photographs")
+    CLI::App* command = app.add_subcommand(
+        "prepare", "Find the cameras of photographs or a video with colmap and write an undistorted scene");
+    command->add_option("source", options->source, "Folder of photographs, or a video")
         ->required()
-        ->check(CLI::ExistingDirectory)
-        ->type_name("IMAGES");
+        ->check(CLI::ExistingPath)
+        ->type_name("PHOTOS");
     command->add_option("-o,--output", options->scene, "Scene folder to make")->required()->type_name("SCENE");
+    command->add_option("--fps", options->fps,
+                        "Frames a second to take from a video, the sharpest of each interval (default: 2)");
     command->add_option("--camera-model", options->camera_model, "Lens model of the photographs")
         ->capture_default_str()
         ->check(CLI::IsMember({"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE",
                                "FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"}));
-    command->add_option("--matcher", options->matcher, "exhaustive (any photographs) or sequential (a video's frames)")
+    command
+        ->add_option("--matching,--matcher", options->matching,
+                     "Pairs to compare. exhaustive: all; sequential: neighbours in the order of names; vocab-tree: "
+                     "those that look alike; auto: by number and names")
         ->capture_default_str()
-        ->check(CLI::IsMember({"exhaustive", "sequential"}));
-    command->add_flag("--gpu,!--cpu", options->gpu, "Let colmap use the GPU (needs a colmap built with CUDA)");
+        ->check(CLI::IsMember({"auto", "exhaustive", "sequential", "vocab-tree"}));
+    command->add_option("--vocab-tree", options->vocab_tree, "Vocabulary tree of colmap (default: an installed one)")
+        ->type_name("FILE");
+    command->add_flag_function(
+        "--gpu,!--cpu", [options](std::int64_t count) { options->gpu = count > 0; },
+        "Where colmap computes features and matches (default: the GPU where colmap has CUDA)");
     command->add_flag("--overwrite", options->overwrite, "Replace an earlier scene at SCENE");
     command->callback([options, &selected] { selected = [options] { run_prepare(*options); }; });
 }

@@ -27,7 +27,7 @@ BenchResult bench_model(Backend& backend, const TrainOptions& options, const Sce
     if (!compare_deterministic) return result;
     BackendOptions other = backend_options(options);
     other.deterministic = !other.deterministic;
-    const auto changed = choose_backend(options.device, model.appearance, other);
+    const auto changed = make_backend(options.device, model.appearance, other);
     const double seconds = iteration_seconds(*changed, options, scene, model, bench);
     result.deterministic_seconds = options.deterministic ? result.iteration_seconds : seconds;
     result.default_seconds = options.deterministic ? seconds : result.iteration_seconds;

@@ -62,6 +62,7 @@ void describe_scene(const Scene& scene) {
             "trained in a frame of the usual size: centre ({:.9g}, {:.9g}, {:.9g}), scale {:.6g}; what is written is "
             "in the scene's own coordinates",
             scene.frame.center.x(), scene.frame.center.y(), scene.frame.center.z(), scene.frame.scale);
+    for (const std::string& fact : scene.facts) log_info("{}", fact);
     for (const std::string& note : scene.notes) log_warning("{}", note);
 }
 
@@ -119,6 +120,14 @@ void describe_training(const TrainSummary& summary) {
     if (summary.controller_seconds > 0)
         log_info("{} iterations of the controllers in {:.1f} s, besides", summary.controller_iterations,
                  summary.controller_seconds);
+}
+
+/// Says what was written, and what comes next.
+void describe_outcome(const TrainOptions& options, const TrainSummary& summary) {
+    const RunFolder folder{options.model};
+    log_info("point cloud: {}", folder.point_cloud(summary.iterations).string());
+    log_info("look at it with: gsapp view {}", options.model);
+    log_info("make a web page of it with: gsapp export {} -o DIR", options.model);
 }
 
 nlohmann::ordered_json finished_event(const TrainOptions& options, const TrainSummary& summary) {
@@ -250,6 +259,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
         row = read_table_row(options.model, evaluation.iteration());
         read_training(*row, options.model);
     }
+    describe_outcome(options, summary);
     progress.event(finished_event(options, summary));
     return row;
 }

@@ -18,7 +18,7 @@ PackingLoss packing_loss(SavedRun& run, const PackedScene& scene) {
     loss.psnr = evaluate_views(*run.backend, views, run.background, options).psnr;
     Gaussians model = packed_geometry(scene);
     model.ppisp = run.backend->download_ppisp();
-    const auto backend = choose_backend(run.options.device, model.appearance, backend_options(run.options));
+    const auto backend = make_backend(run.options.device, model.appearance, backend_options(run.options));
     for (const View& view : views) {
         set_packed_colors(scene, camera_params<double>(view.camera).position, model);
         backend->upload(model);

@@ -16,8 +16,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Chooses the folder to read images from: for a divisor the pre-scaled images_N if there is one. Throws DataError if
-/// the folder does not exist.
+/// Returns the names of the pre-scaled folders that there are, the one with the largest images first.
+std::vector<std::string> scaled_folders(const fs::path& scene, const std::string& images) {
+    std::vector<std::string> names;
+    for (const int divisor : {2, 4, 8})
+        if (const std::string name = fmt::format("{}_{}", images, divisor); folder_exists(scene / name))
+            names.push_back(name);
+    return names;
+}
+
+/// Chooses the folder to read images from: for a divisor the pre-scaled images_N if there is one. Where there is no
+/// folder of full-size images, the pre-scaled one with the largest takes its place, unless a divisor of the full size
+/// is asked for. Throws DataError if there is no such folder.
 fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options, SourceScene& out) {
     const bool divisor = options.resolution == 2 || options.resolution == 4 || options.resolution == 8;
     if (divisor) {
@@ -30,10 +40,18 @@ fs::path choose_image_folder(const fs::path& scene, const SceneOptions& options,
         }
     }
     const fs::path folder = scene / options.images;
-    if (!folder_exists(folder))
+    if (folder_exists(folder)) return folder;
+    const std::vector<std::string> scaled = scaled_folders(scene, options.images);
+    if (scaled.empty())
         throw DataError(fmt::format("{}: image folder '{}' does not exist (choose another with --images)",
                                     scene.string(), options.images));
-    return folder;
+    if (options.resolution == 1 || divisor)
+        throw DataError(
+            fmt::format("{}: image folder '{}' does not exist, of whose size --resolution {} is a part; there are {}: "
+                        "take --images {}",
+                        scene.string(), options.images, options.resolution, fmt::join(scaled, ", "), scaled[0]));
+    out.facts.push_back(fmt::format("images: {}, because there is no folder '{}'", scaled[0], options.images));
+    return scene / scaled[0];
 }
 
 /// Pairs names of the full-size folder with files of a pre-scaled one by sorted order, because some publishers renumber

@@ -172,6 +172,20 @@ void add_exposures(const std::vector<SourceView>& sources, const std::vector<boo
             without, sources.size()));
 }
 
+/// Names the masks that were found, because they change what is learned without anyone having asked for them.
+void add_masks(const SourceScene& source, std::vector<std::string>& facts) {
+    std::size_t masks = 0;
+    const SourceView* first = nullptr;
+    for (const SourceView& view : source.views) {
+        if (!view.mask) continue;
+        ++masks;
+        if (!first) first = &view;
+    }
+    if (first)
+        facts.push_back(fmt::format("masks: {} of {} images have one, the first is {}", masks, source.views.size(),
+                                    first->mask->path.string()));
+}
+
 std::vector<Eigen::Vector3d> camera_centers(const std::vector<SourceView>& views) {
     std::vector<Eigen::Vector3d> centers;
     for (const SourceView& view : views) centers.push_back(-view.rotation.transpose() * view.translation);
@@ -279,10 +293,12 @@ Scene load_scene(const SceneOptions& options) {
     scene.image_folder = source.image_folder;
     scene.frame = options.frame ? *options.frame : choose_frame(camera_centers(source.views), source.points.positions);
     scene.notes = std::move(source.notes);
+    scene.facts = std::move(source.facts);
     if (!options.eval && !options.test_list.empty()) scene.notes.push_back("a test list without --eval: ignored");
 
     std::vector<bool> test = choose_test_views(source, options, scene.split_rule);
     remove_unreadable(source, test, options.scores);
+    add_masks(source, scene.facts);
     ViewBuilder builder(options, source.prescaled);
     for (std::size_t i = 0; i < source.views.size(); ++i)
         (test[i] ? scene.test : scene.train).push_back(builder.build(source.views[i]));
@@ -293,7 +309,7 @@ Scene load_scene(const SceneOptions& options) {
     if (options.exif) add_exposures(source.views, test, scene);
     scene.has_alpha = builder.has_alpha();
 
-    for (std::string& line : check_points(scene)) scene.notes.push_back(std::move(line));
+    check_points(scene);
     scene.extent = camera_extent(scene.train, scene.points);
     if (scene.train.size() > 1 && camera_radius(scene.train) == 0)
         scene.notes.push_back(

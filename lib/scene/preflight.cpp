@@ -136,35 +136,36 @@ std::vector<std::string> Preflight::report(const std::string& where) const {
     return lines;
 }
 
-std::vector<std::string> check_points(const Scene& scene) {
-    std::vector<std::string> lines;
+void check_points(Scene& scene) {
+    // Every reconstruction has some points just outside of the images, where lens distortion bent them in.
+    constexpr double kFewPoints = 0.05;
     const std::size_t count = scene.points.positions.size();
-    if (count == 0) return lines;
+    if (count == 0) return;
     std::vector<const View*> views;
     for (const auto* part : {&scene.train, &scene.test})
         for (const View& view : *part) views.push_back(&view);
     PointCounts counts;
     count_points(views, scene.points, counts);
     if (counts.unseen == std::int64_t(count)) {
-        lines.push_back(fmt::format(
+        scene.notes.push_back(fmt::format(
             "none of the {} points projects into an image: kept, but poses and points do not fit together", count));
-        return lines;
+        return;
     }
     if (counts.unseen > 0)
-        lines.push_back(fmt::format("{} of {} points project into no image: kept, but no image moves them",
-                                    counts.unseen.load(), count));
+        (double(counts.unseen) > kFewPoints * double(count) ? scene.notes : scene.facts)
+            .push_back(fmt::format("{} of {} points project into no image: kept, but no image moves them",
+                                   counts.unseen.load(), count));
     if (counts.clipped > 0) {
         const CameraParams<double> planes{};
-        lines.push_back(fmt::format(
+        scene.notes.push_back(fmt::format(
             "{} of {} points lie in images only nearer than {:.3g} or farther than {:.3g} (the near and far planes, in "
-            "the "
-            "scene's units): kept, but not drawn there",
+            "the scene's units): kept, but not drawn there",
             counts.clipped.load(), count, planes.near_plane / scene.frame.scale, planes.far_plane / scene.frame.scale));
     }
     if (const auto blind = blind_views(views, scene.points); !blind.empty())
-        lines.push_back(fmt::format("{} of {} cameras see none of the {} points ({}): kept; are their poses right?",
-                                    blind.size(), views.size(), count, listed(blind)));
-    return lines;
+        scene.notes.push_back(
+            fmt::format("{} of {} cameras see none of the {} points ({}): kept; are their poses right?", blind.size(),
+                        views.size(), count, listed(blind)));
 }
 
 }  // namespace gs

@@ -86,6 +86,7 @@ struct Scene {
     /// E = 1.1 * max distance of a training camera from their mean (docs/math/optimization.md#scene-extent).
     double extent = 1;
     std::vector<std::string> notes;  ///< pre-flight findings: one line each with the finding and its consequence
+    std::vector<std::string> facts;  ///< what was found and is as it should be: one line each
 };
 
 struct SceneOptions {

@@ -46,7 +46,7 @@ struct SourceScene {
     /// Whether views and points follow the convention of Blender's NeRF-synthetic scenes: cameras look at the middle of
     /// a cube around the origin.
     bool is_object_in_cube = false;
-    std::vector<std::string> notes;
+    std::vector<std::string> notes, facts;  ///< as in Scene
 };
 
 /// Checks image files before they are used and collects the problems.
@@ -72,9 +72,10 @@ class Preflight {
     std::set<std::string> names_, unreadable_names_;
 };
 
-/// Returns one line each about points that no image shows, points that are only before the near or behind the far
-/// plane of the images that show them, and cameras that see no point. `scene` needs its views, points and frame.
-std::vector<std::string> check_points(const Scene& scene);
+/// Adds one line each about points that no image shows, points that are only before the near or behind the far plane of
+/// the images that show them, and cameras that see no point: to scene.notes, a few points that no image shows to
+/// scene.facts. `scene` needs its views, points and frame.
+void check_points(Scene& scene);
 
 /// Loads the COLMAP scene in the folder `scene`, whose model lies in the folder `model`. Throws DataError.
 SourceScene load_colmap(const std::filesystem::path& scene, const std::filesystem::path& model,

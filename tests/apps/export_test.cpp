@@ -37,6 +37,7 @@ TEST(Export, WritesPackedSceneWithWhatItLost) {
     EXPECT_EQ(outcome.out, "");
     EXPECT_NE(outcome.err.find("128 bytes each"), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find("dB lost"), std::string::npos) << outcome.err;
+    EXPECT_EQ(outcome.err.find("device: "), outcome.err.rfind("device: ")) << "said once: " << outcome.err;
     EXPECT_EQ(fs::exists(program.path("my site/index.html")), !viewer_folder().empty());
     const PackedScene scene = read_ngsplat(program.path("my site/scene.ngsplat"));
     EXPECT_GT(scene.count(), 0);

@@ -58,6 +58,9 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
         EXPECT_TRUE(std::filesystem::exists(program.path("run") / name)) << name;
     }
     EXPECT_FALSE(std::filesystem::exists(program.path("run/test/ours_10"))) << "pictures are for the last iteration";
+    for (const char* line : {"point cloud: run/point_cloud/iteration_20/point_cloud.ply",
+                             "look at it with: gsapp view run", "make a web page of it with: gsapp export run -o DIR"})
+        EXPECT_NE(outcome.err.find(line), std::string::npos) << outcome.err;
     const auto results = parse_json(program.read("run/results.json"));
     EXPECT_TRUE(results.contains("ours_10"));
     EXPECT_GT(results["ours_20"]["PSNR"], 5.0);

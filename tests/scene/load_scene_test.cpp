@@ -214,6 +214,24 @@ TEST(LoadScene, RenumberedPreScaledFilesArePairedByOrder) {
     EXPECT_CONTAINS(error_of(options), "2 images missing");
 }
 
+TEST(LoadScene, APreScaledFolderTakesThePlaceOfFullSizeImages) {
+    TempFolder folder;
+    write_colmap_scene(folder.path(), {"a.png", "b.png"});
+    std::filesystem::remove_all(folder / "images");
+    for (const char* name : {"images_4/a.png", "images_4/b.png"}) write_png(folder / name, 4, 3);
+    write_png(folder / "images_8/a.png", 2, 2);
+    SceneOptions options = at(folder.path());
+    const Scene scene = load_scene(options);
+    EXPECT_EQ(scene.image_folder, "images_4");
+    EXPECT_TRUE(mentions(scene.facts, "images: images_4, because there is no folder 'images'"));
+    EXPECT_EQ(scene.train[0].camera.width, 4);
+    EXPECT_DOUBLE_EQ(scene.train[0].camera.fx, 5);
+    options.resolution = 4;
+    EXPECT_EQ(load_scene(options).train[0].camera.width, 4);
+    options.resolution = 2;  // of 16 pixels, not of the 4 that there are
+    EXPECT_CONTAINS(error_of(options), "there are images_4, images_8: take --images images_4");
+}
+
 TEST(LoadScene, WidthRuleAndCap) {
     TempFolder folder;
     write_colmap_scene(folder.path(), {"a.png"});
@@ -275,6 +293,15 @@ TEST(LoadScene, PointsThatNobodySeesAndNoPointsAreNoted) {
     write_colmap_scene(folder.path(), {"a.png", "b.png"});
     spit(folder / "sparse/0/points3D.bin", points_bin({{1, 0, 0, 0}, {2, 0, 0, -9}, {3, 50, 0, 0}}));
     EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "2 of 3 points project into no image"));
+    std::vector<TestPoint> many;
+    for (int i = 1; i <= 40; ++i) many.push_back({std::uint64_t(i), 0, 0, i <= 2 ? -9.0 : 0.0});
+    spit(folder / "sparse/0/points3D.bin", points_bin(many));
+    const Scene few = load_scene(at(folder.path()));
+    EXPECT_FALSE(mentions(few.notes, "project into no image")) << "5 % are usual, and no warning";
+    EXPECT_TRUE(mentions(few.facts, "2 of 40 points project into no image"));
+    many[2].z = -9;
+    spit(folder / "sparse/0/points3D.bin", points_bin(many));
+    EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "3 of 40 points project into no image"));
     spit(folder / "sparse/0/points3D.bin", points_bin({{2, 0, 0, -9}}));
     EXPECT_TRUE(mentions(load_scene(at(folder.path())).notes, "none of the 1 points"));
     spit(folder / "sparse/0/points3D.bin", points_bin({}));
@@ -309,6 +336,8 @@ TEST(LoadScene, MasksBecomeWeightsOrAlpha) {
     SceneOptions options = at(folder.path());
     Scene scene = load_scene(options);
     EXPECT_TRUE(mentions(scene.notes, "1 of 2 images have no mask"));
+    EXPECT_TRUE(mentions(scene.facts, "masks: 1 of 2 images have one"));
+    EXPECT_TRUE(mentions(scene.facts, (folder / "masks/a.png.png").string()));
     ASSERT_TRUE(scene.train[0].load().mask);
     EXPECT_EQ(scene.train[0].load().mask->u8[5], 255);
     EXPECT_EQ(scene.train[0].image_bytes, 16u * 12 * 4);

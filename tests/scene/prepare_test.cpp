@@ -2,6 +2,7 @@
 // `prepare` with a stand-in for colmap on PATH: what it is asked to do, and what becomes of its failures.
 #include "lib/scene/prepare.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -10,49 +11,27 @@
 #include "kernels/core/error.h"
 #include "lib/core/process.h"
 #include "lib/io/image.h"
+#include "lib/scene/colmap_program.h"
+#include "lib/scene/matching.h"
+#include "lib/scene/video_frames.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/io/tagged_image.h"
+#include "tests/scene/fake_programs.h"
+#include "tests/scene/scene_fixture.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// Writes what colmap would: two models (the second with more images), an undistorted scene, files nobody needs.
-constexpr const char* kFakeColmap = R"(#!/bin/sh
-echo "$QT_QPA_PLATFORM $*" >> "$COLMAP_CALLS"
-command=$1
-while [ $# -gt 0 ]; do
-  case $1 in --output_path) output=$2;; --input_path) input=$2;; --image_path) images=$2;; esac
-  shift
-done
-if [ "$command" = "$COLMAP_FAILS_AT" ]; then
-  echo "all is well so far"
-  echo "E1120 Something specific is broken" >&2
-  exit 3
-fi
-case $command in
-  feature_extractor)
-    cp -rL "$images" "$COLMAP_CALLS.seen"
-    echo "Processed file [1/2]"; echo "Processed file [2/2]";;
-  mapper)
-    [ -n "$COLMAP_FINDS_NOTHING" ] && exit 0
-    mkdir -p "$output/0" "$output/1"
-    printf '\002\000\000\000\000\000\000\000' > "$output/0/images.bin"
-    printf '\005\000\000\000\000\000\000\000' > "$output/1/images.bin";;
-  image_undistorter)
-    mkdir -p "$output/images" "$output/sparse" "$output/stereo"
-    echo "$input" > "$output/sparse/cameras.bin"
-    touch "$output/sparse/images.bin" "$output/images/a.png" "$output/run-colmap-geometric.sh";;
-esac
-)";
-
 class Prepare : public ::testing::Test {
   protected:
     void SetUp() override {
-        const fs::path program = folder_.write("colmap", kFakeColmap);
-        fs::permissions(program, fs::perms::owner_all);
+        install("colmap", test::kFakeColmap);
         path_before_ = std::getenv("PATH");
+        home_before_ = std::getenv("HOME") ? std::getenv("HOME") : "";
+        ::setenv("HOME", folder_.path().c_str(), 1);
+        ::setenv("COLMAP_MODEL", (folder_.path() / "model").c_str(), 1);
         ::setenv("PATH", (folder_.path().string() + ":" + path_before_).c_str(), 1);
         ::setenv("COLMAP_CALLS", (folder_.path() / "calls").c_str(), 1);
         fs::create_directories(photographs() / "sub");
@@ -60,12 +39,34 @@ class Prepare : public ::testing::Test {
         write_image(photographs() / "a.png", picture(8, 6));
         write_image(photographs() / "sub" / "b.png", picture(8, 6));
         folder_.write("photographs/notes.txt", "not a photograph");
-        options_.images = photographs();
+        register_photographs({"a.png", "sub/b.png"});
+        options_.source = photographs();
         options_.scene = parent() / "scene";
     }
     void TearDown() override {
         ::setenv("PATH", path_before_.c_str(), 1);
-        for (const char* name : {"COLMAP_CALLS", "COLMAP_FAILS_AT", "COLMAP_FINDS_NOTHING"}) ::unsetenv(name);
+        ::setenv("HOME", home_before_.c_str(), 1);
+        for (const char* name : {"COLMAP_CALLS", "COLMAP_FAILS_AT", "COLMAP_FINDS_NOTHING", "COLMAP_MODEL",
+                                 "COLMAP_STYLE", "FFMPEG_FRAMES", "FFMPEG_FAILS"})
+            ::unsetenv(name);
+    }
+
+    void install(const std::string& name, const char* script) {
+        fs::permissions(folder_.write(name, script), fs::perms::owner_all);
+    }
+    /// Has colmap register these, and find four points.
+    void register_photographs(const std::vector<std::string>& names) {
+        test::write_model(folder_.path() / "model", {test::TestCamera{}}, test::row_of_images(names),
+                          {{1}, {2}, {3}, {4}});
+    }
+    /// Writes photographs as PREFIX0001.png and so on. They are links to one.
+    std::vector<std::string> number_photographs(const std::string& prefix, int count) {
+        std::vector<std::string> names;
+        for (int i = 0; i < count; ++i) {
+            names.push_back(fmt::format("{}{:04}.png", prefix, i));
+            fs::create_hard_link(photographs() / "a.png", photographs() / names.back());
+        }
+        return names;
     }
 
     fs::path photographs() const { return folder_.path() / "photographs"; }
@@ -82,10 +83,17 @@ class Prepare : public ::testing::Test {
     }
     std::string calls() const { return text_of(folder_.path() / "calls"); }
     bool nothing_left() const { return fs::is_empty(parent()); }
-    void prepare() {
-        prepare_scene(options_, [this](int stage, int stages, const std::string& name, const std::string& count) {
-            shown_ += std::to_string(stage) + "/" + std::to_string(stages) + " " + name + " " + count + "\n";
-        });
+    bool only_the_log_is_left() const {
+        const auto count = [](const fs::path& folder) {
+            return std::distance(fs::directory_iterator(folder), fs::directory_iterator());
+        };
+        return count(parent()) == 1 && count(options_.scene) == 1 && fs::exists(options_.scene / "colmap-failed.log");
+    }
+    PrepareReport prepare() {
+        return prepare_scene(
+            options_, [this](int stage, int stages, const std::string& name, const std::string& count) {
+                shown_ += std::to_string(stage) + "/" + std::to_string(stages) + " " + name + " " + count + "\n";
+            });
     }
     std::string failure() {
         try {
@@ -98,23 +106,27 @@ class Prepare : public ::testing::Test {
 
     test::TemporaryFolder folder_;
     PrepareOptions options_;
-    std::string path_before_, shown_;
+    std::string path_before_, home_before_, shown_;
 };
 
 TEST_F(Prepare, MakesASceneFromFourStages) {
-    options_.matcher = "sequential";
+    options_.matching = "sequential";
     options_.camera_model = "SIMPLE_RADIAL";
-    prepare();
+    const PrepareReport report = prepare();
     EXPECT_TRUE(fs::exists(options_.scene / "images" / "a.png"));
     EXPECT_TRUE(fs::exists(options_.scene / "sparse" / "0" / "images.bin"));
-    EXPECT_NE(text_of(options_.scene / "sparse" / "0" / "cameras.bin").find("/models/1"), std::string::npos)
-        << "the model with more images";
-    EXPECT_EQ(std::distance(fs::directory_iterator(options_.scene), fs::directory_iterator()), 2)
-        << "images and sparse only";
+    EXPECT_EQ(report.registered, 2u) << "of the model with more images";
+    EXPECT_EQ(report.other_models, std::vector<std::size_t>{1});
+    EXPECT_EQ(std::distance(fs::directory_iterator(options_.scene), fs::directory_iterator()), 3)
+        << "images, sparse and the log only";
+    EXPECT_EQ(report.log, options_.scene / "colmap.log");
+    const std::string log = text_of(report.log);
+    for (const char* part : {"$ colmap feature_extractor --database_path ", "\nProcessed file [2/2]\n$ colmap seq"})
+        EXPECT_NE(log.find(part), std::string::npos) << log;
     EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1)
         << "no temporary folder left";
     const std::string said = calls();
-    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 4);
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 5);
     EXPECT_EQ(said.find("offscreen feature_extractor"), 0u);
     EXPECT_NE(
         said.find("--ImageReader.camera_model SIMPLE_RADIAL --ImageReader.single_camera 1 --SiftExtraction.use_gpu 0"),
@@ -122,14 +134,14 @@ TEST_F(Prepare, MakesASceneFromFourStages) {
     EXPECT_NE(said.find("offscreen sequential_matcher"), std::string::npos);
     EXPECT_NE(said.find("--output_type COLMAP"), std::string::npos);
     EXPECT_EQ(shown_,
-              "1/4 features \n1/4 features 1/2\n1/4 features 2/2\n2/4 matches \n3/4 cameras \n4/4 undistortion \n");
+              "1/4 features \n1/4 features 1/2\n1/4 features 2/2\n2/4 matching \n3/4 registered \n3/4 registered "
+              "2/2\n4/4 undistorted \n");
 }
 
 TEST_F(Prepare, PhotographsOfDifferentSizesGetTheirOwnCameras) {
     write_image(photographs() / "portrait.png", picture(6, 8));
-    options_.gpu = true;
     prepare();
-    EXPECT_NE(calls().find("single_camera 0 --SiftExtraction.use_gpu 1"), std::string::npos);
+    EXPECT_NE(calls().find("single_camera 0 --SiftExtraction.use_gpu 0"), std::string::npos);
 }
 
 TEST_F(Prepare, FailuresCarryColmapsWordsAndLeaveNothing) {
@@ -139,12 +151,22 @@ TEST_F(Prepare, FailuresCarryColmapsWordsAndLeaveNothing) {
         EXPECT_NE(message.find(std::string("colmap ") + stage + " ended with exit code 3"), std::string::npos)
             << message;
         EXPECT_NE(message.find("Something specific is broken"), std::string::npos);
-        EXPECT_TRUE(nothing_left()) << stage;
+        EXPECT_NE(message.find((options_.scene / "colmap-failed.log").string()), std::string::npos) << message;
+        EXPECT_TRUE(only_the_log_is_left()) << stage << ", which the next attempt replaces";
+        EXPECT_NE(text_of(options_.scene / "colmap-failed.log").find("so far (1)\n"), std::string::npos)
+            << "all lines, not the last ones";
     }
+    ::setenv("COLMAP_FAILS_AT", "model_analyzer", 1);
+    const PrepareReport report = prepare();
+    EXPECT_FALSE(report.error) << "a figure that is missing costs no scene";
+    EXPECT_EQ(report.registered, 2u);
+    fs::remove_all(options_.scene);
     ::unsetenv("COLMAP_FAILS_AT");
-    ::setenv("COLMAP_FINDS_NOTHING", "1", 1);
-    EXPECT_NE(failure().find("no camera positions"), std::string::npos);
-    EXPECT_TRUE(nothing_left());
+    for (const char* how : {"1", "as an error"}) {
+        ::setenv("COLMAP_FINDS_NOTHING", how, 1);
+        EXPECT_NE(failure().find("no camera positions"), std::string::npos) << how;
+        EXPECT_TRUE(only_the_log_is_left());
+    }
 }
 
 TEST_F(Prepare, WithoutColmapItSaysHowToGetIt) {
@@ -174,10 +196,10 @@ TEST_F(Prepare, ExistingFoldersAreProtected) {
 }
 
 TEST_F(Prepare, AFolderWithoutPhotographsIsADataError) {
-    options_.images = folder_.path() / "empty";
-    fs::create_directories(options_.images);
+    options_.source = folder_.path() / "empty";
+    fs::create_directories(options_.source);
     EXPECT_THROW(prepare(), DataError);
-    options_.images = folder_.path() / "missing";
+    options_.source = folder_.path() / "missing";
     EXPECT_THROW(prepare(), DataError);
     EXPECT_TRUE(nothing_left());
 }
@@ -234,6 +256,271 @@ TEST_F(Prepare, UprightAndLevelPhotographsOfOneDeviceStillShareOneCamera) {
     prepare();
     EXPECT_EQ(read_image_info(folder_.path() / "calls.seen" / "turned.jpg").width, 8) << "as stored";
     EXPECT_NE(calls().find("--ImageReader.single_camera 1"), std::string::npos);
+}
+
+TEST_F(Prepare, SaysWhatCameOfThePhotographs) {
+    number_photographs("p", 18);
+    std::vector<std::string> registered = {"a.png", "p0000.png", "p0001.png", "p0002.png", "p0003.png"};
+    register_photographs(registered);
+    const PrepareReport report = prepare();
+    EXPECT_EQ(report.photographs, 20u);
+    EXPECT_EQ(report.left_out.size(), 15u);
+    EXPECT_TRUE(is_poor(report));
+    const std::vector<std::string> lines = describe(report);
+    ASSERT_EQ(lines.size(), 3u);
+    EXPECT_EQ(lines[0], "5 of 20 photographs registered, 4 points, mean reprojection error 0.48 px");
+    EXPECT_EQ(lines[1],
+              "left out: p0004.png, p0005.png, p0006.png, p0007.png, p0008.png, p0009.png, p0010.png, p0011.png, "
+              "p0012.png, p0013.png and 5 more");
+    EXPECT_NE(lines[2].find("2 reconstructions"), std::string::npos) << lines[2];
+    EXPECT_NE(lines[2].find("the others hold 1 photographs"), std::string::npos) << lines[2];
+}
+
+TEST(PrepareReport, WarnsBelowNineTenthsAndGroupsDigits) {
+    PrepareReport report;
+    report.photographs = 20;
+    report.registered = 18;
+    report.points = 1234567;
+    EXPECT_FALSE(is_poor(report));
+    EXPECT_EQ(describe(report), std::vector<std::string>{"18 of 20 photographs registered, 1,234,567 points"});
+    report.registered = 17;
+    report.is_video = true;
+    report.points = 345;
+    EXPECT_TRUE(is_poor(report));
+    EXPECT_EQ(describe(report)[0], "17 of 20 frames registered, 345 points");
+}
+
+TEST_F(Prepare, TheProgramsOwnHelpSaysHowItsOptionsAreCalled) {
+    ::setenv("COLMAP_STYLE", "4.1", 1);
+    install("nvidia-smi", "#!/bin/sh\nexit 0\n");
+    prepare();
+    EXPECT_NE(calls().find("--FeatureExtraction.use_gpu 1\n"), std::string::npos) << calls();
+    EXPECT_NE(calls().find("--FeatureMatching.use_gpu 1\n"), std::string::npos);
+    EXPECT_EQ(calls().find("Sift"), std::string::npos);
+    EXPECT_NE(shown_.find("1/4 features 2/2\n2/4 matching \n2/4 matching 4/9\n3/4 registered \n3/4 registered 2/2\n"),
+              std::string::npos)
+        << shown_;
+}
+
+TEST_F(Prepare, TheGpuIsUsedWhereColmapAndTheMachineHaveOne) {
+    EXPECT_FALSE(options_.gpu);
+    prepare();
+    EXPECT_NE(calls().find("--SiftMatching.use_gpu 0"), std::string::npos) << "3.8 has no CUDA";
+    options_.overwrite = true;
+    options_.gpu = true;
+    EXPECT_NE(failure().find("COLMAP 3.8 was built without CUDA"), std::string::npos);
+    options_.gpu.reset();
+    ::setenv("COLMAP_STYLE", "4.1", 1);
+    install("nvidia-smi", "#!/bin/sh\nexit 9\n");
+    EXPECT_EQ(failure(), "");
+    EXPECT_NE(calls().find("--FeatureExtraction.use_gpu 0"), std::string::npos) << "no GPU in the machine";
+    install("nvidia-smi", "#!/bin/sh\nexit 0\n");
+    options_.gpu = false;
+    EXPECT_EQ(failure(), "");
+    EXPECT_EQ(calls().find("use_gpu 1"), std::string::npos) << "--cpu";
+}
+
+TEST_F(Prepare, MatchingFollowsNumberAndNames) {
+    ColmapProgram colmap;
+    const auto command = [&](const std::vector<std::string>& names, bool video = false) {
+        return choose_matching(options_, names, video, colmap).command;
+    };
+    std::vector<std::string> few, numbered, mixed;
+    for (int i = 0; i < 300; ++i) few.push_back(fmt::format("IMG_{:04}.jpg", i));
+    numbered = few;
+    numbered.push_back("IMG_0300.jpg");
+    mixed = numbered;
+    mixed.back() = "market.jpg";
+    EXPECT_EQ(command(few), "exhaustive_matcher");
+    EXPECT_EQ(command(numbered), "sequential_matcher");
+    EXPECT_EQ(command(mixed), "exhaustive_matcher");
+    EXPECT_NE(choose_matching(options_, mixed, false, colmap).words.find("--vocab-tree"), std::string::npos);
+    EXPECT_EQ(command({}, true), "sequential_matcher") << "a video, however short";
+    options_.matching = "vocab-tree";
+    EXPECT_THROW(command(few), UsageError) << "there is no vocabulary tree";
+    // One where colmap keeps them; those for later versions do not count.
+    options_.matching = "auto";
+    const fs::path cache = folder_.path() / ".cache" / "colmap";
+    fs::create_directories(cache);
+    std::ofstream(cache / "1-vocab_tree_faiss_flickr100K_words256K.bin") << "tree";
+    EXPECT_EQ(command(mixed), "exhaustive_matcher");
+    std::ofstream(cache / "vocab_tree_flickr100K_words32K.bin") << "tree";
+    const Matching found = choose_matching(options_, mixed, false, colmap);
+    EXPECT_EQ(found.command, "vocab_tree_matcher");
+    EXPECT_EQ(found.arguments, (std::vector<std::string>{"--VocabTreeMatching.vocab_tree_path",
+                                                         (cache / "vocab_tree_flickr100K_words32K.bin").string()}));
+    const Matching loops = choose_matching(options_, {}, true, colmap);
+    EXPECT_EQ(loops.command, "sequential_matcher");
+    EXPECT_EQ(loops.arguments, (std::vector<std::string>{"--SequentialMatching.loop_detection", "1",
+                                                         "--SequentialMatching.vocab_tree_path",
+                                                         (cache / "vocab_tree_flickr100K_words32K.bin").string()}));
+    ::setenv("COLMAP_STYLE", "4.1", 1);
+    ColmapProgram later;
+    EXPECT_NE(choose_matching(options_, mixed, false, later).arguments[1].find("faiss"), std::string::npos);
+    // What is named is done.
+    options_.vocab_tree = cache / "vocab_tree_flickr100K_words32K.bin";
+    EXPECT_EQ(command(few), "vocab_tree_matcher");
+    options_.matching = "exhaustive";
+    EXPECT_EQ(command(numbered), "exhaustive_matcher");
+    options_.matching = "sequential";
+    EXPECT_EQ(command(few), "sequential_matcher");
+    options_.vocab_tree = cache / "missing.bin";
+    EXPECT_THROW(command(few), UsageError);
+    options_.matching = "all";
+    EXPECT_NE(failure().find("--matching: 'all'"), std::string::npos);
+}
+
+TEST(Matching, NumberedNamesHaveOneFormAndNumbersOfOneLength) {
+    EXPECT_TRUE(numbered_in_order({"DSC_0998.jpg", "DSC_0999.jpg", "DSC_1003.jpg"}));
+    EXPECT_TRUE(numbered_in_order({"a/7.png", "a/9.png"}));
+    EXPECT_FALSE(numbered_in_order({"10.png", "9.png"})) << "colmap would take 10 for the first";
+    EXPECT_FALSE(numbered_in_order({"a/7.png", "b/8.png"}));
+    EXPECT_FALSE(numbered_in_order({"door.png", "window.png"}));
+    EXPECT_FALSE(numbered_in_order({}));
+}
+
+TEST(ColmapMessages, CountsAreRead) {
+    const auto text = [](const std::optional<StageCount>& count) {
+        return count ? fmt::format("{}/{}", count->done, count->total) : "";
+    };
+    EXPECT_EQ(text(count_in("Processed file [3/67]")), "3/67");
+    EXPECT_EQ(text(count_in("I20260101 10:00:00.123456 77 feature_extraction.cc:258] Processed file [3/67]")), "3/67");
+    EXPECT_EQ(text(count_in("Matching block [2/3, 1/3] in 28.552s")), "4/9");
+    for (const char* line : {"Processed file", "[a/b]", "[3/]", "[1/2", "[1/99999999999999999999]"})
+        EXPECT_EQ(text(count_in(line)), "") << line;
+    EXPECT_EQ(text(registered_in("Registering image #3 (12)")), "12/0");
+    EXPECT_EQ(text(registered_in("I20260101 incremental_pipeline.cc:478] Registering image #3 (num_reg_frames=12)")),
+              "12/0");
+    EXPECT_EQ(text(registered_in("  => Image sees 318 / 511 points")), "");
+    EXPECT_EQ(reprojection_error_in("I20260101 model.cc:7] Mean reprojection error: 0.479041px"), 0.479041);
+    EXPECT_FALSE(reprojection_error_in("Mean reprojection error: nanpx"));
+}
+
+/// Prepares a video of twelve frames, of which those named sharp have a pattern.
+class PrepareVideo : public Prepare {
+  protected:
+    void SetUp() override {
+        Prepare::SetUp();
+        install("ffmpeg", test::kFakeFfmpeg);
+        const fs::path frames = folder_.path() / "candidates";
+        fs::create_directories(frames);
+        ::setenv("FFMPEG_FRAMES", frames.c_str(), 1);
+        for (int i = 0; i < 12; ++i) write_image(frames / fmt::format("{:02}.png", i), frame(i));
+        options_.source = folder_.write("walk:1.mp4", "a video");
+        register_photographs({"frame_00000.jpg", "frame_00001.jpg", "frame_00002.jpg"});
+    }
+    /// Frames are told apart by their size. 3, 5 and 10 are sharp.
+    static Image frame(int i) {
+        Image image = picture(32 + i, 16);
+        const int contrast = i == 3 || i == 5 || i == 10 ? 100 : 10;
+        for (std::size_t p = 0; p < image.u8.size(); ++p)
+            image.u8[p] = std::uint8_t(100 + (p / 3 % 2 == 0 ? contrast : 0));
+        return image;
+    }
+};
+
+TEST_F(PrepareVideo, TheSharpestFrameOfEachIntervalIsTaken) {
+    options_.fps = 3;
+    const PrepareReport report = prepare();
+    const fs::path seen = folder_.path() / "calls.seen";
+    EXPECT_EQ(std::distance(fs::directory_iterator(seen), fs::directory_iterator()), 3) << "5 + 5 + 2 candidates";
+    EXPECT_EQ(read_image_info(seen / "frame_00000.jpg").width, 32 + 3);
+    EXPECT_EQ(read_image_info(seen / "frame_00001.jpg").width, 32 + 5);
+    EXPECT_EQ(read_image_info(seen / "frame_00002.jpg").width, 32 + 10);
+    const std::string asked = text_of(folder_.path() / "calls.ffmpeg");
+    EXPECT_NE(asked.find("-i file:" + options_.source.string() + " -vf fps=15 "), std::string::npos) << asked;
+    EXPECT_NE(calls().find("offscreen sequential_matcher"), std::string::npos);
+    EXPECT_EQ(shown_.find("1/5 frames \n1/5 frames 5/15\n2/5 features \n"), 0u) << shown_;
+    EXPECT_EQ(describe(report)[0], "3 of 3 frames registered, 4 points, mean reprojection error 0.48 px");
+    EXPECT_NE(text_of(report.log).find("$ ffmpeg "), std::string::npos);
+    EXPECT_EQ(std::distance(fs::directory_iterator(parent()), fs::directory_iterator()), 1) << "no candidates left";
+}
+
+TEST_F(PrepareVideo, MistakesNameTheirCause) {
+    options_.fps = 0;
+    EXPECT_NE(failure().find("--fps is 0"), std::string::npos);
+    options_.fps.reset();
+    ::setenv("FFMPEG_FAILS", "1", 1);
+    const std::string message = failure();
+    EXPECT_NE(message.find("ffmpeg ended with exit code 1"), std::string::npos) << message;
+    EXPECT_NE(message.find("moov atom not found"), std::string::npos) << message;
+    EXPECT_TRUE(only_the_log_is_left());
+    ::unsetenv("FFMPEG_FAILS");
+    const fs::path one = folder_.path() / "one";
+    fs::create_directories(one);
+    write_image(one / "0.png", picture(8, 6));
+    ::setenv("FFMPEG_FRAMES", one.c_str(), 1);
+    EXPECT_NE(failure().find("gives 1 frames at 2 a second"), std::string::npos);
+    options_.source = photographs();
+    options_.fps = 2;
+    EXPECT_NE(failure().find("--fps is for a video"), std::string::npos);
+}
+
+TEST_F(PrepareVideo, WithoutFfmpegItSaysHowToGetIt) {
+    fs::remove(folder_.path() / "ffmpeg");
+    const fs::path tools = folder_.path() / "tools";  // a PATH with what the stand-in for colmap needs
+    fs::create_directories(tools);
+    fs::create_symlink("/bin/sh", tools / "sh");
+    ::setenv("PATH", (folder_.path().string() + ":" + tools.string()).c_str(), 1);
+    EXPECT_NE(failure().find("apt-get install ffmpeg"), std::string::npos);
+    EXPECT_TRUE(nothing_left());
+}
+
+TEST(PrepareRealPrograms, ColmapSaysWhatItIsAndHasTheOptions) {
+    try {
+        ColmapProgram colmap;
+        EXPECT_NE(colmap.version().find("COLMAP "), std::string::npos) << colmap.version();
+        for (const char* command :
+             {"feature_extractor", "exhaustive_matcher", "sequential_matcher", "vocab_tree_matcher"})
+            EXPECT_TRUE(colmap.option(command, "use_gpu").starts_with("--")) << command;
+        EXPECT_TRUE(colmap.option("vocab_tree_matcher", "vocab_tree_path").starts_with("--"));
+        EXPECT_TRUE(colmap.option("sequential_matcher", "loop_detection").ends_with(".loop_detection"));
+        EXPECT_EQ(colmap.option("mapper", "no_such_option"), "");
+        EXPECT_NE(colmap.help("model_analyzer").find("--path"), std::string::npos);
+    } catch (const UsageError& e) {
+        GTEST_SKIP() << e.what();
+    }
+}
+
+TEST(PrepareRealPrograms, FfmpegGivesTheFramesOfAVideo) {
+    const test::TemporaryFolder folder;
+    const fs::path video = folder.path() / "100%: a video.mp4", frames = folder.path() / "50% of it" / "frames";
+    try {
+        const auto made = run_process({"ffmpeg", "-loglevel", "error", "-f", "lavfi", "-i",
+                                       "testsrc=duration=3:size=160x120:rate=30", "file:" + video.string()},
+                                      {}, [](const std::string&) {});
+        if (made.exit_code != 0) GTEST_SKIP() << "this ffmpeg makes no videos";
+    } catch (const UsageError& e) {
+        GTEST_SKIP() << e.what();
+    }
+    ProgramLog log(folder.path() / "log");
+    std::int64_t most = 0, expected = 0;
+    extract_frames(video, 2, frames, log, [&](std::int64_t done, std::int64_t total) {
+        most = std::max(most, done);
+        expected = total;
+    });
+    EXPECT_EQ(std::distance(fs::directory_iterator(frames), fs::directory_iterator()), 6) << "3 seconds, 2 a second";
+    EXPECT_EQ(read_image_info(frames / "frame_00005.jpg").width, 160);
+    EXPECT_EQ(most, 30);
+    EXPECT_EQ(expected, 30);
+    EXPECT_EQ(std::distance(fs::directory_iterator(frames.parent_path()), fs::directory_iterator()), 1)
+        << "no candidates left";
+    EXPECT_THROW(extract_frames(folder.write("no.mp4", "no video"), 2, folder.path() / "none", log,
+                                [](std::int64_t, std::int64_t) {}),
+                 DataError);
+}
+
+TEST(Sharpness, FallsWithBlurAndNotWithBrightness) {
+    Image sharp = test::gradient_image(32, 32);
+    for (int y = 0; y < 32; ++y)
+        for (int x = 0; x < 32; ++x)
+            for (int c = 0; c < 3; ++c) sharp.u8[std::size_t(3 * (32 * y + x) + c)] = (x / 4 + y / 4) % 2 ? 150 : 50;
+    const Image blurred = resize_image(resize_image(sharp, 12, 12), 32, 32);
+    Image brighter = sharp;
+    for (std::uint8_t& v : brighter.u8) v = std::uint8_t(v + 50);
+    EXPECT_GT(sharpness(sharp), 2 * sharpness(blurred));
+    EXPECT_NEAR(sharpness(brighter), sharpness(sharp), 1e-6);
+    EXPECT_EQ(sharpness(Image{2, 2, 3, std::vector<std::uint8_t>(12, 9), {}}), 0);
 }
 
 }  // namespace
