@@ -27,7 +27,7 @@ class Staging {
 /// Throws UsageError when one of the names exists in `folder` (allowed with `overwrite`), or `folder` is a file.
 void require_free(const std::filesystem::path& folder, const std::vector<std::string>& names, bool overwrite);
 
-/// Returns the folder of the built web viewer, empty if it was not built. README.md says how to build it.
+/// Returns the folder of the web viewer among the program's own files, empty if it is not there.
 std::filesystem::path viewer_folder();
 
 /// Copies the files of a folder, except links. Throws DataError.
