@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <set>
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/command_tree.h"

@@ -37,12 +37,11 @@ def main():
         (folder / "empty").mkdir()
 
         nothing = doctor(gsapp, "doctor", "--json", PATH=str(folder / "empty"), GSAPP_METRIC_WEIGHTS=str(folder / "nowhere"))
-        assert json.loads(nothing)["works"] is True
         for missing in [*PROGRAMS, "metric weights"]:
             one = findings(nothing)[missing]
             assert one["is_there"] is False and one["needed_for"] and one["get"] and "found" not in one, one
         text = doctor(gsapp, "doctor", PATH="")
-        assert "apt-get install colmap" in text and text.endswith("gsapp works here.\n"), text
+        assert "apt-get install colmap" in text and "gsapp itself works" in text, text
 
         everything = doctor(gsapp, "doctor", "--json", PATH=f"{folder / 'empty'}:{folder}", GSAPP_METRIC_WEIGHTS=str(folder / "weights"))
         for there, file in PROGRAMS.items():
