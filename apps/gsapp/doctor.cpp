@@ -74,7 +74,7 @@ double memory(const std::string& key) {
     return 0;
 }
 
-/// A CPU that lacks one of these does not come this far (main.cpp).
+/// A CPU that lacks one of these does not come this far (cpu_check.cpp).
 Finding cpu_finding() {
     return {.name = "CPU",
             .found = fmt::format("{} threads; built for {} ({})", std::thread::hardware_concurrency(),

@@ -23,7 +23,6 @@
 #include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
-#include "lib/core/cpu_features.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -134,16 +133,6 @@ void require_printed() {
                     "; what the command prints is missing or incomplete");
 }
 
-/// Returns why this CPU cannot run the program, empty if it can. A program that was built on one machine and copied to
-/// another would otherwise end by SIGILL.
-std::string wrong_cpu() {
-    std::string names;
-    for (const std::string& name : missing_cpu_features()) names += (names.empty() ? "" : ", ") + name;
-    if (names.empty()) return {};
-    return "this gsapp was built for CPUs with " + names + ", which this one lacks; build it here, or with " +
-           "-DGSAPP_CPU_ARCH=x86-64-v3";
-}
-
 /// The one place where an error leaves the program.
 int report(const std::string& message, ExitCode code) {
     log_error("{}", message);
@@ -157,7 +146,6 @@ int main(int argc, char** argv) {
     gs::ignore_write_signals();
     gs::open_standard_descriptors();
     gs::setup_log(gs::LogLevel::kInfo);
-    if (const std::string reason = gs::wrong_cpu(); !reason.empty()) return gs::report(reason, gs::ExitCode::kDevice);
     try {
         const int code = gs::run(argc, argv);
         gs::require_printed();
