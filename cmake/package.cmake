@@ -6,6 +6,8 @@ install(SCRIPT ${CMAKE_SOURCE_DIR}/cmake/bundle_libraries.cmake COMPONENT librar
 set(CPACK_PACKAGE_NAME gsapp)
 set(CPACK_PACKAGE_CONTACT "the gsapp maintainers <gsapp@localhost>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "Trains, evaluates and shows 3D Gaussian splatting scenes")
+set(CPACK_PACKAGE_DESCRIPTION "gsapp makes a 3D Gaussian splatting model of photographs, on the CPU or on an NVIDIA GPU,
+measures it, and shows it in a browser.")
 set(CPACK_RESOURCE_FILE_LICENSE ${CMAKE_SOURCE_DIR}/LICENSE)
 set(CPACK_GENERATOR DEB TGZ)
 set(CPACK_STRIP_FILES ON)
@@ -13,7 +15,7 @@ set(CPACK_THREADS 0)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "colmap, ffmpeg")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "colmap, ffmpeg, python3, curl, unzip")
 set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 
 # Read once for each generator: the libraries are a component of the .tar.gz alone.
