@@ -24,7 +24,8 @@ void read_type(const std::string& type, OptionWords& words) {
         words.choices = split(type.substr(brace + 1, type.find('}') - brace - 1), ',');
     const auto open = type.find(" in ["), dash = type.find(" - ");
     if (open != std::string::npos && dash != std::string::npos)
-        words.range = type.substr(open + 5, dash - open - 5) + ".." + type.substr(dash + 3, type.find(']') - dash - 3);
+        words.range =
+            type.substr(open + 5, dash - open - 5) + ".." + type.substr(dash + 3, type.find(']', dash) - dash - 3);
 }
 
 OptionWords option_words(const CLI::Option& option) {

@@ -55,7 +55,10 @@ std::string option_entry(const OptionWords& option) {
 std::string synopsis(const CommandWords& command) {
     std::string text = bold("gsapp " + command.name) + " [\\fIOPTIONS\\fR]";
     for (const OptionWords& option : command.options) {
-        if (option.positional.empty()) continue;
+        if (option.positional.empty()) {
+            if (option.is_required) text += " " + bold(option.names.front()) + " " + value_text(option);
+            continue;
+        }
         const std::string name = "\\fI" + roff(option.positional) + "\\fR" + (option.is_list ? " ..." : "");
         text += option.is_required ? " " + name : " [" + name + "]";
     }
@@ -92,7 +95,8 @@ std::string manual(const CommandWords& root) {
     const auto train = std::find_if(commands.begin(), commands.end(),
                                     [](const CommandWords* command) { return command->name == "train"; });
     std::string text = fmt::format(
-        ".\\\" Written by: gsapp manual\n.TH GSAPP 1 \"\" \"gsapp {}\" \"User Commands\"\n.SH NAME\ngsapp \\- trains, "
+        ".\\\" Written by: gsapp manual\n.TH GSAPP 1 \"\" \"gsapp {}\" \"User Commands\"\n.ad l\n.nh\n.SH NAME\ngsapp "
+        "\\- trains, "
         "evaluates and shows 3D Gaussian splatting scenes\n.SH SYNOPSIS\n{} \\fICOMMAND\\fR [\\fIOPTIONS\\fR]\n.SH "
         "DESCRIPTION\n{}\nA scene is a COLMAP folder, a NeRF-synthetic folder, or a built-in one such as "
         "builtin:glossy. Results go to stdout, messages to stderr.\n",
