@@ -19,14 +19,14 @@
 #include <system_error>
 #include <vector>
 
+#include "apps/gsapp/about.h"
 #include "apps/gsapp/bench.h"
 #include "apps/gsapp/command.h"
 #include "kernels/core/error.h"
-#include "kernels/cuda/cuda_device.h"
 #include "lib/core/interrupt.h"
+#include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/nearest.h"
-#include "lib/core/version.h"
 
 namespace gs {
 namespace {
@@ -58,17 +58,6 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     return error.what();
 }
 
-/// Returns version, backends, and what CUDA was built for and found, or why there is none.
-std::string version_report() {
-    std::string text = version_text();
-    if (cuda_available())
-        text += "\nbackends: cpu, cuda\ndevice: " + cuda_driver_description();
-    else
-        text += "\nbackends: cpu (cuda: " + cuda_unavailable_reason() + ")";
-    const std::string architectures = cuda_architectures();
-    return architectures.empty() ? text : text + "\ncuda architectures: " + architectures;
-}
-
 /// Lets the numbers of `app` and its subcommands be decimal only. CLI11 also takes 0x10, 010 (as 8) and "nan".
 void require_decimal_numbers(CLI::App& app) {
     const CLI::Validator decimal(
@@ -90,7 +79,12 @@ void require_decimal_numbers(CLI::App& app) {
 
 int run(int argc, char** argv) {
     CLI::App app("Trains and evaluates 3D Gaussian splatting scenes.", "gsapp");
-    app.set_version_flag("--version", version_report);  // asked only then: waking the GPU takes a while
+    bool is_json = false;  // set too late for the callback, which therefore counts
+    const CLI::Option* json = nullptr;
+    CLI::Option* version = app.set_version_flag("--version", [&json] {  // asked only then: waking the GPU takes a while
+        return json->count() > 0 ? json_text(version_json(), 1) : version_report();
+    });
+    json = app.add_flag("--json", is_json, "With --version: print it as JSON")->needs(version);
     app.require_subcommand(1);
     Command selected;
     add_train_command(app, selected);
@@ -104,6 +98,9 @@ int run(int argc, char** argv) {
     add_metrics_command(app, selected);
     add_prune_appearance_command(app, selected);
     add_options_command(app, selected);
+    add_doctor_command(app, selected);
+    add_completions_command(app, selected);
+    add_manual_command(app, selected);
     require_decimal_numbers(app);
     try {
         std::vector<std::string> words = with_bench_subcommand({argv + 1, argv + argc});

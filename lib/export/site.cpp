@@ -9,6 +9,7 @@
 #include <set>
 
 #include "kernels/core/error.h"
+#include "lib/core/program_files.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -103,11 +104,7 @@ void remove_earlier_site(const fs::path& folder, const std::vector<fs::path>& wr
     });
 }
 
-fs::path viewer_folder() {
-    const fs::path folder = GSAPP_VIEWER_DIR;
-    std::error_code ignored;
-    return fs::exists(folder / "index.html", ignored) ? folder : fs::path();
-}
+fs::path viewer_folder() { return shared_file("viewer/index.html").parent_path(); }
 
 void copy_folder(const fs::path& from, const fs::path& to) {
     on_disk([&] {

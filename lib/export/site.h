@@ -41,7 +41,7 @@ std::string photograph(std::size_t index);
 /// description, and photographs. `written` are the later one's files, relative to the folder.
 void remove_earlier_site(const std::filesystem::path& folder, const std::vector<std::filesystem::path>& written);
 
-/// Returns the folder of the built web viewer, empty if it was not built. README.md says how to build it.
+/// Returns the folder of the web viewer among the program's own files, empty if it is not there.
 std::filesystem::path viewer_folder();
 
 /// Copies the files of a folder, except links. Throws DataError.

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ends the program with a message where the CPU lacks what it was compiled for, instead of by SIGILL. This runs before
+// the initialisation of everything else, is compiled for any x86-64, and calls no code of other files, which is not.
+#include <unistd.h>
+
+#include "kernels/core/error.h"
+#include "lib/core/cpu_features.h"
+
+namespace gs {
+namespace {
+
+/// Returns bits as in kBuiltCpuFeatures. The compiler's function takes no variable.
+unsigned features_of_this_cpu() {
+    __builtin_cpu_init();
+    unsigned bits = 0;
+    if (__builtin_cpu_supports("avx")) bits |= 1u << 0;
+    if (__builtin_cpu_supports("avx2")) bits |= 1u << 1;
+    if (__builtin_cpu_supports("fma")) bits |= 1u << 2;
+    if (__builtin_cpu_supports("bmi2")) bits |= 1u << 3;
+    if (__builtin_cpu_supports("avx512f")) bits |= 1u << 4;
+    if (__builtin_cpu_supports("avx512vl")) bits |= 1u << 5;
+    if (__builtin_cpu_supports("avx512bw")) bits |= 1u << 6;
+    if (__builtin_cpu_supports("avx512dq")) bits |= 1u << 7;
+    return bits;
+}
+
+void print(const char* text) {
+    std::size_t length = 0;
+    while (text[length] != '\0') ++length;
+    if (::write(STDERR_FILENO, text, length) < 0) return;  // nobody is left to be told
+}
+
+/// 101 is the first priority that programs may have.
+__attribute__((constructor(101))) void check_cpu() {
+    const unsigned lacking = kBuiltCpuFeatures & ~features_of_this_cpu();
+    if (lacking == 0) return;
+    print("error: this CPU lacks what this gsapp was built for:");
+    for (unsigned i = 0; i < sizeof(kCpuFeatures) / sizeof(kCpuFeatures[0]); ++i) {
+        if ((lacking >> i & 1) == 0) continue;
+        print(" ");
+        print(kCpuFeatures[i]);
+    }
+    print("\nBuild it on this machine, or for others with -DGSAPP_CPU_ARCH=x86-64-v3.\n");
+    ::_exit(static_cast<int>(ExitCode::kDevice));
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds the files that belong to the program, wherever it was installed or moved to.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace gs {
+
+/// Returns the path of `name` ("viewer") in the folder ../share/gsapp beside the folder of the running program, without
+/// symbolic links; an empty path where there is none. The build tree has the same layout, with links to the sources.
+std::filesystem::path shared_file(const std::string& name);
+
+}  // namespace gs
