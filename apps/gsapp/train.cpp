@@ -66,9 +66,13 @@ void add_train_command(CLI::App& app, Command& selected) {
                          "(without a number 8000, or any free one); 0 takes any free one")
             ->expected(0, 1)
             ->type_name("[PORT]");
+    const auto json = std::make_shared<bool>(false);
+    command->add_flag("--json", *json,
+                      "JSON lines on stdout even where that is a terminal; the table then goes to stderr");
     command->callback([=, &selected] {
         selected = [=] {
-            const TrainOptions options = arguments->resolve();
+            TrainOptions options = arguments->resolve();
+            options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
             if (*num_runs > 0)

@@ -316,7 +316,6 @@ std::vector<Option> logging_options() {
         flag("verbose", &O::verbose,
              "messages of level debug: the options in force and the files that are read, images excepted")
             .also("-v"),
-        flag("json", &O::json, "JSON lines on stdout even where that is a terminal; tables then go to stderr"),
         choice("log-level", &O::log_level, "least important messages that are shown"),
     };
 }

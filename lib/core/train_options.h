@@ -101,7 +101,7 @@ struct TrainOptions {
     GrowthBy growth_by = GrowthBy::kOpacity;
     double noise_lr = 5e5;
     // Logging
-    bool quiet = false, verbose = false, json = false;
+    bool quiet = false, verbose = false, json = false;  ///< json: of one call, in no table and no file
     LogLevel log_level = LogLevel::kInfo;
 
     /// The keys of the options that a file or a flag set. Recipes and presets leave them alone. Not an option itself.
