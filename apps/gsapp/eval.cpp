@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // gsapp eval: scores of finished runs, and a table over them.
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <memory>
 
 #include "apps/gsapp/command.h"
-#include "apps/gsapp/metrics.h"
+#include "apps/gsapp/eval.h"
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
@@ -15,17 +17,11 @@
 namespace gs {
 namespace {
 
-struct EvalArguments {
-    std::vector<std::string> runs;
-    std::int64_t iteration = -1;  ///< -1 = the last saved one
-    std::string format = "markdown";
-    std::string protocol = protocols().front().name;
-    std::string ssim_border, ppisp_eval, source, html;
-    int frame_rounds = 0;
-    MetricArguments metrics{"psnr,ssim", ""};
-    bool skip_render = false;
-    bool decompose = false;
-};
+TableFormat format_of(const EvalArguments& arguments) {
+    if (arguments.json) return TableFormat::kJson;
+    if (!arguments.format.empty()) return parse_table_format(arguments.format);
+    return ::isatty(STDOUT_FILENO) != 0 ? TableFormat::kTerminal : TableFormat::kMarkdown;
+}
 
 void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol,
               const std::vector<Metric>& metrics, const EvalArguments& arguments) {
@@ -42,9 +38,18 @@ void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, 
     evaluate_run(run, options, arguments.frame_rounds);
 }
 
+}  // namespace
+
+CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional) {
+    const std::string names = "-m,--model,--model_path";
+    return command.add_option(positional.empty() ? names : positional + "," + names, runs, "Run folders")
+        ->type_name("RUN");
+}
+
 void run_eval(const EvalArguments& arguments) {
+    if (arguments.quiet) setup_log(LogLevel::kWarn);
     // Mistakes in the words are found before any run is rendered.
-    const TableFormat format = parse_table_format(arguments.format);
+    const TableFormat format = format_of(arguments);
     Protocol protocol = find_protocol(arguments.protocol);
     if (!arguments.ssim_border.empty()) protocol.ssim_border = parse_ssim_border(arguments.ssim_border);
     std::vector<std::string> further = parse_metric_names(arguments.metrics.names);
@@ -65,22 +70,28 @@ void run_eval(const EvalArguments& arguments) {
         log_warning("views of {} and {} were corrected differently (column ppisp; protocol in results.json)",
                     rows[0].run, corrected->run);
     const Comparison comparison = compare_runs(rows);
-    std::fputs(format_comparison(comparison, format).c_str(), stdout);
+    std::fputs(format_comparison(comparison, format, arguments.marks).c_str(), stdout);
     if (arguments.html.empty()) return;
     write_report(arguments.html, comparison, {});
     log_info("the same with plots and pictures: {}", arguments.html);
 }
 
-}  // namespace
-
 void add_eval_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<EvalArguments>();
     CLI::App* command = app.add_subcommand(
         "eval", "Render and score the test views of finished runs; print one table over all of them");
-    command->add_option("runs", arguments->runs, "Run folders")->required()->type_name("RUN");
+    add_runs_option(*command, arguments->runs, "runs")->required();
     command->add_option("--iteration", arguments->iteration, "Saved iteration to evaluate (default: the last)")
         ->check(CLI::NonNegativeNumber);
-    command->add_option("--format", arguments->format, "Tables as markdown, csv, latex or json")->capture_default_str();
+    CLI::Option* format =
+        command->add_option("--format", arguments->format, "Tables as markdown (default), csv, latex or json");
+    command->add_flag("--json", arguments->json, "Short for --format json")->excludes(format);
+    command
+        ->add_option("--mark", arguments->marks,
+                     "Places that tables mark in each column, 0 to 3: bold, underlined, italic (default: 3 where more "
+                     "than three lines compare, otherwise 1)")
+        ->check(CLI::Range(0, 3));
+    command->add_flag("-q,--quiet", arguments->quiet, "No messages below warnings");
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render,
                                           "Only print the table of results that are already stored");
     add_metric_options(*command, arguments->metrics);

@@ -43,7 +43,7 @@ std::vector<std::string> known_words(const CLI::App& app) {
     return words;
 }
 
-/// Returns the message for a wrong command line. For an unknown word it names the nearest known one; otherwise it is
+/// Returns the message for a wrong command line. For an unknown word it names a known one that is near; otherwise it is
 /// CLI11's own message.
 std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
     const CLI::App* command = &app;
@@ -52,8 +52,7 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
         if (word.empty() || (word[0] != '-' && command != &app)) continue;
         const std::string name = word.substr(0, word.find('='));
         const char* kind = word[0] == '-' ? "option" : "command";
-        return "unknown " + std::string(kind) + " '" + name + "'; did you mean '" +
-               nearest_key(name, known_words(*command)) + "'?";
+        return "unknown " + std::string(kind) + " '" + name + "'" + did_you_mean(name, known_words(*command));
     }
     return error.what();
 }

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp metrics: compares two images.
+// gsapp metrics: compares two images, or scores runs under the name that 3DGS has for it.
 #include "apps/gsapp/metrics.h"
 
 #include <cstdio>
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/eval.h"
 #include "eval/metrics/compare_images.h"
+#include "kernels/core/error.h"
 #include "lib/core/json_text.h"
 
 namespace gs {
@@ -14,18 +16,32 @@ namespace {
 
 struct CompareArguments {
     std::string render, truth;
-    std::string ssim_border = "valid", lpips_range = "symmetric";
+    std::string ssim_border, lpips_range = "symmetric";
     MetricArguments metrics{"all", ""};
+    std::vector<std::string> runs;
     bool json = false;
 };
 
-void run_metrics(const CompareArguments& arguments) {
+void compare(const CompareArguments& arguments) {
     MetricOptions options = metric_options(arguments.metrics, parse_lpips_range(arguments.lpips_range));
-    options.ssim_border = parse_ssim_border(arguments.ssim_border);
+    options.ssim_border = parse_ssim_border(arguments.ssim_border.empty() ? "valid" : arguments.ssim_border);
     const auto names = parse_metric_names(arguments.metrics.names);
     const std::vector<ImageScore> scores = compare_images(arguments.render, arguments.truth, names, options);
     std::fputs(arguments.json ? (json_text(scores_json(scores), 1) + "\n").c_str() : format_scores(scores).c_str(),
                stdout);
+}
+
+void run_metrics(const CompareArguments& arguments) {
+    if (arguments.runs.empty()) {
+        if (arguments.truth.empty()) throw UsageError("metrics: name two images, RENDER and TRUTH, or runs, -m RUN");
+        return compare(arguments);
+    }
+    EvalArguments eval;
+    eval.runs = arguments.runs;
+    eval.ssim_border = arguments.ssim_border;
+    eval.metrics = arguments.metrics;
+    eval.json = arguments.json;
+    run_eval(eval);
 }
 
 }  // namespace
@@ -60,19 +76,22 @@ MetricOptions metric_options(const MetricArguments& arguments, LpipsRange lpips_
 
 void add_metrics_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<CompareArguments>();
-    CLI::App* command =
-        app.add_subcommand("metrics", "Compare two images, as 8 bits and with alpha on black, by the metrics of eval");
-    command->add_option("render", arguments->render, "The image to judge")->required()->type_name("RENDER");
-    command->add_option("truth", arguments->truth, "The image it should equal")->required()->type_name("TRUTH");
+    CLI::App* command = app.add_subcommand(
+        "metrics",
+        "Compare two images, as 8 bits and with alpha on black, by the metrics of eval; with -m RUN the same as eval");
+    CLI::Option* runs = add_runs_option(*command, arguments->runs, "");
+    command->add_option("render", arguments->render, "The image to judge")->type_name("RENDER")->excludes(runs);
+    command->add_option("truth", arguments->truth, "The image it should equal")->type_name("TRUTH")->excludes(runs);
     add_metric_options(*command, arguments->metrics);
-    command
-        ->add_option("--ssim-border", arguments->ssim_border, "SSIM at the image border: valid, reflect or zero (3DGS)")
-        ->capture_default_str();
+    command->add_option(
+        "--ssim-border", arguments->ssim_border,
+        "SSIM at the image border: valid, reflect or zero (3DGS) (default: valid; of runs as protocol paper has it)");
     command
         ->add_option("--lpips-range", arguments->lpips_range,
                      "What LPIPS is given: symmetric (mapped to [-1,1], torchmetrics with normalize=True) or unit "
                      "(left in [0,1], 3DGS)")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->excludes(runs);
     command->add_flag("--json", arguments->json,
                       "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
     command->callback([arguments, &selected] { selected = [arguments] { run_metrics(*arguments); }; });

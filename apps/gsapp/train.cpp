@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gsapp train`: trains a run, or the same with several seeds, and prints the table of scores.
+#include <unistd.h>
+
 #include <charconv>
 #include <cstdio>
 #include <memory>
@@ -18,10 +20,13 @@ namespace {
 
 /// Prints to stdout, or to stderr where a program reads JSON lines on stdout: there the table is for the people who
 /// read the messages.
-void print_table(const std::vector<TableRow>& rows, bool quiet) {
+void print_table(const std::vector<TableRow>& rows, const TrainOptions& options) {
     if (rows.empty()) return;
-    const std::string table = format_comparison(compare_runs(rows), TableFormat::kMarkdown);
-    std::fputs(table.c_str(), !quiet && default_progress_style() == ProgressStyle::kJsonLines ? stderr : stdout);
+    const bool lines = has_json_lines(progress_style(options.quiet, options.json));
+    const bool terminal = ::isatty(lines ? STDERR_FILENO : STDOUT_FILENO) != 0;
+    const std::string table =
+        format_comparison(compare_runs(rows), terminal ? TableFormat::kTerminal : TableFormat::kMarkdown);
+    std::fputs(table.c_str(), lines ? stderr : stdout);
 }
 
 /// Returns the port of --view, which may be left out. Throws UsageError for what is none.
@@ -61,17 +66,21 @@ void add_train_command(CLI::App& app, Command& selected) {
                          "(without a number 8000, or any free one); 0 takes any free one")
             ->expected(0, 1)
             ->type_name("[PORT]");
+    const auto json = std::make_shared<bool>(false);
+    command->add_flag("--json", *json,
+                      "JSON lines on stdout even where that is a terminal; the table then goes to stderr");
     command->callback([=, &selected] {
         selected = [=] {
-            const TrainOptions options = arguments->resolve();
+            TrainOptions options = arguments->resolve();
+            options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
             if (*num_runs > 0)
                 print_table(train_seeds(options, *num_runs,
                                         [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live); }),
-                            options.quiet);
+                            options);
             else if (const auto row = train_run(options, *frame_rounds, live))
-                print_table({*row}, options.quiet);
+                print_table({*row}, options);
         };
     });
 }

@@ -64,7 +64,7 @@ void check_name(const std::string& name) {
     std::vector<std::string> known = {kBudget, kPrecision};
     for (const Option& o : train_option_table())
         if (may_vary(o)) known.push_back(o.key);
-    throw UsageError(fmt::format("--axes: unknown axis '{}'; did you mean '{}'?", name, nearest_key(name, known)));
+    throw UsageError(fmt::format("--axes: unknown axis '{}'{}", name, did_you_mean(name, known)));
 }
 
 std::vector<std::string> default_values(const std::string& name, const TrainOptions& base) {

@@ -169,13 +169,23 @@ void require_same_training_views(const Checkpoint& checkpoint, const TrainOption
             "cannot be resumed with it, nor the other way round");
 }
 
+/// Returns the options in force that are not at their defaults, as "key value, ...".
+std::string changed_options(const TrainOptions& options) {
+    std::string list;
+    for (const Option& option : train_option_table())
+        if (const std::string text = option_text(option, options); text != option_text(option, TrainOptions{}))
+            list += fmt::format("{}{} {}", list.empty() ? "" : ", ", option.key, text);
+    return list;
+}
+
 /// Adds the page to what a training calls.
 TrainHooks watched(TrainHooks hooks, LiveTraining& live) {
     hooks.between = [&live](const TrainProgress& now, Backend& backend) { return live.between(now, backend); };
     hooks.evaluate = [&live, evaluate = std::move(hooks.evaluate)](std::int64_t iteration, Backend& backend,
                                                                    bool last) {
-        if (evaluate) evaluate(iteration, backend, last);
+        const auto scores = evaluate ? evaluate(iteration, backend, last) : std::nullopt;
         if (last) live.finish(iteration, backend);
+        return scores;
     };
     return hooks;
 }
@@ -199,7 +209,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     scene_choices.scores = options.eval;
     if (!options.resume.empty()) scene_choices.frame = checkpoint_frame(options);
     Scene scene = load_scene(scene_choices);
-    Progress progress(options.quiet ? ProgressStyle::kSilent : default_progress_style());
+    Progress progress(progress_style(options.quiet, options.json));
     verify(options, scene, progress);
     std::optional<TargetViews> target;
     if (options.target_psnr > 0) target.emplace(options, scene);
@@ -229,6 +239,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);
     if (resolve_no_residuals(options, scene)) plan = {};
     if (plan.json.is_null()) plan = make_plan(options, scene, held_out);
+    log_debug("options that are not at their defaults: {}", changed_options(options));
     for (const std::string& line : plan.lines) log_info("plan: {}", line);
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;

@@ -11,11 +11,19 @@
 namespace gs {
 namespace {
 
-std::string markdown_of(const TextCell& cell) {
+/// The text of cells: as Markdown, or as it is.
+enum class Dialect { kMarkdown, kTerminal };
+
+std::string escaped(const std::string& text, Dialect dialect) {
+    return dialect == Dialect::kMarkdown ? markdown_escaped(text) : one_line(text);
+}
+
+std::string text_of(const TextCell& cell, Dialect dialect) {
     static constexpr const char* kBefore[] = {"", "**", "<u>", "*"};
     static constexpr const char* kAfter[] = {"", "**", "</u>", "*"};
-    std::string text = kBefore[cell.place] + markdown_escaped(cell.text) + kAfter[cell.place];
-    return cell.deviation.empty() ? text : text + " ± " + markdown_escaped(cell.deviation);
+    const int place = dialect == Dialect::kMarkdown ? cell.place : 0;
+    std::string text = kBefore[place] + escaped(cell.text, dialect) + kAfter[place];
+    return cell.deviation.empty() ? text : text + " ± " + escaped(cell.deviation, dialect);
 }
 
 /// Counts the code points of UTF-8 text.
@@ -23,19 +31,17 @@ std::size_t width_of(const std::string& text) {
     return std::size_t(std::count_if(text.begin(), text.end(), [](unsigned char c) { return (c & 0xC0) != 0x80; }));
 }
 
-}  // namespace
-
-std::string markdown_table(const TextTable& table) {
+std::string table_text(const TextTable& table, Dialect dialect) {
     std::vector<std::vector<std::string>> lines(1);
-    for (const std::string& title : table.header) lines[0].push_back(markdown_escaped(title));
+    for (const std::string& title : table.header) lines[0].push_back(escaped(title, dialect));
     for (const auto& line : table.lines) {
         lines.emplace_back();
-        for (const TextCell& cell : line) lines.back().push_back(markdown_of(cell));
+        for (const TextCell& cell : line) lines.back().push_back(text_of(cell, dialect));
     }
     std::vector<std::size_t> widths(table.header.size(), 3);
     for (const auto& line : lines)
         for (std::size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], width_of(line[c]));
-    std::string text = table.title.empty() ? "" : fmt::format("### {}\n\n", markdown_escaped(table.title));
+    std::string text = table.title.empty() ? "" : fmt::format("### {}\n\n", escaped(table.title, dialect));
     for (std::size_t i = 0; i < lines.size(); ++i) {
         text += "|";
         for (std::size_t c = 0; c < widths.size(); ++c) {
@@ -52,5 +58,10 @@ std::string markdown_table(const TextTable& table) {
     }
     return text;
 }
+
+}  // namespace
+
+std::string markdown_table(const TextTable& table) { return table_text(table, Dialect::kMarkdown); }
+std::string terminal_table(const TextTable& table) { return table_text(table, Dialect::kTerminal); }
 
 }  // namespace gs

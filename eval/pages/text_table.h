@@ -26,4 +26,7 @@ struct TextTable {
 /// too.
 std::string markdown_table(const TextTable& table);
 
+/// Returns the same without escapes and marks of places, for people who read it on a terminal.
+std::string terminal_table(const TextTable& table);
+
 }  // namespace gs

@@ -36,14 +36,27 @@ std::optional<double> as_double(const std::optional<std::int64_t>& n) {
 
 const std::vector<Column>& cost_columns() {
     static const std::vector<Column> columns = {
-        {"residual_share", "residuals", Better::kNeither, percent, [](const TableRow& r) { return r.residual_share; }},
+        {"residual_share",
+         "residuals",
+         Better::kNeither,
+         percent,
+         [](const TableRow& r) { return r.residual_share; },
+         {{"%", 100, 1}}},
         {"bytes_per_gaussian", "bytes/G", Better::kLower, whole,
          [](const TableRow& r) { return as_double(r.bytes_per_gaussian); }},
         {"num_gaussians", "#Gs", Better::kNeither, whole, [](const TableRow& r) { return as_double(r.num_gaussians); }},
-        {"train_seconds", "train time", Better::kLower, duration_text,
-         [](const TableRow& r) { return r.train_seconds; }},
-        {"peak_device_bytes", "peak memory", Better::kLower, gibibytes,
-         [](const TableRow& r) { return as_double(r.peak_device_bytes); }},
+        {"train_seconds",
+         "train time",
+         Better::kLower,
+         duration_text,
+         [](const TableRow& r) { return r.train_seconds; },
+         {{"s", 1, 1}, {"min", 1 / 60.0, 1}, {"h", 1 / 3600.0, 2}}},
+        {"peak_device_bytes",
+         "peak memory",
+         Better::kLower,
+         gibibytes,
+         [](const TableRow& r) { return as_double(r.peak_device_bytes); },
+         {{"GiB", 1 / double(1 << 30), 2}}},
         {"fps", "FPS", Better::kHigher, one_digit, [](const TableRow& r) {
              return r.frame_seconds && *r.frame_seconds > 0 ? std::optional(1 / *r.frame_seconds) : std::nullopt;
          }}};
@@ -66,6 +79,13 @@ std::vector<Column> table_columns(const std::vector<TableRow>& rows) {
     for (const std::string& name : wanted) columns.push_back({name, name, Better::kNeither, four_digits});
     columns.insert(columns.end(), cost_columns().begin(), cost_columns().end());
     return columns;
+}
+
+const ColumnUnit& column_unit(const Column& column, double largest) {
+    const ColumnUnit* unit = &column.units.front();
+    for (const ColumnUnit& other : column.units)
+        if (largest * other.factor >= 2) unit = &other;
+    return *unit;
 }
 
 std::optional<double> column_value(const Column& column, const TableRow& row) {

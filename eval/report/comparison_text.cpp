@@ -13,11 +13,18 @@ namespace {
 
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
-TextCell cell_of(const ComparisonLine& line, const Column& column, const std::optional<ColumnStats>& stats) {
+/// Writes a value of a column: with its unit, or in `unit`, which the heading names.
+std::string value_text(const Column& column, const ColumnUnit* unit, double value) {
+    return unit ? fmt::format("{:.{}f}", value * unit->factor, unit->decimals) : column.text(value);
+}
+
+TextCell cell_of(const ComparisonLine& line, const Column& column, const ColumnUnit* unit,
+                 const std::optional<ColumnStats>& stats) {
     if (stats) {
         // "+- 0" says something about a metric; sizes are mostly equal by construction.
         const bool varies = stats->deviation && (!column.cost || *stats->deviation > 0);
-        return {column.text(stats->mean), varies ? column.text(*stats->deviation) : "", stats->place};
+        return {value_text(column, unit, stats->mean), varies ? value_text(column, unit, *stats->deviation) : "",
+                stats->place};
     }
     if (column.cost) return {"-", "", 0};
     const auto lacks_weights = [&](const TableRow& row) {
@@ -60,8 +67,9 @@ std::string latex(const TextTable& table, const std::string& protocol) {
         for (const TextCell& cell : line) cells.push_back(latex_of(cell));
         text += joined(cells);
     }
-    return text + fmt::format("\\bottomrule\n\\multicolumn{{{}}}{{l}}{{\\footnotesize {}}} \\\\\n\\end{{tabular}}\n",
-                              table.header.size(), latex_escaped(protocol));
+    // The protocol is a paragraph of its own, because a cell of that length would widen the table.
+    return text + fmt::format("\\bottomrule\n\\end{{tabular}}\n\\par\\smallskip\n{{\\footnotesize {}\\par}}\n",
+                              latex_escaped(protocol));
 }
 
 }  // namespace
@@ -74,7 +82,9 @@ TableFormat parse_table_format(const std::string& name) {
     throw UsageError(fmt::format("--format: '{}' is not one of markdown, csv, latex, json", name));
 }
 
-TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns) {
+TextTable text_table(const ComparisonTable& table, const std::vector<Column>& columns, std::optional<int> marks,
+                     bool units_in_header) {
+    const int most_places = marks ? *marks : table.lines.size() > 3 ? 3 : 1;
     const auto any = [&](auto says) { return std::any_of(table.lines.begin(), table.lines.end(), says); };
     const bool options = any([](const ComparisonLine& l) { return !l.options.empty(); });
     const bool correction = any([](const ComparisonLine& l) { return !l.correction.empty() && l.correction != "off"; });
@@ -92,10 +102,18 @@ TextTable text_table(const ComparisonTable& table, const std::vector<Column>& co
     if (repeated) out.header.push_back("worst run, PSNR");
     out.num_labels = out.header.size();
     std::vector<std::size_t> shown;
+    std::vector<const ColumnUnit*> units;
     for (std::size_t c = 0; c < columns.size(); ++c) {
         if (columns[c].cost && !any([&](const ComparisonLine& l) { return l.values[c].has_value(); })) continue;
         shown.push_back(c);
-        out.header.push_back(columns[c].title);
+        units.push_back(nullptr);
+        if (units_in_header && !columns[c].units.empty()) {
+            double largest = 0;
+            for (const ComparisonLine& line : table.lines)
+                if (line.values[c]) largest = std::max(largest, line.values[c]->mean);
+            units.back() = &column_unit(columns[c], largest);
+        }
+        out.header.push_back(columns[c].title + (units.back() ? fmt::format(" ({})", units.back()->name) : ""));
     }
     for (const ComparisonLine& line : table.lines) {
         std::vector<TextCell> cells = {
@@ -103,21 +121,27 @@ TextTable text_table(const ComparisonTable& table, const std::vector<Column>& co
         if (options) cells.push_back({or_dash(line.options), "", 0});
         if (correction) cells.push_back({or_dash(line.correction), "", 0});
         if (repeated) cells.push_back(worst_cell(line, columns[0], line.values[0]));
-        for (const std::size_t c : shown) cells.push_back(cell_of(line, columns[c], line.values[c]));
+        for (std::size_t k = 0; k < shown.size(); ++k) {
+            cells.push_back(cell_of(line, columns[shown[k]], units[k], line.values[shown[k]]));
+            if (cells.back().place > most_places) cells.back().place = 0;
+        }
         out.lines.push_back(std::move(cells));
     }
     return out;
 }
 
-std::string format_comparison(const Comparison& comparison, TableFormat format) {
+std::string format_comparison(const Comparison& comparison, TableFormat format, std::optional<int> marks) {
     if (format == TableFormat::kCsv) return comparison_csv(comparison);
     if (format == TableFormat::kJson) return comparison_json(comparison);
     std::string text;
     for (const ComparisonTable& table : comparison.tables) {
         if (!text.empty()) text += "\n";
-        const TextTable cells = text_table(table, comparison.columns);
-        text += format == TableFormat::kLatex ? latex(cells, comparison.protocol)
-                                              : markdown_table(cells) + "\n" + comparison.protocol + "\n";
+        const TextTable cells = text_table(table, comparison.columns, marks, format == TableFormat::kLatex);
+        if (format == TableFormat::kLatex)
+            text += latex(cells, comparison.protocol);
+        else
+            text += (format == TableFormat::kTerminal ? terminal_table(cells) : markdown_table(cells)) + "\n" +
+                    comparison.protocol + "\n";
     }
     return text;
 }

@@ -22,7 +22,7 @@ TrainingEvaluation::TrainingEvaluation(const TrainOptions& options, const Scene&
     background_ = options.background.color;  // black where the training draws random ones
 }
 
-void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bool last) {
+std::optional<TestScores> TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bool last) {
     // Pictures of intermediate iterations would fill disks; their scores are kept.
     eval_ = {.run_folder = last ? std::filesystem::path(options_.model) : std::filesystem::path(),
              .iteration = iteration,
@@ -43,6 +43,7 @@ void TrainingEvaluation::operator()(std::int64_t iteration, Backend& backend, bo
                      {"psnr", result_.psnr},
                      {"ssim", result_.ssim},
                      {"ppisp_eval", correction_name(eval_.correction.mode)}});
+    return TestScores{result_.psnr, result_.ssim, result_.views.size()};
 }
 
 void TrainingEvaluation::finish(const TrainSummary& summary, const nlohmann::ordered_json& plan) {

@@ -22,8 +22,8 @@ class TrainingEvaluation {
     TrainingEvaluation(const TrainOptions& options, const Scene& scene, Progress& progress, int frame_rounds);
 
     /// Scores the test views after `iteration` iterations and writes results.json. After the last iteration also writes
-    /// the pictures and comparison.png.
-    void operator()(std::int64_t iteration, Backend& backend, bool last);
+    /// the pictures and comparison.png. Returns the means.
+    std::optional<TestScores> operator()(std::int64_t iteration, Backend& backend, bool last);
 
     /// Adds to results.json what is known only after the training: its time, its memory, how automatic options were
     /// decided, and the `plan` with what came of it, null if there was none.

@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "kernels/core/error.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
@@ -51,10 +52,12 @@ std::string input_fault(const fs::path& path) {
     return {};
 }
 
-std::ifstream open_input(const fs::path& path) {
+std::ifstream open_input(const fs::path& path, LogLevel message) {
     if (const std::string fault = input_fault(path); !fault.empty()) fail(path, "cannot be read: " + fault);
     std::ifstream in(path, std::ios::binary);
     if (!in) fail(path, fmt::format("cannot be read: {}", std::strerror(errno)));
+    const std::string name = path.string();
+    log_message(message, "reading {}", fmt::make_format_args(name));
     return in;
 }
 

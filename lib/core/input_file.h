@@ -9,14 +9,17 @@
 #include <string>
 #include <vector>
 
+#include "lib/core/choices.h"
+
 namespace gs {
 
 /// Returns why `path` cannot be read as an input file ("No such file or directory", "it is a named pipe (FIFO), not a
 /// regular file", ...), and an empty string where it can. Never waits for a pipe or a device.
 std::string input_fault(const std::filesystem::path& path);
 
-/// Opens a regular file for reading, in binary mode. Throws DataError "PATH: cannot be read: REASON".
-std::ifstream open_input(const std::filesystem::path& path);
+/// Opens a regular file for reading, in binary mode, and says so in a message of level `message`. Throws DataError
+/// "PATH: cannot be read: REASON".
+std::ifstream open_input(const std::filesystem::path& path, LogLevel message = LogLevel::kDebug);
 
 /// Reads a whole regular file. Throws DataError as `open_input` does.
 std::string read_input(const std::filesystem::path& path);

@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 
 #include "kernels/core/error.h"
@@ -19,6 +20,8 @@ void setup_log(LogLevel level) {
     auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
     // On a terminal a message first erases the progress line; the bar is drawn again below it.
     sink->set_pattern(::isatty(STDERR_FILENO) != 0 ? "\r\033[K%^%l%$: %v" : "%l: %v");
+    if (const char* no_color = std::getenv("NO_COLOR"); no_color && *no_color)  // https://no-color.org
+        sink->set_color_mode(spdlog::color_mode::never);
     auto logger = std::make_shared<spdlog::logger>("gsapp", sink);
     logger->set_level(spdlog::level::from_str(word(level)));
     logger->flush_on(spdlog::level::info);

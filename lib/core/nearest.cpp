@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <limits>
 
 namespace gs {
 namespace {
@@ -39,15 +38,22 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 
 std::string nearest_key(const std::string& key, const std::vector<std::string>& candidates) {
     std::string best;
-    std::size_t best_distance = std::numeric_limits<std::size_t>::max();
+    // A third of the letters may be wrong. What shares less with every candidate is none of them misspelt.
+    const std::string wanted = folded(key);
+    std::size_t best_distance = std::max<std::size_t>(1, wanted.size() / 3) + 1;
     for (const std::string& candidate : candidates) {
-        const std::size_t distance = edit_distance(folded(key), folded(candidate));
+        const std::size_t distance = edit_distance(wanted, folded(candidate));
         if (distance < best_distance) {
             best_distance = distance;
             best = candidate;
         }
     }
     return best;
+}
+
+std::string did_you_mean(const std::string& key, const std::vector<std::string>& candidates) {
+    const std::string nearest = nearest_key(key, candidates);
+    return nearest.empty() ? "" : "; did you mean '" + nearest + "'?";
 }
 
 }  // namespace gs

@@ -49,8 +49,7 @@ struct Option {
     std::vector<std::string> choices = {};  ///< allowed words; empty = see `values`
     std::string values = {};                ///< allowed values in words, where neither range nor choices say it
     std::vector<std::string> names = {};    ///< further spellings shown in the help ("-s", "--output")
-    std::vector<std::string> hidden_names = {};  ///< spellings of other programs, accepted but not shown
-    std::string implicit = {};                   ///< value when the flag stands alone; empty = the flag needs a value
+    std::string implicit = {};              ///< value when the flag stands alone; empty = the flag needs a value
 };
 
 /// All options, grouped, in the order of TrainOptions.

@@ -8,6 +8,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
+#include "lib/core/log.h"
 
 namespace gs {
 namespace {
@@ -38,10 +39,13 @@ std::string help_text(const Option& option) {
 }
 
 std::vector<std::string> hidden_spellings(const Option& option) {
-    std::vector<std::string> names = option.hidden_names;
     std::string underscores = "--" + option.key;
     std::replace(underscores.begin() + 2, underscores.end(), '-', '_');
-    if (underscores != "--" + option.key) names.push_back(underscores);
+    std::vector<std::string> names = {underscores};
+    for (const ForeignProgram& program : foreign_programs())
+        for (const ForeignOption& foreign : program.options)
+            if (foreign.use == ForeignUse::kSynonym && foreign.key == option.key)
+                for (const std::string& name : spellings(foreign)) names.push_back(name);
     return names;
 }
 
@@ -70,25 +74,65 @@ CLI::Option* TrainArguments::declare_spelling(CLI::App& app, const Option& optio
     return cli;
 }
 
+/// Returns those of `names` that are not declared yet, with commas between, as CLI11 takes them.
+std::string TrainArguments::new_names(const std::vector<std::string>& names) {
+    std::string list;
+    for (const std::string& name : names)
+        if (names_.insert(name).second) list += (list.empty() ? "" : ",") + name;
+    return list;
+}
+
 void TrainArguments::declare(CLI::App& app, const Option& option) {
-    std::string names = fmt::format("{}", fmt::join(option.names, ","));
-    names += (names.empty() ? "--" : ",--") + option.key;
-    if (option.key == "source") names += ",scene";
+    std::vector<std::string> own = option.names;
+    own.push_back("--" + option.key);
+    if (option.key == "source") own.push_back("scene");
+    const std::string names = new_names(own);
     CLI::Option* visible = declare_spelling(app, option, names)->group(option.group);
     const std::string default_text = option_text(option, TrainOptions{});
     if (!is_switch(option) && option.implicit.empty() && default_text != "[]") visible->default_str(default_text);
-    if (const auto hidden = hidden_spellings(option); !hidden.empty()) {
-        declare_spelling(app, option, fmt::format("{}", fmt::join(hidden, ",")))->group("");
-    }
+    if (const std::string hidden = new_names(hidden_spellings(option)); !hidden.empty())
+        declare_spelling(app, option, hidden)->group("");
 }
 
 TrainArguments::TrainArguments(CLI::App& app, const std::string& without) {
     app.add_option("-c,--config", config_, "YAML file with options; flags override it")->type_name("FILE");
     for (const Option& option : train_option_table())
         if (option.key != without) declare(app, option);
-    const std::string white_help = "short for --background white; overrides --background";
-    white_.push_back(app.add_flag("-w,--white-background", white_help)->group("Run"));
-    white_.push_back(app.add_flag("--white_background", white_help)->group(""));
+    declare_foreign(app, without);
+    app.get_option("-w")->group("Run")->description("short for --background white; overrides --background");
+}
+
+void TrainArguments::declare_foreign(CLI::App& app, const std::string& without) {
+    for (const ForeignProgram& program : foreign_programs())
+        for (const ForeignOption& foreign : program.options) {
+            const bool left_out = !without.empty() && foreign.key == without;
+            if (foreign.use == ForeignUse::kSynonym || left_out) continue;
+            const std::string names = new_names(spellings(foreign));
+            if (names.empty()) continue;
+            const bool takes_value = foreign.use != ForeignUse::kSets && !foreign.is_switch;
+            CLI::Option* cli =
+                takes_value ? app.add_option(names, [](const CLI::results_t&) { return true; }) : app.add_flag(names);
+            foreign_.push_back({&program, &foreign, cli->group("")});
+        }
+}
+
+/// Returns whether the command line asks for something by this flag: not with `--flag=false`, nor with the value that
+/// asks for nothing.
+bool TrainArguments::ForeignFlag::given() const {
+    if (cli->count() == 0) return false;
+    const bool has_value = option->use != ForeignUse::kSets && !option->is_switch;
+    return has_value ? cli->results().back() != option->value : cli->as<bool>();
+}
+
+void TrainArguments::check_foreign() const {
+    for (const ForeignFlag& flag : foreign_) {
+        if (!flag.given()) continue;
+        if (flag.option->use == ForeignUse::kMissing)
+            throw UsageError(
+                fmt::format("{} of {}: not yet: {}", flag.option->name, flag.program->name, flag.option->note));
+        if (flag.option->use == ForeignUse::kIgnored)
+            log_warning("{} of {} is ignored: {}", flag.option->name, flag.program->name, flag.option->note);
+    }
 }
 
 void TrainArguments::apply_flags(TrainOptions& options) const {
@@ -104,8 +148,19 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
             set_option(options, *flag.option, flag.cli->reduced_results(), "--" + flag.option->key);
         }
     }
-    const bool white = std::any_of(white_.begin(), white_.end(), [](const CLI::Option* o) { return o->count() > 0; });
-    if (white) options.background = Background::white();
+    const ForeignFlag* other = nullptr;
+    for (const ForeignFlag& flag : foreign_) {
+        if (flag.option->use != ForeignUse::kSets || !flag.given()) continue;
+        if (other && other->option->key == flag.option->key && other->option->value != flag.option->value)
+            throw UsageError(fmt::format("{} and {}: not yet: each sets --{}, which has one value", other->option->name,
+                                         flag.option->name, flag.option->key));
+        other = &flag;
+        const auto& table = train_option_table();
+        set_option(options,
+                   *std::find_if(table.begin(), table.end(),
+                                 [&](const Option& option) { return option.key == flag.option->key; }),
+                   {flag.option->value}, flag.option->name);
+    }
 }
 
 TrainOptions TrainArguments::base(bool stored_run) const {
@@ -128,6 +183,7 @@ TrainOptions TrainArguments::resolve(const ResolveRules& rules) const {
 }
 
 TrainOptions TrainArguments::combine(const ResolveRules& rules) const {
+    check_foreign();
     TrainOptions options = base(rules.stored_run);
     apply_flags(options);
     if (options.source.empty()) options.source = rules.default_source;

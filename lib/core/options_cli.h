@@ -3,10 +3,12 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "lib/core/foreign_options.h"
 #include "lib/core/options.h"
 
 namespace gs {
@@ -17,9 +19,9 @@ struct ResolveRules {
     std::string default_source;  ///< scene used if none is named
 };
 
-/// Declares every option of the table on `app`, with its aliases and hidden spellings, plus `--config` and
-/// `--white-background`. Leaves out `without`, the key of an option whose flag means something else in a subcommand.
-/// The object must live until `resolve` was called.
+/// Declares every option of the table on `app`, with its aliases and, hidden, its spelling with underscores and those
+/// of other programs (foreign_options.h), plus `--config` and `--white-background`. Leaves out `without`, the key of an
+/// option whose flag means something else in a subcommand. The object must live until `resolve` was called.
 class TrainArguments {
   public:
     explicit TrainArguments(CLI::App& app, const std::string& without = "");
@@ -28,7 +30,8 @@ class TrainArguments {
 
     /// Returns the validated options: defaults, overridden by the file of --config, overridden by the flags. A run that
     /// is resumed without --config uses the config.yaml of its output folder, so that only changes need flags. Call it
-    /// after parsing. Throws UsageError.
+    /// after parsing. Warns of options of other programs that change nothing here. Throws UsageError, also for those
+    /// that ask for what is missing here.
     TrainOptions resolve(const ResolveRules& rules = {}) const;
 
     /// Returns the same options without validating them, for callers that still change them.
@@ -37,15 +40,27 @@ class TrainArguments {
   private:
     TrainOptions base(bool stored_run) const;
     void apply_flags(TrainOptions& options) const;
+    void check_foreign() const;
     struct Flag {
         const Option* option;
         CLI::Option* cli;
     };
+    /// An option of another program that is no synonym.
+    struct ForeignFlag {
+        const ForeignProgram* program;
+        const ForeignOption* option;
+        CLI::Option* cli;
+
+        bool given() const;
+    };
     void declare(CLI::App& app, const Option& option);
+    void declare_foreign(CLI::App& app, const std::string& without);
+    std::string new_names(const std::vector<std::string>& names);
     CLI::Option* declare_spelling(CLI::App& app, const Option& option, const std::string& names);
 
     std::vector<Flag> flags_;
-    std::vector<CLI::Option*> white_;  ///< both spellings of --white-background
+    std::vector<ForeignFlag> foreign_;
+    std::set<std::string> names_;  ///< all that are declared
     std::string config_;
 };
 

@@ -34,10 +34,9 @@ std::string options_markdown() {
         "with `parent:` (relative to itself), which is read first. Other paths are relative to the working directory.\n"
         "The scene may also be given without `-s`. `-w`, `--white-background` is short for `--background white`.\n"
         "`--eval=false` and the like switch off what a file has switched on.\n\n"
-        "Flags are also accepted with underscores (`--cap_max`), and under the names 3DGS uses (`--source_path`,\n"
-        "`--model_path`, `--white_background`, `--start_checkpoint`). The options of a run, after all this, are stored "
-        "as\n"
-        "`config.yaml` in its output folder.\n";
+        "Flags are also accepted with underscores (`--cap_max`), and as [3DGS, gsplat and nerfstudio spell\n"
+        "them](coming-from.md). The options of a run, after all this, are stored as `config.yaml` in its output "
+        "folder.\n";
     std::string group;
     for (const Option& option : train_option_table()) {
         if (option.group != group) {

@@ -40,8 +40,9 @@ const Option& find_option(const std::string& key, const std::string& where) {
     if (found != table.end()) return *found;
     std::vector<std::string> keys = {kParentKey};
     for (const Option& option : table) keys.push_back(option.key);
-    throw UsageError(
-        fmt::format("{}: unknown key '{}'; the nearest known key is '{}'", where, key, nearest_key(key, keys)));
+    const std::string nearest = nearest_key(key, keys);
+    throw UsageError(fmt::format("{}: unknown key '{}'{}", where, key,
+                                 nearest.empty() ? "" : fmt::format("; the nearest known key is '{}'", nearest)));
 }
 
 const char* kind_of(const YAML::Node& node) {

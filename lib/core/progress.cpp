@@ -3,8 +3,10 @@
 #include "lib/core/progress.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -24,6 +26,11 @@ std::string clock_text(double seconds) {
     return fmt::format("{}:{:02}", s / 60, s % 60);
 }
 
+int terminal_columns() {
+    winsize size{};
+    return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
 nlohmann::ordered_json finite_or_null(double value) {
     if (!std::isfinite(value)) return nullptr;
     return value;
@@ -31,52 +38,84 @@ nlohmann::ordered_json finite_or_null(double value) {
 
 }  // namespace
 
-ProgressStyle default_progress_style() {
-    return ::isatty(STDERR_FILENO) != 0 ? ProgressStyle::kBar : ProgressStyle::kJsonLines;
+ProgressStyle progress_style(bool quiet, bool json) {
+    const bool bar = !quiet && ::isatty(STDERR_FILENO) != 0, lines = json || (!quiet && ::isatty(STDOUT_FILENO) == 0);
+    if (bar && lines) return ProgressStyle::kBarAndJsonLines;
+    return bar ? ProgressStyle::kBar : lines ? ProgressStyle::kJsonLines : ProgressStyle::kSilent;
+}
+
+std::string fitting_line(const std::vector<std::string>& parts, int columns) {
+    const auto most = std::size_t(std::max(columns, 1));
+    std::string line;
+    for (const std::string& part : parts) {
+        const std::string gap = line.empty() ? "" : "  ";
+        if (!line.empty() && line.size() + gap.size() + part.size() > most) break;
+        line += gap + part;
+    }
+    return line.substr(0, most);
 }
 
 Progress::Progress(ProgressStyle style)
-    : Progress(style, std::cerr, std::cout, style == ProgressStyle::kBar ? kBarInterval : kLineInterval) {}
+    : style_(style),
+      bar_{has_bar(style), std::cerr, kBarInterval},
+      lines_{has_json_lines(style), std::cout, kLineInterval},
+      columns_(0) {}
 
-Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines)
-    : style_(style), bar_(bar), lines_(lines), interval_(seconds_between_lines) {}
+Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines,
+                   int columns)
+    : style_(style),
+      bar_{has_bar(style), bar, seconds_between_lines},
+      lines_{has_json_lines(style), lines, seconds_between_lines},
+      columns_(columns) {}
 
 void Progress::start(std::int64_t total, std::int64_t done, const std::string& stage) {
     stage_ = stage;
     total_ = total;
-    shown_iteration_ = done;
-    shown_time_ = seconds_now();
+    rated_iteration_ = bar_.shown_iteration = lines_.shown_iteration = done;
+    rated_time_ = bar_.shown_time = lines_.shown_time = seconds_now();
     rate_ = 0;
 }
 
-bool Progress::due(std::int64_t iteration) const {
-    if (style_ == ProgressStyle::kSilent || iteration <= shown_iteration_) return false;
-    return iteration == total_ || seconds_now() - shown_time_ >= interval_;
+bool Progress::due(const Outlet& outlet, std::int64_t iteration) const {
+    if (!outlet.open || iteration <= outlet.shown_iteration) return false;
+    return iteration == total_ || seconds_now() - outlet.shown_time >= outlet.interval;
 }
 
+bool Progress::due(std::int64_t iteration) const { return due(bar_, iteration) || due(lines_, iteration); }
+
 void Progress::update(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
-    if (!due(iteration)) return;
-    const double now = seconds_now(), seconds = now - shown_time_;
-    if (seconds > 0) {
-        const double latest = double(iteration - shown_iteration_) / seconds;
+    const bool bar = due(bar_, iteration), line = due(lines_, iteration);
+    if (!bar && !line) return;
+    const double now = seconds_now(), seconds = now - rated_time_;
+    if (seconds > 0 && iteration > rated_iteration_) {
+        const double latest = double(iteration - rated_iteration_) / seconds;
         // Smoothed over a few lines, because iterations get slower as the model grows and single ones differ by view.
         rate_ = rate_ == 0 ? latest : 0.7 * rate_ + 0.3 * latest;
     }
-    shown_iteration_ = iteration;
-    shown_time_ = now;
-    if (style_ == ProgressStyle::kBar)
+    rated_iteration_ = iteration;
+    rated_time_ = now;
+    if (bar) {
+        bar_.shown_iteration = iteration, bar_.shown_time = now;
         show_bar(iteration, loss, num_gaussians);
-    else
+    }
+    if (line) {
+        lines_.shown_iteration = iteration, lines_.shown_time = now;
         show_line(iteration, loss, num_gaussians);
+    }
+}
+
+void Progress::draw(const std::vector<std::string>& parts) {
+    // The last column stays free: a full line makes some terminals begin the next one.
+    const int columns = columns_ > 0 ? columns_ : terminal_columns();
+    bar_.stream << "\r\033[K" << fitting_line(parts, columns - 1) << std::flush;
+    bar_open_ = true;
 }
 
 void Progress::show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
-    bar_ << fmt::format("\r\033[K{}{}/{} {:3.0f}%  loss {:.4f}  {} Gaussians  {:.1f} it/s  ETA {}",
-                        stage_.empty() ? "" : stage_ + " ", iteration, total_,
-                        100.0 * double(iteration) / double(total_), loss, num_gaussians, rate_,
-                        rate_ > 0 ? clock_text(eta_seconds(iteration)) : "-")
-         << std::flush;
-    bar_open_ = true;
+    draw({fmt::format("{}{}/{} {:3.0f}%", stage_.empty() ? "" : stage_ + " ", iteration, total_,
+                      100.0 * double(iteration) / double(total_)),
+          fmt::format("ETA {}", rate_ > 0 ? clock_text(eta_seconds(iteration)) : "-"), fmt::format("loss {:.4f}", loss),
+          fmt::format("{} Gaussians", num_gaussians), fmt::format("{:.1f} it/s", rate_)});
 }
 
 void Progress::show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
@@ -86,28 +125,28 @@ void Progress::show_line(std::int64_t iteration, double loss, std::int64_t num_g
     line["iterations_per_second"] = rate_ > 0 ? finite_or_null(rate_) : nullptr;
     line["eta_seconds"] = rate_ > 0 ? finite_or_null(eta_seconds(iteration)) : nullptr;
     if (!stage_.empty()) line["stage"] = stage_;
-    lines_ << json_text(line) << std::endl;
+    lines_.stream << json_text(line) << std::endl;
 }
 
 void Progress::count(const std::string& what, std::int64_t done, std::int64_t total) {
     const double now = seconds_now();
-    if (shown_time_ == 0) shown_time_ = now;
-    if (style_ == ProgressStyle::kSilent || now - shown_time_ < interval_) return;
-    shown_time_ = now;
-    if (style_ == ProgressStyle::kBar) {
-        bar_ << fmt::format("\r\033[K{} {}/{}", what, done, total) << std::flush;
-        bar_open_ = true;
-    } else {
-        event({{"event", "count"}, {"what", what}, {"done", done}, {"total", total}});
+    for (Outlet* outlet : {&bar_, &lines_}) {
+        if (outlet->shown_time == 0) outlet->shown_time = now;
+        if (!outlet->open || now - outlet->shown_time < outlet->interval) continue;
+        outlet->shown_time = now;
+        if (outlet == &bar_)
+            draw({fmt::format("{} {}/{}", what, done, total)});
+        else
+            event({{"event", "count"}, {"what", what}, {"done", done}, {"total", total}});
     }
 }
 
 void Progress::event(const nlohmann::ordered_json& line) {
-    if (style_ == ProgressStyle::kJsonLines) lines_ << json_text(line) << std::endl;
+    if (lines_.open) lines_.stream << json_text(line) << std::endl;
 }
 
 void Progress::finish() {
-    if (bar_open_) bar_ << std::endl;
+    if (bar_open_) bar_.stream << std::endl;
     bar_open_ = false;
 }
 

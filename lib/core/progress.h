@@ -6,25 +6,39 @@
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 namespace gs {
 
-enum class ProgressStyle { kBar, kJsonLines, kSilent };
+enum class ProgressStyle { kSilent, kBar, kJsonLines, kBarAndJsonLines };
 
-/// Returns the bar when stderr is a terminal, JSON lines otherwise.
-ProgressStyle default_progress_style();
+inline bool has_bar(ProgressStyle style) {
+    return style == ProgressStyle::kBar || style == ProgressStyle::kBarAndJsonLines;
+}
+inline bool has_json_lines(ProgressStyle style) {
+    return style == ProgressStyle::kJsonLines || style == ProgressStyle::kBarAndJsonLines;
+}
+
+/// Returns JSON lines where stdout is no terminal or `json` asks for them, and the bar where stderr is a terminal.
+/// With `quiet` there is no bar, and no JSON lines but those that `json` asks for.
+ProgressStyle progress_style(bool quiet, bool json);
+
+/// Joins as many of `parts`, the first ones, as fit on a line of `columns` characters; cuts the first if it must.
+std::string fitting_line(const std::vector<std::string>& parts, int columns);
 
 /// Shows iteration, loss, number of Gaussians, speed and remaining time.
 ///
-/// The bar goes to stderr, at most ten times a second. JSON lines go to stdout, at most one a second besides the last:
+/// The bar goes to stderr, at most ten times a second, and never takes more than one line of the terminal. JSON lines
+/// go to stdout, at most one a second besides the last:
 ///   {"event":"progress","iteration":700,"iterations":30000,"loss":0.0812,"num_gaussians":94477,
 ///    "iterations_per_second":21.4,"eta_seconds":1369.2}
 /// `loss` is null when it is not finite; speed and ETA are null while they are not known.
 class Progress {
   public:
     explicit Progress(ProgressStyle style);
-    /// For tests: other streams, and another minimum time between two lines.
-    Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines);
+    /// For tests: other streams, another minimum time between two lines, and a terminal of `columns` characters.
+    Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, double seconds_between_lines,
+             int columns = 200);
 
     ProgressStyle style() const { return style_; }
 
@@ -52,18 +66,27 @@ class Progress {
     void finish();
 
   private:
+    /// One of the two ways to show progress.
+    struct Outlet {
+        bool open;
+        std::ostream& stream;
+        double interval;  ///< seconds between two lines
+        std::int64_t shown_iteration = 0;
+        double shown_time = 0;
+    };
+    bool due(const Outlet& outlet, std::int64_t iteration) const;
+    void draw(const std::vector<std::string>& parts);
     void show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     void show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     double eta_seconds(std::int64_t iteration) const { return double(total_ - iteration) / rate_; }
 
     ProgressStyle style_;
-    std::ostream& bar_;
-    std::ostream& lines_;
-    double interval_;  ///< seconds between two lines
+    Outlet bar_, lines_;
+    int columns_;  ///< 0 = those of the terminal
     std::string stage_;
     std::int64_t total_ = 0;
-    std::int64_t shown_iteration_ = 0;
-    double shown_time_ = 0;
+    std::int64_t rated_iteration_ = 0;  ///< the last one shown, from which the speed counts
+    double rated_time_ = 0;
     double rate_ = 0;        ///< iterations per second, smoothed; 0 = not known yet
     bool bar_open_ = false;  ///< the cursor is at the end of a bar
 };

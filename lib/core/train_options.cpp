@@ -19,8 +19,6 @@ constexpr double kMaxIterations = 2147483647.0;
 struct Entry : Option {
     /// Sets further spellings, which the help shows.
     template <class... Names> Entry also(Names... more) { return names = {more...}, *this; }
-    /// Sets the spellings of other programs.
-    template <class... Names> Entry also_hidden(Names... more) { return hidden_names = {more...}, *this; }
     /// A word that may stand in place of the number, stored as NaN.
     Entry or_word(std::string text) { return nan_word = std::move(text), *this; }
     /// A word for the largest number.
@@ -71,11 +69,9 @@ std::vector<Option> input_options() {
     return {
         text("source", &O::source, "folder, file or builtin:NAME",
              "scene to train on: a COLMAP folder, a NeRF-synthetic folder, a transforms.json, or builtin:NAME")
-            .also("-s")
-            .also_hidden("--source_path", "--source-path", "--data-path"),
+            .also("-s"),
         text("model", &O::model, "folder", "output folder; empty: output/SCENE-APPEARANCE-N with the first free N")
-            .also("-m", "-o", "--output")
-            .also_hidden("--model_path", "--model-path", "--output-path"),
+            .also("-m", "-o", "--output"),
         text("images", &O::images, "folder name", "image folder inside a COLMAP scene").also("-i"),
         number("resolution", &O::resolution, {-1, 65536, "divisor or px"},
                "1, 2, 4, 8: divisor of the image size; larger: width in pixels; -1: full size, at most 1600 wide")
@@ -103,7 +99,6 @@ std::vector<Option> input_options() {
         flag("overwrite", &O::overwrite, "replace a run that is already in the output folder"),
         text("resume", &O::resume, "file or latest",
              "continue from a checkpoint file, or from the latest one in the output folder")
-            .also_hidden("--start_checkpoint", "--start-checkpoint")
             .alone("latest"),
     };
 }
@@ -259,6 +254,9 @@ std::vector<Option> rate_options() {
                "iteration at which the final rate of the means is reached; -1: 30000 of 30000"),
         number("scaling-lr", &O::scaling_lr, {0, 10}, "rate of the log scales"),
         number("rotation-lr", &O::rotation_lr, {0, 10}, "rate of the rotations"),
+        number("feature-lr", &O::feature_lr, {0, 10},
+               "rate of the base colours, as coefficients of SH; what makes colours depend on the view has a rate in "
+               "proportion, with sh a twentieth of it"),
         number("opacity-lr", &O::opacity_lr, {0, 10},
                "rate of the opacity logits; 0: 0.05 with mcmc and with speedy-splat, 0.025 otherwise; auto: 0.025 to "
                "0.05, the higher the farther apart the cameras are")
@@ -304,6 +302,8 @@ std::vector<Option> densification_options() {
                "iterations between two changes; -1: 100 of 30000, at least 10"),
         number("densify-grad-threshold", &O::densify_grad_threshold, {0, 1},
                "with adc: mean image-space gradient above which a Gaussian is cloned or split"),
+        number("percent-dense", &O::percent_dense, {0, 1},
+               "with adc: share of the scene extent above which a growing Gaussian is split instead of cloned"),
         number("opacity-reset-interval", &O::opacity_reset_interval, {-1, kMaxIterations, "iterations"},
                "with adc: iterations between two opacity resets; -1: 3000 of 30000"),
         choice("growth-by", &O::growth_by,
@@ -316,7 +316,9 @@ std::vector<Option> densification_options() {
 std::vector<Option> logging_options() {
     return {
         flag("quiet", &O::quiet, "no progress and no messages below warnings").also("-q"),
-        flag("verbose", &O::verbose, "messages of level debug").also("-v"),
+        flag("verbose", &O::verbose,
+             "messages of level debug: the options in force and the files that are read, images excepted")
+            .also("-v"),
         choice("log-level", &O::log_level, "least important messages that are shown"),
     };
 }

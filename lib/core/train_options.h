@@ -82,6 +82,7 @@ struct TrainOptions {
     double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
     std::int64_t position_lr_max_steps = -1;  ///< -1 = by schedule
     double scaling_lr = 0.005, rotation_lr = 0.001;
+    double feature_lr = 0.0025;
     double opacity_lr = 0;     ///< 0 = 0.05 with mcmc or speedy_splat, else 0.025; NaN = auto, from the camera spacing
     double base_travel = 0;    ///< least product of the rate of base colours and the number of iterations
     double short_rates = 0;    ///< exponent of 10000/iterations by which rates are higher in shorter runs
@@ -96,11 +97,12 @@ struct TrainOptions {
     std::int64_t densify_from_iter = -1, densify_until_iter = -1;  ///< -1 = by schedule
     std::int64_t densification_interval = -1;                      ///< -1 = by schedule
     double densify_grad_threshold = 0.0002;
+    double percent_dense = 0.01;               ///< ADC only
     std::int64_t opacity_reset_interval = -1;  ///< -1 = by schedule
     GrowthBy growth_by = GrowthBy::kOpacity;
     double noise_lr = 5e5;
     // Logging
-    bool quiet = false, verbose = false;
+    bool quiet = false, verbose = false, json = false;  ///< json: of one call, in no table and no file
     LogLevel log_level = LogLevel::kInfo;
 
     /// The keys of the options that a file or a flag set. Recipes and presets leave them alone. Not an option itself.

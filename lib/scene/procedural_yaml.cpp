@@ -28,8 +28,7 @@ YamlSection::YamlSection(const YAML::Node& node, std::string where, const std::v
         const std::string key = entry.first.Scalar();
         if (!keys.insert(key).second) throw UsageError(fmt::format("{}: key '{}' stands twice", where_, key));
         if (std::find(known.begin(), known.end(), key) == known.end())
-            throw UsageError(
-                fmt::format("{}: unknown key '{}'; did you mean '{}'?", where_, key, nearest_key(key, known)));
+            throw UsageError(fmt::format("{}: unknown key '{}'{}", where_, key, did_you_mean(key, known)));
     }
 }
 

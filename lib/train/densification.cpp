@@ -75,6 +75,7 @@ ScheduledChange DensificationSchedule::before_step(Backend& backend, const Momen
     if (due && adc) {
         AdcParams p;
         p.grad_threshold = float(options_.densify_grad_threshold);
+        p.dense_fraction = float(options_.percent_dense);
         p.extent = float(extent_);
         p.prune_large = moment.position > kPruneLargeFrom;
         p.cap = most ? most() : options_.cap_max;

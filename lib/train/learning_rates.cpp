@@ -18,6 +18,9 @@ constexpr double kFallFrom = 20000;
 
 /// The pace from which a run counts as short, that of 10,000 iterations.
 constexpr double kShortPace = 3;
+/// The --feature-lr that the models' rates are made for.
+constexpr double kUsualFeatureRate = 0.0025;
+
 /// The pace beyond which rates do not rise, that of 100 iterations.
 constexpr double kLongestPace = 300;
 
@@ -36,7 +39,8 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       scales_(Schedule::constant(options.scaling_lr)),
       rotations_(Schedule::constant(options.rotation_lr)),
       noise_(options.strategy == Strategy::kMcmc ? options.noise_lr : 0),
-      residual_factor_(options.residual_rate),
+      feature_factor_(options.feature_lr / kUsualFeatureRate),
+      residual_factor_(options.residual_rate * feature_factor_),
       final_rate_(options.final_rate),
       short_rates_(options.short_rates),
       base_travel_(options.base_travel),
@@ -56,7 +60,7 @@ void LearningRates::log(const TrainOptions& options) const {
     for (const Schedule& column : appearance_.residual) residual = std::max(residual, column.initial);
     if (residual > 0) {
         log_info("appearance {}: learning rates {:.3g} (base) and {:.3g} (residual{}); camera spacing {:.3g}",
-                 options.appearance, appearance_.base.initial, residual_factor_ * residual,
+                 options.appearance, feature_factor_ * appearance_.base.initial, residual_factor_ * residual,
                  appearance_.residual.size() > 1 ? ", fastest column" : "", spacing_);
     }
 }
@@ -73,8 +77,9 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);
     set(Group::kOpacity, opacities_);
-    const double base_rate = gain * appearance_.base.initial, least = base_travel_ * pace / kReferenceIterations;
-    set(Group::kBase, appearance_.base, base_rate > 0 ? std::max(1.0, least / base_rate) : 1);
+    const double base_rate = gain * feature_factor_ * appearance_.base.initial;
+    const double least = base_travel_ * pace / kReferenceIterations;
+    set(Group::kBase, appearance_.base, feature_factor_ * (base_rate > 0 ? std::max(1.0, least / base_rate) : 1));
     request.residual_rates.clear();
     if (appearance_.residual.size() == 1) {
         set(Group::kResidual, appearance_.residual[0], residual_factor_);

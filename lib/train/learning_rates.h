@@ -27,7 +27,7 @@ class LearningRates {
     Schedule means_, scales_, rotations_, opacities_;
     AppearanceRates appearance_;
     double noise_ = 0, spacing_ = 0;
-    double residual_factor_, final_rate_, short_rates_, base_travel_;
+    double feature_factor_, residual_factor_, final_rate_, short_rates_, base_travel_;
     Vec3<float> center_{0, 0, 0};
     float extent_, far_rate_;
 };

@@ -498,6 +498,15 @@ class Run {
                contains(o.test_iterations, iteration_);
     }
 
+    void evaluate(bool last) {
+        if (const auto scores = hooks_.evaluate(iteration_, *backend_, last))
+            writer_.log({{"event", "evaluation"},
+                         {"iteration", iteration_},
+                         {"psnr", scores->psnr},
+                         {"ssim", scores->ssim},
+                         {"views", scores->views}});
+    }
+
     void save_what_is_due() {
         // Whether a stretch of a search is the last one is known only when it has been measured.
         const bool last = course_.finished() && options_.target_psnr == 0;
@@ -508,7 +517,7 @@ class Run {
             writer_.write_ppisp(*backend_, iteration_);  // says how these views are corrected
             writer_.check_folder();
             const double start = seconds_now();
-            hooks_.evaluate(iteration_, *backend_, false);
+            evaluate(false);
             if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
         }
         // Last: a run that is killed in between resumes before this iteration and writes the other files once more.
@@ -576,7 +585,7 @@ class Run {
             log_warning("{} Gaussians were removed for parameters not finite or out of range during the run",
                         pruned_nonfinite_);
         writer_.check_folder();
-        if (hooks_.evaluate) hooks_.evaluate(iteration_, *backend_, true);
+        if (hooks_.evaluate) evaluate(true);
         writer_.close_log();
         const bool has_residuals = group_width(Group::kResidual, appearance_) > 0 && backend_->count() > 0;
         return {iteration_,

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "kernels/backend.h"
 #include "lib/core/progress.h"
@@ -17,6 +18,12 @@ namespace gs {
 /// The mean PSNR of held-out views and its standard error, dB.
 struct HeldOutPsnr {
     double mean = 0, standard_error = 0;
+};
+
+/// The scores of test views.
+struct TestScores {
+    double psnr = 0, ssim = 0;  ///< means; PSNR in dB
+    std::size_t views = 0;
 };
 
 /// What a watcher of a training may ask for.
@@ -38,8 +45,8 @@ struct TrainHooks {
     /// Called before the first iteration and after every one. It may wait; its time does not count as training time.
     std::function<Wish(const TrainProgress& progress, Backend& backend)> between;
     /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
-    /// and `last`. Its time does not count as training time.
-    std::function<void(std::int64_t iteration, Backend& backend, bool last)> evaluate;
+    /// and `last`. Its time does not count as training time. What it returns is written to the log.
+    std::function<std::optional<TestScores>(std::int64_t iteration, Backend& backend, bool last)> evaluate;
     /// The most Gaussians that the final model may have; 0 = no limit but options.cap_max. Training has a tenth more,
     /// of which those with the lowest scores go at the end.
     std::int64_t most_gaussians = 0;

@@ -18,5 +18,12 @@ TEST(Nearest, SmallestEditDistanceWins) {
     EXPECT_EQ(nearest_key("x", {}), "");
 }
 
+TEST(Nearest, WhatIsFarIsNoSuggestion) {
+    EXPECT_EQ(nearest_key("--feature-lr", {"--test-every", "--far-rate"}), "");
+    EXPECT_EQ(nearest_key("--antialias", {"--axes", "--images"}), "");
+    EXPECT_EQ(did_you_mean("--frobnicate", {"--format", "--device"}), "");
+    EXPECT_EQ(did_you_mean("--frmat", {"--format", "--device"}), "; did you mean '--format'?");
+}
+
 }  // namespace
 }  // namespace gs

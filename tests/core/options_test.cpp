@@ -53,7 +53,6 @@ TEST(Options, EveryOneHasHelpRangeAndUniqueSpellings) {
         EXPECT_EQ(option.key.find('_'), std::string::npos) << option.key;
         EXPECT_TRUE(names.insert("--" + option.key).second) << option.key;
         for (const std::string& name : option.names) EXPECT_TRUE(names.insert(name).second) << name;
-        for (const std::string& name : option.hidden_names) EXPECT_TRUE(names.insert(name).second) << name;
         const bool is_switch = std::holds_alternative<bool TrainOptions::*>(option.field);
         EXPECT_TRUE(is_switch || !option.values.empty() || !option.choices.empty() || (option.min && option.max))
             << option.key;

@@ -72,11 +72,47 @@ TEST(Progress, BarIsOneLineThatFinishEnds) {
     progress.update(1, 0.25, 7);
     progress.update(5, 0.125, 9);
     EXPECT_EQ(out.bar.str().find('\n'), std::string::npos);
-    EXPECT_NE(out.bar.str().find("5/10  50%  loss 0.1250  9 Gaussians"), std::string::npos) << out.bar.str();
+    EXPECT_NE(out.bar.str().find("5/10  50%  ETA 0:00  loss 0.1250  9 Gaussians"), std::string::npos) << out.bar.str();
     progress.finish();
     EXPECT_EQ(out.bar.str().back(), '\n');
     progress.event({{"event", "x"}});
     EXPECT_EQ(out.lines.str(), "");
+}
+
+TEST(Progress, TheBarNeverWraps) {
+    for (const int columns : {20, 40, 60, 80, 120}) {
+        Recorder out;
+        Progress progress(ProgressStyle::kBar, out.bar, out.lines, 0, columns);
+        progress.start(30000, 0, "controller");
+        progress.update(29999, 0.25, 100000000);
+        progress.count("images decoded", 123456, 234567);
+        std::istringstream lines(out.bar.str());
+        std::size_t longest = 0;
+        for (std::string line; std::getline(lines, line, '\r');)
+            longest = std::max(longest, line.size() - (line.starts_with("\033[K") ? 3 : 0));
+        EXPECT_LT(longest, std::size_t(columns)) << out.bar.str();
+        EXPECT_GT(longest, 10u);
+    }
+}
+
+TEST(Progress, LinesThatDoNotFitLoseTheirLastParts) {
+    EXPECT_EQ(fitting_line({"12/30", "ETA 1", "loss 2"}, 20), "12/30  ETA 1  loss 2");
+    EXPECT_EQ(fitting_line({"12/30", "ETA 1", "loss 2"}, 19), "12/30  ETA 1");
+    EXPECT_EQ(fitting_line({"12/30", "ETA 1"}, 3), "12/");
+}
+
+TEST(Progress, BarAndLinesGoTogether) {
+    Recorder out;
+    Progress progress(ProgressStyle::kBarAndJsonLines, out.bar, out.lines, 0);
+    progress.start(10, 0);
+    progress.update(5, 0.125, 9);
+    progress.count("images decoded", 7, 300);
+    progress.finish();
+    EXPECT_NE(out.bar.str().find("5/10"), std::string::npos);
+    EXPECT_NE(out.bar.str().find("images decoded 7/300"), std::string::npos);
+    ASSERT_EQ(out.parsed().size(), 2u);
+    EXPECT_EQ(out.parsed()[0]["iteration"], 5);
+    EXPECT_EQ(out.parsed()[1]["event"], "count");
 }
 
 TEST(Progress, SilentShowsNothing) {

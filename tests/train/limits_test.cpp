@@ -95,6 +95,7 @@ TEST(TimeLimit, EvaluationsDoNotCount) {
         const double end = seconds_now() + (last ? 0 : 1.5);
         while (seconds_now() < end) {
         }
+        return std::nullopt;
     };
     const double start = seconds_now();
     const TrainSummary summary = run(o, hooks);
@@ -201,7 +202,10 @@ TEST(CoarseImages, ComeFirstAndAreOtherImages) {
     };
     std::vector<int> widths;
     std::map<int, std::set<std::int64_t>> ids;
-    hooks.evaluate = [&](std::int64_t, Backend&, bool) { widths = watched->widths, ids = watched->ids; };
+    hooks.evaluate = [&](std::int64_t, Backend&, bool) {
+        widths = watched->widths, ids = watched->ids;
+        return std::nullopt;
+    };
     run(o, hooks);
     const int full = scene().train[0].camera.width;
     ASSERT_EQ(widths.size(), 60u);

@@ -538,7 +538,10 @@ TEST(Train, AutomaticCheckpointsReplaceEachOtherAndChangeNothing) {
     with.checkpoint_iterations = {120};
     std::vector<std::vector<std::string>> seen;
     TrainHooks hooks;
-    hooks.evaluate = [&](std::int64_t, Backend&, bool) { seen.push_back(checkpoints_of(with)); };
+    hooks.evaluate = [&](std::int64_t, Backend&, bool) {
+        seen.push_back(checkpoints_of(with));
+        return std::nullopt;
+    };
     with.test_iterations = {100, 110, 130, 210, 310};
     Progress progress(ProgressStyle::kSilent);
     train(with, small_scene(), open_run(with), progress, hooks);
@@ -564,6 +567,7 @@ TEST(Train, AnAutomaticCheckpointThatCannotBeWrittenDoesNotEndTheRun) {
     TrainHooks hooks;
     hooks.evaluate = [&](std::int64_t iteration, Backend&, bool) {
         if (iteration == 50) fs::create_directories(in_the_way / "x");
+        return std::nullopt;
     };
     Progress progress(ProgressStyle::kSilent);
     EXPECT_EQ(train(o, small_scene(), open_run(o), progress, hooks).iterations, 250);
@@ -595,6 +599,7 @@ TEST(Train, TheCheckpointOfAnIterationIsItsLastFile) {
     hooks.evaluate = [&](std::int64_t iteration, Backend&, bool) {
         early |= iteration == 20 && fs::exists(RunFolder{o.model}.checkpoint(20));
         EXPECT_TRUE(fs::exists(RunFolder{o.model}.point_cloud(iteration)));
+        return std::nullopt;
     };
     Progress progress(ProgressStyle::kSilent);
     train(o, small_scene(), open_run(o), progress, hooks);
@@ -611,6 +616,7 @@ TEST(Train, AFolderThatIsRemovedOrReplacedEndsTheRun) {
         hooks.evaluate = [&](std::int64_t, Backend&, bool) {
             fs::remove_all(o.model);
             if (replaced) fs::create_directory(o.model);
+            return std::nullopt;
         };
         Progress progress(ProgressStyle::kSilent);
         try {
@@ -674,7 +680,10 @@ TEST(Train, StatisticsThatComeLateAreWaitedForWhereTheyAreShown) {
         backend = made.get();
         return made;
     };
-    hooks.evaluate = [&](std::int64_t, Backend&, bool) { num_images = backend->num_images(); };
+    hooks.evaluate = [&](std::int64_t, Backend&, bool) {
+        num_images = backend->num_images();
+        return std::nullopt;
+    };
     late.image_cache = "1MiB";
     late.deterministic = true;
     Progress progress(ProgressStyle::kSilent);

@@ -57,6 +57,7 @@ class Watched : public ::testing::Test {
         hooks.between = [&](const TrainProgress& now, Backend& backend) { return live.between(now, backend); };
         hooks.evaluate = [&](std::int64_t at, Backend& backend, bool last) {
             if (last) live.finish(at, backend);
+            return std::nullopt;
         };
         Progress progress(ProgressStyle::kSilent);
         std::exception_ptr error;

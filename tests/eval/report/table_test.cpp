@@ -209,12 +209,14 @@ class Formats : public ::testing::Test {
         odd.peak_device_bytes = std::int64_t(3) << 29;
         comparison_ = compare_runs({odd, repeated, again});
     }
-    std::string text(TableFormat format) const { return format_comparison(comparison_, format); }
+    std::string text(TableFormat format, std::optional<int> marks = {}) const {
+        return format_comparison(comparison_, format, marks);
+    }
     Comparison comparison_;
 };
 
 TEST_F(Formats, Markdown) {
-    const std::string markdown = text(TableFormat::kMarkdown);
+    const std::string markdown = text(TableFormat::kMarkdown, 3);
     EXPECT_NE(markdown.find("### x,\"y\" (set)\n\n"), std::string::npos) << markdown;
     EXPECT_NE(markdown.find("| a_b\\|c "), std::string::npos) << markdown;
     EXPECT_NE(markdown.find("&lt;b>&amp;"), std::string::npos) << markdown;
@@ -225,6 +227,27 @@ TEST_F(Formats, Markdown) {
     EXPECT_NE(markdown.find("2 min 05 s |    1.50 GiB |"), std::string::npos) << markdown;
     EXPECT_NE(markdown.find("\n\nprotocol paper: ...\n"), std::string::npos) << markdown;
     EXPECT_EQ(markdown.find("ppisp"), std::string::npos) << "nothing was corrected\n" << markdown;
+}
+
+TEST_F(Formats, TerminalsShowTextAsItIs) {
+    const std::string table = text(TableFormat::kTerminal, 3);
+    for (const char* mark : {"**", "<u>", "\\|", "&lt;"}) EXPECT_EQ(table.find(mark), std::string::npos) << table;
+    for (const char* part : {"| a_b|c ", "| <b>& ", " 27.13 |", " 20.50 ± 0.71 |"})
+        EXPECT_NE(table.find(part), std::string::npos) << part << "\n" << table;
+}
+
+TEST_F(Formats, MarksAreThreeOnlyWhereManyCompare) {
+    const auto marks = [](const std::string& table) {
+        return std::vector<bool>{table.find("**") != std::string::npos, table.find("<u>") != std::string::npos,
+                                 table.find(" *2") != std::string::npos};
+    };
+    EXPECT_EQ(marks(text(TableFormat::kMarkdown)), (std::vector{true, false, false})) << "two lines: the best";
+    EXPECT_EQ(marks(text(TableFormat::kMarkdown, 0)), (std::vector{false, false, false}));
+    EXPECT_EQ(marks(text(TableFormat::kMarkdown, 2)), (std::vector{true, true, false}));
+    const Comparison four = compare_runs({row_of("a", "s", "m0", 24), row_of("b", "s", "m1", 23),
+                                          row_of("c", "s", "m2", 22), row_of("d", "s", "m3", 21)});
+    EXPECT_EQ(marks(format_comparison(four, TableFormat::kMarkdown)), (std::vector{true, true, true}));
+    EXPECT_EQ(marks(format_comparison(four, TableFormat::kMarkdown, 1)), (std::vector{true, false, false}));
 }
 
 TEST_F(Formats, Csv) {
@@ -238,12 +261,22 @@ TEST_F(Formats, Csv) {
 }
 
 TEST_F(Formats, Latex) {
-    const std::string latex = text(TableFormat::kLatex);
+    const std::string latex = text(TableFormat::kLatex, 3);
     for (const char* part :
          {"\\toprule", "\\midrule", "\\bottomrule", "a\\_b|c & 50\\% & - & - & \\textbf{27.13} & \\textbf{0.9123} ",
           "\\textless{}b\\textgreater{}\\&", "\\underline{20.50} $\\pm$ 0.71", "\\#Gs",
-          "{\\footnotesize protocol paper: ...}"})
+          "\\end{tabular}\n\\par\\smallskip\n{\\footnotesize protocol paper: ...\\par}", "& train time (min) &",
+          "& peak memory (GiB)", "& 2.1 & 1.50"})
         EXPECT_NE(latex.find(part), std::string::npos) << part << "\n" << latex;
+    EXPECT_EQ(latex.find("multicolumn"), std::string::npos) << "the protocol would widen the table";
+}
+
+TEST(Columns, UnitsFollowTheLargestValue) {
+    const Column time{.key = "t", .title = "t", .units = {{"s", 1, 1}, {"min", 1 / 60.0, 1}, {"h", 1 / 3600.0, 2}}};
+    EXPECT_EQ(column_unit(time, 0.1).name, "s");
+    EXPECT_EQ(column_unit(time, 119).name, "s");
+    EXPECT_EQ(column_unit(time, 120).name, "min");
+    EXPECT_EQ(column_unit(time, 7200).name, "h");
 }
 
 TEST_F(Formats, Json) {

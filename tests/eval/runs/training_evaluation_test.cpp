@@ -47,7 +47,11 @@ class TrainingEvaluationTest : public ::testing::Test {
 
 TEST_F(TrainingEvaluationTest, KeepsOnlyScoresOfIntermediateIterations) {
     TrainingEvaluation evaluation(options_, scene_, progress_, 3);
-    evaluation(10, backend_, false);
+    const auto scores = evaluation(10, backend_, false);
+    ASSERT_TRUE(scores);
+    EXPECT_EQ(scores->views, scene_.test.size());
+    EXPECT_EQ(results()["ours_10"]["PSNR"], scores->psnr);
+    EXPECT_EQ(results()["ours_10"]["SSIM"], scores->ssim);
     EXPECT_EQ(evaluation.iteration(), 10);
     EXPECT_TRUE(results()["ours_10"].contains("PSNR"));
     EXPECT_FALSE(results()["timing"]["ours_10"].contains("frame_seconds"));

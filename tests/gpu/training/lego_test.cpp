@@ -45,6 +45,7 @@ class GpuTraining : public ::testing::TestWithParam<Strategy> {
         TrainHooks hooks;
         hooks.evaluate = [&](std::int64_t iteration, Backend& backend, bool) {
             if (iteration == o.iterations) result.psnr = evaluate_views(backend, scene.test, {0, 0, 0}, {}).psnr;
+            return std::nullopt;
         };
         Progress progress(ProgressStyle::kSilent);
         const TrainSummary summary = train(o, scene, open_run(o), progress, hooks);

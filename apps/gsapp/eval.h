@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `gsapp eval` does, for the commands that do the same under another name.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/gsapp/metrics.h"
+#include "eval/runs/protocol.h"
+
+namespace gs {
+
+struct EvalArguments {
+    std::vector<std::string> runs;
+    std::int64_t iteration = -1;  ///< -1 = the last saved one
+    std::string format;           ///< empty = Markdown, plainer on a terminal
+    std::string protocol = protocols().front().name;
+    std::string ssim_border, ppisp_eval, source, html;
+    int frame_rounds = 0;
+    std::optional<int> marks;
+    MetricArguments metrics{"psnr,ssim", ""};
+    bool skip_render = false, decompose = false;
+    bool json = false, quiet = false;
+};
+
+/// Adds the folders of runs, which may also stand after -m as in 3DGS's scripts. Returns the option.
+CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional);
+
+/// Renders and scores the runs, and prints one table over all of them.
+void run_eval(const EvalArguments& arguments);
+
+}  // namespace gs

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+// The table of other programs' options, and the page about it.
+#include "lib/core/foreign_options.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "lib/core/options.h"
+
+namespace gs {
+namespace {
+
+ForeignOption same(std::string name, std::string note = {}) {
+    std::string key = name.substr(2);
+    std::replace(key.begin(), key.end(), '_', '-');
+    return {.name = std::move(name), .key = std::move(key), .note = std::move(note)};
+}
+ForeignOption synonym(std::string name, std::string key, std::string note = {}) {
+    return {.name = std::move(name), .key = std::move(key), .note = std::move(note)};
+}
+ForeignOption sets(std::string name, std::string key, std::string value, std::string note = {}) {
+    return {std::move(name), ForeignUse::kSets, std::move(key), std::move(value), std::move(note)};
+}
+/// An option with a value that is ignored, or missing if `use` says so. `harmless` is the value that asks for nothing.
+ForeignOption without(ForeignUse use, std::string name, std::string note, std::string harmless = {}) {
+    return {.name = std::move(name), .use = use, .value = std::move(harmless), .note = std::move(note)};
+}
+ForeignOption switch_without(ForeignUse use, std::string name, std::string note) {
+    return {.name = std::move(name), .use = use, .note = std::move(note), .is_switch = true};
+}
+ForeignOption ignored(std::string name, std::string note, std::string harmless = {}) {
+    return without(ForeignUse::kIgnored, std::move(name), std::move(note), std::move(harmless));
+}
+ForeignOption ignored_switch(std::string name, std::string note) {
+    return switch_without(ForeignUse::kIgnored, std::move(name), std::move(note));
+}
+ForeignOption missing(std::string name, std::string note, std::string harmless = {}) {
+    return without(ForeignUse::kMissing, std::move(name), std::move(note), std::move(harmless));
+}
+ForeignOption missing_switch(std::string name, std::string note) {
+    return switch_without(ForeignUse::kMissing, std::move(name), std::move(note));
+}
+ForeignOption with_short(ForeignOption option, std::string short_name) {
+    option.short_name = std::move(short_name);
+    return option;
+}
+
+// What several programs ask for.
+constexpr const char* kNoFilter = "pictures are drawn without an antialiasing filter";
+constexpr const char* kNoServer = "there is no server for a viewer; --view shows the training in a browser";
+constexpr const char* kNoViewer = "no viewer is opened unless --view asks for it";
+constexpr const char* kOneWay = "there is one way to compute it";
+
+ForeignProgram inria() {
+    const char* exposure = "acts with --train_test_exp only; --ppisp on learns exposures, at --ppisp-lr";
+    const char* depth = "acts with --depths only";
+    return {"3DGS",
+            "train.py",
+            {same("--sh_degree"),
+             with_short(synonym("--source_path", "source"), "-s"),
+             with_short(synonym("--model_path", "model"), "-m"),
+             with_short(same("--images"), "-i"),
+             with_short(missing("--depths", "depth maps are not used as supervision"), "-d"),
+             with_short(same("--resolution"), "-r"),
+             with_short(sets("--white_background", "background", "white"), "-w"),
+             missing_switch("--train_test_exp",
+                            "exposures of test views are not fitted to half of each photograph; --ppisp on learns "
+                            "exposures, and gsapp eval --ppisp-eval colour-aligned fits test views"),
+             ignored("--data_device", "images are kept where they fit, up to --image-cache"),
+             same("--eval"),
+             ignored_switch("--convert_SHs_python", kOneWay),
+             ignored_switch("--compute_cov3D_python", kOneWay),
+             ignored_switch("--debug", "errors always name their place, and -v shows more messages"),
+             missing_switch("--antialiasing", kNoFilter),
+             same("--iterations", "schedules follow it; `--schedule fixed` keeps those of 30000"),
+             same("--position_lr_init"),
+             same("--position_lr_final"),
+             ignored("--position_lr_delay_mult", "3DGS delays the rate by 0 steps, so it has no effect there either"),
+             same("--position_lr_max_steps"),
+             same("--feature_lr"),
+             same("--opacity_lr"),
+             same("--scaling_lr"),
+             same("--rotation_lr"),
+             ignored("--exposure_lr_init", exposure),
+             ignored("--exposure_lr_final", exposure),
+             ignored("--exposure_lr_delay_steps", exposure),
+             ignored("--exposure_lr_delay_mult", exposure),
+             same("--percent_dense"),
+             same("--lambda_dssim"),
+             same("--densification_interval"),
+             same("--opacity_reset_interval"),
+             same("--densify_from_iter", "the first change itself: 3DGS's 500 is 600 here"),
+             same("--densify_until_iter", "the last change itself: 3DGS's 15000 is 14900 here"),
+             same("--densify_grad_threshold"),
+             ignored("--depth_l1_weight_init", depth),
+             ignored("--depth_l1_weight_final", depth),
+             sets("--random_background", "background", "random", "scores are made on black"),
+             ignored("--optimizer_type",
+                     "it is a matter of speed: steps of what no view shows are always left for later", "default"),
+             ignored("--ip", kNoServer),
+             ignored("--port", kNoServer),
+             ignored("--debug_from", "errors always name their place, and -v shows more messages"),
+             ignored_switch("--detect_anomaly", "values that are not finite are always found, removed and reported"),
+             same("--test_iterations"),
+             same("--save_iterations"),
+             same("--quiet"),
+             ignored_switch("--disable_viewer", kNoViewer),
+             same("--checkpoint_iterations"),
+             synonym("--start_checkpoint", "resume")}};
+}
+
+ForeignProgram gsplat() {
+    const char* speed = "it is a matter of speed and memory";
+    return {"gsplat",
+            "simple_trainer.py",
+            {synonym("--data_dir", "source"),
+             synonym("--data_factor", "resolution", "gsplat's default is 4"),
+             synonym("--result_dir", "model"),
+             same("--test_every", "with `--eval`, which gsplat implies"),
+             synonym("--max_steps", "iterations"),
+             synonym("--eval_steps", "test-iterations", "with `--eval`"),
+             synonym("--save_steps", "checkpoint-iterations"),
+             synonym("--ply_steps", "save-iterations"),
+             ignored_switch("--save_ply", "the last point cloud is always written"),
+             same("--sh_degree"),
+             synonym("--init_num_pts", "init-points"),
+             synonym("--ssim_lambda", "lambda-dssim"),
+             same("--opacity_reg"),
+             same("--scale_reg"),
+             synonym("--scales_lr", "scaling-lr"),
+             synonym("--opacities_lr", "opacity-lr"),
+             synonym("--quats_lr", "rotation-lr"),
+             sets("--random_bkgd", "background", "random", "scores are made on black"),
+             synonym("--strategy.cap-max", "cap-max"),
+             synonym("--strategy.noise-lr", "noise-lr"),
+             synonym("--strategy.refine-start-iter", "densify-from-iter", "the first change itself"),
+             synonym("--strategy.refine-stop-iter", "densify-until-iter", "the last change itself"),
+             synonym("--strategy.refine-every", "densification-interval"),
+             synonym("--strategy.reset-every", "opacity-reset-interval"),
+             synonym("--strategy.grow-grad2d", "densify-grad-threshold"),
+             synonym("--strategy.grow-scale3d", "percent-dense"),
+             missing_switch("--antialiased", kNoFilter),
+             missing_switch("--pose_opt", "camera poses are taken as they are"),
+             missing_switch("--depth_loss", "depth is not used as supervision"),
+             missing_switch("--app_opt", "there are no appearance embeddings; --ppisp on learns exposure and colour"),
+             missing("--batch_size", "a step takes one view", "1"),
+             ignored_switch("--packed", speed),
+             ignored_switch("--sparse_grad", speed),
+             ignored_switch("--visible_adam", speed),
+             ignored_switch("--disable_viewer", kNoViewer),
+             ignored("--port", kNoServer),
+             ignored_switch("--disable_video", "no video is made; `gsapp render` makes pictures"),
+             ignored("--tb_every", "the log is stats/train.jsonl, a line every 100 iterations"),
+             ignored("--lpips_net", "`gsapp eval --metrics lpips-vgg,lpips-alex` names the net")}};
+}
+
+ForeignProgram nerfstudio() {
+    return {
+        "nerfstudio",
+        "ns-train splatfacto",
+        {synonym("--data", "source"),
+         synonym("--output-dir", "model", "the run folder itself, without names and times below it"),
+         synonym("--max-num-iterations", "iterations"),
+         synonym("--pipeline.model.sh-degree", "sh-degree"),
+         synonym("--pipeline.model.ssim-lambda", "lambda-dssim"),
+         synonym("--pipeline.model.background-color", "background"),
+         synonym("--pipeline.model.max-gs-num", "cap-max"),
+         synonym("--pipeline.model.noise-lr", "noise-lr"),
+         synonym("--pipeline.model.mcmc-opacity-reg", "opacity-reg"),
+         synonym("--pipeline.model.mcmc-scale-reg", "scale-reg"),
+         synonym("--pipeline.model.num-random", "init-points"),
+         synonym("--machine.seed", "seed"),
+         synonym("--machine.device-type", "device"),
+         missing("--pipeline.model.rasterize-mode", kNoFilter, "classic"),
+         missing("--pipeline.model.camera-optimizer.mode", "camera poses are taken as they are", "off"),
+         ignored("--experiment-name", "the run folder is what -m says"),
+         ignored("--vis", kNoViewer),
+         ignored("--viewer.quit-on-train-completion", "the program ends with the training"),
+         ignored("--viewer.websocket-port", kNoServer),
+         ignored("--steps-per-save", "checkpoints are written by --checkpoint-minutes and --checkpoint-iterations")}};
+}
+
+ForeignProgram lichtfeld() {
+    return {"LichtFeld Studio",
+            "LichtFeld-Studio",
+            {synonym("--data-path", "source"), synonym("--output-path", "model"), synonym("--max-cap", "cap-max")}};
+}
+
+std::string counterpart(const ForeignOption& option) {
+    switch (option.use) {
+        case ForeignUse::kSynonym:
+            return fmt::format("`--{}`", option.key);
+        case ForeignUse::kSets:
+            return fmt::format("`--{} {}`", option.key, option.value);
+        case ForeignUse::kIgnored:
+            return "ignored";
+        case ForeignUse::kMissing:
+            return "not yet";
+    }
+    return {};
+}
+
+std::string note(const ForeignOption& option) {
+    if (option.value.empty() || option.use == ForeignUse::kSets) return option.note;
+    return fmt::format("{} (`{}` is accepted)", option.note, option.value);
+}
+
+}  // namespace
+
+const std::vector<ForeignProgram>& foreign_programs() {
+    static const std::vector<ForeignProgram> programs = {inria(), gsplat(), nerfstudio(), lichtfeld()};
+    return programs;
+}
+
+std::vector<std::string> spellings(const ForeignOption& option) {
+    std::vector<std::string> all = {option.name};
+    for (const auto& [from, to] : {std::pair{'_', '-'}, std::pair{'-', '_'}}) {
+        std::string other = option.name;
+        std::replace(other.begin() + 2, other.end(), from, to);
+        if (std::find(all.begin(), all.end(), other) == all.end()) all.push_back(other);
+    }
+    if (!option.short_name.empty()) all.push_back(option.short_name);
+    return all;
+}
+
+std::string coming_from_markdown() {
+    std::string text =
+        "# Coming from 3DGS, gsplat or nerfstudio\n\n"
+        "This page is generated by `gsapp options --coming-from`.\n\n"
+        "`gsapp train` takes the options below as the other programs spell them, with underscores or hyphens. An "
+        "option\n"
+        "that is *ignored* gets a warning that says why. One that is *not yet* there would change the result; it ends\n"
+        "the program with exit code 2. `gsapp train --help` and [options.md](options.md) have gsapp's own options.\n\n"
+        "| there | here |\n|---|---|\n"
+        "| `python convert.py -s SCENE`, `ns-process-data images --data PHOTOS --output-dir SCENE` | `gsapp prepare "
+        "PHOTOS -o SCENE` |\n"
+        "| `python train.py -s SCENE -m RUN --eval` | `gsapp train -s SCENE -m RUN --eval` |\n"
+        "| `python simple_trainer.py mcmc --data_dir SCENE --result_dir RUN` | `gsapp train --data_dir SCENE "
+        "--result_dir RUN --eval` |\n"
+        "| `python simple_trainer.py default ...` | `gsapp train --strategy adc ...` |\n"
+        "| `ns-train splatfacto --data SCENE --output-dir RUN` | `gsapp train --data SCENE --output-dir RUN` |\n"
+        "| `python render.py -m RUN` | `gsapp render RUN` |\n"
+        "| `python metrics.py -m RUN` | `gsapp eval -m RUN --protocol inria`, or `gsapp metrics -m RUN` |\n"
+        "| `SIBR_gaussianViewer_app -m RUN` | `gsapp view RUN`; the run folder is one that SIBR reads, too |\n"
+        "| `ns-export gaussian-splat` | RUN/point_cloud has the PLY; `gsapp export RUN` writes other formats |\n\n"
+        "Defaults are those of 3DGS-MCMC with at most a million Gaussians (`--cap-max`). `--strategy adc` has the\n"
+        "original rule of 3DGS, and `--schedule fixed` its iterations whatever the length of the run.\n";
+    for (const ForeignProgram& program : foreign_programs()) {
+        text += fmt::format("\n## {}: `{}`\n\n| there | here | |\n|---|---|---|\n", program.name, program.command);
+        for (const ForeignOption& option : program.options) {
+            const std::string also = option.short_name.empty() ? "" : fmt::format(", `{}`", option.short_name);
+            text += fmt::format("| `{}`{} | {} | {} |\n", option.name, also, counterpart(option), note(option));
+        }
+    }
+    return text;
+}
+
+}  // namespace gs
