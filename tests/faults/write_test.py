@@ -32,7 +32,12 @@ while [ $# -gt 0 ]; do
 done
 case $command in
   mapper) mkdir -p "$output/0"; printf '\\002\\000\\000\\000\\000\\000\\000\\000' > "$output/0/images.bin";;
-  image_undistorter) mkdir -p "$output/images" "$output/sparse"; echo new > "$output/sparse/cameras.bin"; cp "$PHOTOGRAPH" "$output/images";;
+  image_undistorter)
+    mkdir -p "$output/images" "$output/sparse"
+    cp "$PHOTOGRAPH" "$output/images"
+    echo "1 PINHOLE 48 48 50 50 24 24" > "$output/sparse/cameras.txt"
+    printf '1 1 0 0 0 0 0 0 1 %s\\n\\n' "$(basename "$PHOTOGRAPH")" > "$output/sparse/images.txt"
+    echo "1 0 0 5 9 9 9 0.5" > "$output/sparse/points3D.txt";;
 esac
 """
 
