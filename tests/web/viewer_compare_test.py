@@ -72,11 +72,9 @@ def set_window(browser, width, height):
 
 
 def fit_canvas(browser):
-    """Makes the canvas as large as a test view, as it can be on a narrow page with folded settings."""
-    set_window(browser, WIDTH, 300)
-    browser.evaluate("document.body.classList.contains('folded') || document.getElementById('toggle').click()")
-    browser.evaluate(FRAME)
-    set_window(browser, WIDTH, 300 - browser.evaluate("document.getElementById('canvas').clientHeight") + HEIGHT)
+    """Makes the canvas as large as a test view, as it can be where the page is the picture alone (?embed)."""
+    browser.evaluate("document.body.classList.add('embedded')")
+    set_window(browser, WIDTH, HEIGHT)
     wait_for(browser, f"document.getElementById('canvas').width === {WIDTH} && document.getElementById('canvas').height === {HEIGHT}", "the canvas has the test view's size")
 
 
