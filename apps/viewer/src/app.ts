@@ -10,11 +10,10 @@ import type { View } from './camera/view';
 import { Comparison } from './compare/comparison';
 import { fetchSite, SITE_FILE, type Site } from './compare/site';
 import { FormatError } from './format/cursor';
-import { inSteps, peekHead, readAll, readParts, type Source } from './format/load';
-import { isNgsplat } from './format/import';
+import type { Source } from './format/load';
 import type { Scene } from './format/ngsplat';
-import { SceneCollector, SceneReader, texelsOf, type Plane } from './format/reader';
-import { convertScene } from './format/convert_scene';
+import { readModel } from './format/read_model';
+import type { Plane, SceneSink } from './format/reader';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
 import { DEFAULTS, type Settings } from './settings';
@@ -208,10 +207,11 @@ export class App {
       const found = await source(signal);
       name = found.name;
       showLoading(name, 0, found.size);
-      const { head, source: whole } = await peekHead(found);
-      signal.throwIfAborted();
-      if (isNgsplat(name, head)) await this.openPacked(whole, signal);
-      else await this.openOther(whole, signal);
+      const { bytes, remarks } = await readModel(found, this.sink(name), {
+        whole: this.loaded !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.loaded?.isComplete === false),
+      });
+      this.complete(bytes);
+      if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
       this.setAgain(() => this.open(source, from), from !== 'elsewhere');
       if (from === 'beside') await this.readSite();
     } catch (error) {
@@ -221,42 +221,16 @@ export class App {
     }
   }
 
-  private async openPacked(source: Source, signal: AbortSignal): Promise<void> {
-    const { name, size } = source, collector = this.loaded && new SceneCollector();
-    const reader = new SceneReader(collector ?? { begin: (scene) => this.beginScene(name, scene), rows: (...part) => this.addRows(...part) }, size);
-    await readParts(source, (part) => {
-      signal.throwIfAborted();
-      reader.push(part);
-      showLoading(name, reader.bytes, reader.end ?? size, this.loaded?.isComplete === false);
-    });
-    signal.throwIfAborted();
-    const scene = reader.finish();
-    if (collector) await this.show(name, scene, signal);
-    this.complete(reader.bytes);
-  }
-
-  /** A file of another program, which is converted as a whole. */
-  private async openOther(source: Source, signal: AbortSignal): Promise<void> {
-    const { name, size } = source;
-    const buffer = await readAll(source, (bytes) => {
-      signal.throwIfAborted();
-      showLoading(name, bytes, size);
-    });
-    const { byteLength } = buffer, { scene, remarks } = await convertScene(name, buffer, signal); // takes the bytes
-    signal.throwIfAborted();
-    await this.show(name, scene, signal);
-    this.complete(byteLength);
-    if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
+  /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
+  private sink(name: string, keep?: Navigator): SceneSink {
+    return { begin: (scene) => this.beginScene(name, scene, keep), rows: (...part) => this.addRows(...part) };
   }
 
   /** Shows a newer state of the same model; camera and settings stay. Returns whether it could. */
   async refresh(source: Source): Promise<boolean> {
     try {
-      const reader = new SceneReader(new SceneCollector(), source.size);
-      await readParts(source, (part) => reader.push(part));
-      const scene = reader.finish(), keep = this.loaded?.navigator;
-      await this.show(source.name, scene, new AbortController().signal, keep);
-      this.complete(reader.bytes);
+      const { signal } = new AbortController(), keep = this.loaded?.navigator;
+      this.complete((await readModel(source, this.sink(source.name, keep), { whole: true, signal, progress: () => undefined })).bytes);
       return true;
     } catch (error) {
       if (!this.loaded) this.fail(`${source.name} cannot be shown`, (error as Error).message);
@@ -300,18 +274,9 @@ export class App {
     document.body.classList.remove('loaded');
   }
 
-  /** Shows a scene that has its texels, and takes them out of it. With `keep`, the camera stays as it is. */
-  private async show(name: string, scene: Scene, signal: AbortSignal, keep?: Navigator): Promise<void> {
-    this.unload(keep); // first, so that both need not fit into memory
-    this.beginScene(name, scene, keep);
-    await inSteps(texelsOf(scene), (part) => {
-      signal.throwIfAborted();
-      this.addRows(...part);
-    });
-  }
-
   /** Shows a scene whose texels follow. */
   private beginScene(name: string, scene: Scene, keep?: Navigator): void {
+    this.unload(keep); // first, so that both need not fit into memory
     this.renderer.beginScene(scene);
     document.body.classList.add('loaded');
     if (keep) this.comparison.replaceScene(scene);
