@@ -204,7 +204,7 @@ void add_picture_options(CLI::App& command, RenderArguments& arguments) {
 void add_render_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<RenderArguments>();
     CLI::App* command = app.add_subcommand("render", "Write pictures and films of a finished run");
-    command->add_option("run", arguments->run, "Run folder")->required()->type_name("RUN");
+    command->add_option("run,-m,--model,--model_path", arguments->run, "Run folder")->required()->type_name("RUN");
     command
         ->add_option("--ppisp-eval", arguments->ppisp_eval,
                      "Photometric correction: controller (default where the model has one), or none = neutral exposure "

@@ -240,7 +240,7 @@ std::string coming_from_markdown() {
         "--result_dir RUN --eval` |\n"
         "| `python simple_trainer.py default ...` | `gsapp train --strategy adc ...` |\n"
         "| `ns-train splatfacto --data SCENE --output-dir RUN` | `gsapp train --data SCENE --output-dir RUN` |\n"
-        "| `python render.py -m RUN` | `gsapp render RUN` |\n"
+        "| `python render.py -m RUN` | `gsapp render -m RUN` |\n"
         "| `python metrics.py -m RUN` | `gsapp eval -m RUN --protocol inria`, or `gsapp metrics -m RUN` |\n"
         "| `SIBR_gaussianViewer_app -m RUN` | `gsapp view RUN`; the run folder is one that SIBR reads, too |\n"
         "| `ns-export gaussian-splat` | RUN/point_cloud has the PLY; `gsapp export RUN` writes other formats |\n\n"

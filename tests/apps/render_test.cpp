@@ -71,6 +71,9 @@ TEST_F(RenderCommand, EveryKindOfCamerasHasItsFolder) {
 
     expect_ok("-o 'my pictures/of it'");
     EXPECT_EQ(files("my pictures/of it"), 8);
+    const Outcome as_3dgs = program.run("render -m run -o named");  // as its render.py
+    EXPECT_EQ(as_3dgs.exit_code, 0) << as_3dgs.err;
+    EXPECT_EQ(files("named"), 8);
     expect_ok("-o both/ --views all");
     EXPECT_EQ(files("both/test"), 8);
     EXPECT_EQ(files("both/train"), 40);
