@@ -89,11 +89,11 @@ function streamOf(count: number): { size: number; stream: ReadableStream<Uint8Ar
 }
 
 /** What JavaScript holds: the GPU's memory, which the page writes texels to, is not part of it, nor are parts that can be let go of. */
-async function benchLoading(): Promise<void> {
+async function benchLoading(count: number): Promise<void> {
   const collect = (globalThis as { gc?: () => void }).gc;
   if (!collect) throw new Error('run with node --expose-gc');
   const used = () => (collect(), process.memoryUsage().arrayBuffers);
-  const count = 3 * MILLION, { size, stream } = streamOf(count), before = used();
+  const { size, stream } = streamOf(count), before = used();
   let sorter: DepthSorter | undefined, peak = 0, parts = 0, longest = 0, turn = performance.now();
   const reader = new SceneReader({ begin: (scene) => (sorter = new DepthSorter(scene.count)), rows: (plane, _, texels) => plane.block < 0 && sorter!.add(texels) }, size);
   const clock = setInterval(() => {
@@ -120,4 +120,4 @@ async function benchLoading(): Promise<void> {
 
 benchSort();
 benchChecksum();
-await benchLoading();
+for (const millions of [3, 6]) await benchLoading(millions * MILLION);
