@@ -181,6 +181,7 @@ std::string changed_options(const TrainOptions& options) {
 /// Adds the page to what a training calls.
 TrainHooks watched(TrainHooks hooks, LiveTraining& live) {
     hooks.between = [&live](const TrainProgress& now, Backend& backend) { return live.between(now, backend); };
+    hooks.saved = [&live](std::int64_t iteration, const std::string& error) { live.saved(iteration, error); };
     hooks.evaluate = [&live, evaluate = std::move(hooks.evaluate)](std::int64_t iteration, Backend& backend,
                                                                    bool last) {
         const auto scores = evaluate ? evaluate(iteration, backend, last) : std::nullopt;
@@ -222,6 +223,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     if (options.appearance != kAutoAppearance) plan = make_plan(options, scene, held_out);
     std::optional<LiveTraining> live;  // refused, too, while an earlier run is whole
     if (view) {
+        set_num_threads(options.threads);  // not while the page uses them
         live.emplace(options, scene, view->port);
         log_info("watch it at {}", live->address());
         progress.event({{"event", "view"}, {"address", live->address()}});

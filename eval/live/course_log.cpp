@@ -2,10 +2,11 @@
 // Reads a log that another thread or program is writing.
 #include "eval/live/course_log.h"
 
+#include <sys/stat.h>
+
 #include <cmath>
 #include <fstream>
 #include <string>
-#include <system_error>
 
 #include "lib/core/json_text.h"
 
@@ -24,10 +25,11 @@ nlohmann::ordered_json Curve::json(std::size_t most) const {
 }
 
 void CourseLog::update() {
-    std::error_code error;
-    const std::uintmax_t size = std::filesystem::file_size(file_, error);
-    if (error || size == read_) return;
-    if (size < read_) *this = CourseLog(file_);
+    struct stat status = {};
+    if (::stat(file_.c_str(), &status) != 0) return;
+    if (std::uintmax_t(status.st_ino) != inode_ || std::uintmax_t(status.st_size) < read_) *this = CourseLog(file_);
+    inode_ = status.st_ino;
+    if (std::uintmax_t(status.st_size) == read_) return;
     std::ifstream in(file_, std::ios::binary);
     in.seekg(std::streamoff(read_));
     for (std::string line; std::getline(in, line) && !in.eof(); read_ += line.size() + 1) read_line(line);

@@ -28,8 +28,8 @@ class CourseLog {
   public:
     explicit CourseLog(std::filesystem::path file) : file_(std::move(file)) {}
 
-    /// Reads the lines that have come since the last call. A file that has become shorter, by a run that replaced the
-    /// one before, is read from its beginning. Lines that are no JSON object with an iteration are skipped.
+    /// Reads the lines that have come since the last call. A file that replaced the one before is read from its
+    /// beginning. Lines that are no JSON object with an iteration are skipped.
     void update();
 
     const Curve& loss() const { return loss_; }
@@ -45,6 +45,7 @@ class CourseLog {
 
     std::filesystem::path file_;
     std::uintmax_t read_ = 0;  ///< bytes
+    std::uintmax_t inode_ = 0;
     Curve loss_, psnr_;
     std::int64_t iteration_ = 0, num_gaussians_ = 0;
     double train_seconds_ = 0;

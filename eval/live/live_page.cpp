@@ -82,7 +82,7 @@ LivePage::LivePage(LivePageFacts facts, std::optional<int> port)
       server_(serve(port, [this](const WebRequest& request) { return answer(request); })) {
     thread_ = std::thread([this] {
         try {
-            server_.run();
+            server_.run(false);  // a page is told that its training was interrupted
         } catch (const std::exception& e) {
             log_warning("the page is served no more: {}", e.what());
         }

@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <exception>
 #include <system_error>
 #include <thread>
 
@@ -42,6 +43,7 @@ LiveTraining::LiveTraining(const TrainOptions& options, const Scene& scene, std:
 }
 
 LiveTraining::~LiveTraining() {
+    if (!ended_ && std::uncaught_exceptions() > 0) end("failed", "");
     if (packing_.valid()) packing_.wait();
     page_.linger(kLingerSeconds);
 }
@@ -74,8 +76,12 @@ void LiveTraining::tell(const char* state, const TrainProgress& now) {
 
 void LiveTraining::measure(std::int64_t iteration, Backend& backend) {
     if (!photographs_) {
-        const std::vector<View> measured = shown_views(scene_, kMeasuredViews);
-        photographs_ = load_photographs(measured, options_.background.color);
+        photographs_.emplace();
+        try {
+            photographs_ = load_photographs(shown_views(scene_, kMeasuredViews), options_.background.color);
+        } catch (const std::exception& e) {  // the training has its own word on images that have gone bad
+            log_warning("the page shows no PSNR: {}", e.what());
+        }
     }
     if (photographs_->empty()) return;
     const double psnr = mean_psnr(backend, *photographs_, options_.background.color, backend.download_ppisp().active());
@@ -137,14 +143,18 @@ Wish LiveTraining::between(const TrainProgress& progress, Backend& backend) {
         if (page_.wishes().stop) return Wish::kStop;
         tell("training", progress);
     }
-    if (!wishes.save || !progress.rows_current) return Wish::kNone;
+    return page_.wishes().save && progress.rows_current ? Wish::kSave : Wish::kNone;
+}
+
+void LiveTraining::saved(std::int64_t iteration, const std::string& error) {
     page_.saved();
-    page_.tell({{"saved_iteration", progress.iteration}});
-    return Wish::kSave;
+    page_.tell({{"save_error", error}});
+    if (error.empty()) page_.tell({{"saved_iteration", iteration}});
 }
 
 void LiveTraining::finish(std::int64_t iteration, Backend& backend) {
     if (packing_.valid()) packing_.wait();
+    ended_ = true;
     page_.tell({{"state", "finished"}, {"iteration", iteration}, {"num_gaussians", backend.count()}});
     if (page_.watched()) take_snapshot(iteration, backend, true);
 }

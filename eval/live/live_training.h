@@ -31,10 +31,13 @@ class LiveTraining {
     /// Does what is due between two iterations: news, a snapshot, what the buttons asked for. Waits while the training
     /// is paused. Returns what the trainer is to do.
     Wish between(const TrainProgress& progress, Backend& backend);
+    /// Says that what was asked for is saved, or why it could not be.
+    void saved(std::int64_t iteration, const std::string& error);
     /// Shows the finished model.
     void finish(std::int64_t iteration, Backend& backend);
     /// Says how the training ended, where it did not finish.
     void end(const std::string& state, const std::string& message) {
+        ended_ = true;
         page_.tell({{"state", state}, {"message", message}});
     }
 
@@ -51,6 +54,7 @@ class LiveTraining {
     const std::vector<View> views_;
     LivePage page_;
     Pace pace_;
+    bool ended_ = false;
     double told_ = 0;                  ///< when `tell` last did
     double rate_ = 0;                  ///< iterations per second of training; 0: not known
     std::int64_t rate_iteration_ = 0;  ///< where the rate was last computed

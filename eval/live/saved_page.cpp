@@ -3,7 +3,10 @@
 #include "eval/live/saved_page.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <system_error>
 #include <thread>
@@ -28,15 +31,36 @@ namespace fs = std::filesystem;
 constexpr std::chrono::milliseconds kLook(50);
 constexpr int kLooksBetweenReads = 40;  ///< a newer model is looked for every two seconds
 
-/// Returns the file of the newest saved model, or an empty path.
-fs::path newest_file(const fs::path& run_folder) {
+/// A folder of this user's own for temporary files. Throws DataError where it is somebody else's.
+fs::path own_temporary_folder() {
+    const fs::path folder = fs::temp_directory_path() / fmt::format("gsapp-view-{}", ::getuid());
+    ::mkdir(folder.c_str(), 0700);
+    struct stat status = {};
+    if (::lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode) || status.st_uid != ::getuid())
+        throw DataError(
+            fmt::format("{} cannot be used for temporary files: it is not a folder of this user", folder.string()));
+    return folder;
+}
+
+/// Returns the iteration of the newest saved model.
+std::optional<std::int64_t> newest_iteration(const fs::path& run_folder) {
+    std::optional<std::int64_t> newest;
     try {
-        if (path_exists(run_folder / "point_cloud"))
-            return RunFolder{run_folder}.point_cloud(latest_point_cloud(run_folder));
-        if (path_exists(run_folder / "checkpoints")) return latest_checkpoint(run_folder);
-    } catch (const DataError&) {  // nothing is in them yet
+        newest = latest_point_cloud(run_folder);
+    } catch (const DataError&) {  // there is none yet
     }
-    return {};
+    try {
+        const std::string name = latest_checkpoint(run_folder).stem().string();  // iteration_300
+        newest = std::max(newest.value_or(0), std::int64_t(std::stoll(name.substr(name.find('_') + 1))));
+    } catch (const std::exception&) {
+    }
+    return newest;
+}
+
+/// Returns the file of a saved model and when it was written, in words that differ where the file does.
+std::string identity_of(const fs::path& file) {
+    std::error_code ignored;
+    return fmt::format("{} {}", file.string(), fs::last_write_time(file, ignored).time_since_epoch().count());
 }
 
 /// Returns the Gaussians of a file in the coordinates that its frame makes of them, as a training has them.
@@ -49,19 +73,17 @@ SavedModel read_point_cloud(const fs::path& file) {
 }  // namespace
 
 SavedPage::SavedPage(fs::path target, std::optional<int> port)
-    : target_(std::move(target)),
-      is_run_(fs::is_directory(target_)),
-      folder_(fs::temp_directory_path() / "gsapp-view") {
+    : target_(std::move(target)), is_run_(fs::is_directory(target_)), folder_(own_temporary_folder() / "page") {
     LivePageFacts facts;
     if (is_run_) {
         const TrainOptions options = load_run_options(target_);
-        const fs::path newest = newest_file(target_);
-        if (newest.empty() && !path_exists(RunFolder{target_}.train_log()))
+        const auto newest = newest_iteration(target_);
+        if (!newest && !path_exists(RunFolder{target_}.train_log()))
             throw DataError(fmt::format("{}: the run has saved no model", target_.string()));
         scene_ = scene_name(options.source);
         background_ = options.background.color;
         SceneOptions scene = scene_options(options);
-        if (!newest.empty()) scene.frame = read_saved_model(target_, std::nullopt).frame;
+        if (newest) scene.frame = read_saved_model(target_, newest).frame;
         try {
             const Scene loaded = load_scene(scene);
             views_ = shown_views(loaded);
@@ -84,9 +106,15 @@ SavedPage::SavedPage(fs::path target, std::optional<int> port)
 }
 
 void SavedPage::show_newest() {
-    const fs::path newest = is_run_ ? newest_file(target_) : target_;
-    if (newest.empty() || newest == shown_) return;
-    SavedModel model = is_run_ ? read_saved_model(target_, std::nullopt) : read_point_cloud(target_);
+    const auto iteration = is_run_ ? newest_iteration(target_) : std::nullopt;
+    if (is_run_ && !iteration) return;
+    const RunFolder run{target_};
+    fs::path source = target_;
+    if (is_run_)
+        source = path_exists(run.point_cloud(*iteration)) ? run.point_cloud(*iteration) : run.checkpoint(*iteration);
+    const std::string newest = identity_of(source);
+    if (newest == shown_) return;
+    SavedModel model = is_run_ ? read_saved_model(target_, iteration) : read_point_cloud(target_);
     // Without a frame of its own the model takes the one of the photographs' cameras.
     if (!model.frame && frame_) bring_into_frame(model.state, *frame_);
     const Frame frame = model.frame.value_or(frame_.value_or(Frame{}));

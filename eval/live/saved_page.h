@@ -34,7 +34,8 @@ class SavedPage {
     std::optional<Frame> frame_;  ///< of the loaded scene
     std::string scene_;
     WorkFolder folder_;
-    std::filesystem::path shown_, snapshot_;
+    std::string shown_;  ///< the file, and when it was written
+    std::filesystem::path snapshot_;
     int num_snapshots_ = 0;
     std::optional<LivePage> page_;
 };

@@ -20,6 +20,7 @@ struct Threads {
     Threads() { set(0); }
     void set(int threads) {
         if (threads <= 0) threads = tbb::info::default_concurrency();
+        if (control && threads == arena.max_concurrency()) return;  // another thread may be at work in it
         arena.terminate();
         control =
             std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, std::size_t(threads));

@@ -252,11 +252,11 @@ FileServer::FileServer(const fs::path& folder, int port, WebHandler handler)
 
 FileServer::~FileServer() = default;
 
-void FileServer::run() {
+void FileServer::run(bool until_interrupted) {
     httplib::Server& server = implementation_->server;
     const std::jthread watcher([&](const std::stop_token& done) {
         for (; !done.stop_requested(); std::this_thread::sleep_for(kLook)) {
-            if (!server.is_running() || !(implementation_->stopped || interrupted())) continue;
+            if (!server.is_running() || !(implementation_->stopped || (until_interrupted && interrupted()))) continue;
             server.stop();
             end_connections(port_);
             return;

@@ -43,9 +43,10 @@ class FileServer {
     ~FileServer();
 
     int port() const { return port_; }
-    /// Answers requests until stop() is called, by another thread or before, or a signal arrives (interrupted()); then
-    /// ends all connections. Throws DataError when the system lets it accept no more connections.
-    void run();
+    /// Answers requests until stop() is called, by another thread or before, or with `until_interrupted` a signal
+    /// arrives (interrupted()); then ends all connections. Throws DataError when the system lets it accept no more
+    /// connections.
+    void run(bool until_interrupted = true);
     void stop();
 
   private:

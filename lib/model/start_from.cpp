@@ -101,12 +101,16 @@ void clear_residuals(Gaussians& g, const Scene& scene, std::uint64_t seed) {
 
 }  // namespace
 
-Gaussians start_from(const fs::path& from, const Scene& scene, const AppearanceSpec& appearance, std::uint64_t seed) {
-    const fs::path file = file_of(from);
-    std::optional<Frame> frame;
-    Gaussians g = read_ply(file, &frame);
-    if (g.count == 0) throw DataError(fmt::format("{}: no Gaussians to begin with", file.string()));
-    bring_into_frame(g, between(frame.value_or(Frame{}), scene.frame));
+InitialModel read_initial_model(const fs::path& from) {
+    InitialModel model{file_of(from), {}};
+    model.gaussians = read_ply(model.file, &model.frame);
+    if (model.gaussians.count == 0) throw DataError(fmt::format("{}: no Gaussians to begin with", model.file.string()));
+    return model;
+}
+
+Gaussians start_from(InitialModel model, const Scene& scene, const AppearanceSpec& appearance, std::uint64_t seed) {
+    Gaussians g = std::move(model.gaussians);
+    bring_into_frame(g, between(model.frame.value_or(Frame{}), scene.frame));
     const AppearanceSpec before = g.appearance;
     const int width = group_width(Group::kResidual, appearance);
     std::string residuals = "residuals begin at 0";
@@ -128,7 +132,7 @@ Gaussians start_from(const fs::path& from, const Scene& scene, const AppearanceS
         g.active_degree = std::min(appearance_model(appearance.model).initial_degree, appearance.max_degree);
         clear_residuals(g, scene, seed);
     }
-    log_info("begins with the {} Gaussians of {} ({}), {}", g.count, file.string(), before.model, residuals);
+    log_info("begins with the {} Gaussians of {} ({}), {}", g.count, model.file.string(), before.model, residuals);
     return g;
 }
 

@@ -4,18 +4,27 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include "kernels/model/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
 
-/// Returns the Gaussians of a .ply file (of gsapp, or of any program that writes 3DGS's), or of the last point cloud in
-/// a run folder, in the frame of `scene` and with `appearance`, without moments. Where the file has the same appearance
-/// model, its residuals stay; of plain spherical harmonics the bands that both have. Otherwise the base takes the mean
-/// of the colours that sampled training cameras see, and residuals begin as those that show nothing. Throws DataError
-/// for a file that cannot be read or has no Gaussians, and UsageError for what is neither file nor folder of a run.
-Gaussians start_from(const std::filesystem::path& from, const Scene& scene, const AppearanceSpec& appearance,
-                     std::uint64_t seed);
+/// A model as its file has it.
+struct InitialModel {
+    std::filesystem::path file;
+    Gaussians gaussians;
+    std::optional<Frame> frame = {};  ///< the frame that they are in; empty: scene coordinates
+};
+
+/// Reads a .ply file (of gsapp, or of any program that writes 3DGS's), or the last point cloud in a run folder. Throws
+/// DataError for a file that cannot be read or has no Gaussians, and UsageError for what is neither file nor folder.
+InitialModel read_initial_model(const std::filesystem::path& from);
+
+/// Returns the Gaussians in the frame of `scene` and with `appearance`, without moments. Where the file has the same
+/// appearance model, its residuals stay; of plain spherical harmonics the bands that both have. Otherwise the base
+/// takes the mean of the colours that sampled training cameras see, and residuals begin as those that show nothing.
+Gaussians start_from(InitialModel model, const Scene& scene, const AppearanceSpec& appearance, std::uint64_t seed);
 
 }  // namespace gs

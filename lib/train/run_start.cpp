@@ -28,6 +28,7 @@ RunStart open_run(const TrainOptions& options) {
         start.checkpoint = read_checkpoint(file);
         require_same_appearance(start.checkpoint->state.appearance, appearance_spec(options), file.string());
     }
+    if (!start.checkpoint && !options.init.empty()) start.initial = read_initial_model(options.init);
     const auto iteration = start.checkpoint ? std::optional(start.checkpoint->iteration) : std::nullopt;
     start.lock = std::make_shared<const RunLock>(start.folder.root);
     prepare_run_folder(start.folder, options.overwrite, iteration);

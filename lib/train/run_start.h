@@ -11,6 +11,7 @@
 #include "lib/model/checkpoint.h"
 #include "lib/model/run_folder.h"
 #include "lib/model/run_lock.h"
+#include "lib/model/start_from.h"
 
 namespace gs {
 
@@ -20,13 +21,15 @@ struct RunStart {
     std::optional<Checkpoint> checkpoint;
     /// The first line of the training log of a new run, without its iteration; null = none
     nlohmann::json first_event = {};
-    double used_seconds = 0;  ///< of a time limit, before the first step of a new run
+    double used_seconds = 0;                   ///< of a time limit, before the first step of a new run
+    std::optional<InitialModel> initial = {};  ///< the model that a new run begins with, if not with points
     /// Keeps other runs out of the folder as long as somebody holds it
     std::shared_ptr<const RunLock> lock = {};
 };
 
-/// Reads the checkpoint that `resume` names, and locks and prepares the folder `options.model`. Throws DataError, and
-/// UsageError also for a checkpoint of another appearance than the options name; the folder is then unchanged.
+/// Reads the checkpoint that `resume` names, or the model of `init` (before it may be overwritten), and locks and
+/// prepares the folder `options.model`. Throws DataError, and UsageError also for a checkpoint of another appearance
+/// than the options name; the folder is then unchanged.
 RunStart open_run(const TrainOptions& options);
 
 /// Returns the frame of the checkpoint that `resume` names. Throws DataError.

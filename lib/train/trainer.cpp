@@ -76,7 +76,7 @@ class Run {
         if (start.checkpoint)
             resume(std::move(*start.checkpoint));
         else
-            begin(start.used_seconds);
+            begin(start.used_seconds, std::move(start.initial));
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         writer_.open_log(iteration_);
         photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
@@ -226,19 +226,43 @@ class Run {
 
     /// Shows the training to whoever watches it, and does what they ask for but the end.
     Wish watch() {
-        if (!hooks_.between) return Wish::kNone;
-        const double start = seconds_now();
-        const Wish wish = hooks_.between({iteration_, course_.expected_iterations(), backend_->count(), last_.loss,
-                                          train_seconds_, iteration_ % kLogInterval == 0},
-                                         *backend_);
-        if (wish == Wish::kSave) {
+        const Wish wish = ask(iteration_ % kLogInterval == 0);
+        if (wish == Wish::kSave) untimed([&] { hooks_.saved(iteration_, save_for_watcher()); });
+        return wish;
+    }
+
+    /// Shows the training to whoever watches it. Only where all rows are `current` may the model be read.
+    Wish ask(bool current) {
+        Wish wish = Wish::kNone;
+        if (!hooks_.between) return wish;
+        untimed([&] {
+            wish = hooks_.between(
+                {iteration_, course_.expected_iterations(), backend_->count(), last_.loss, train_seconds_, current},
+                *backend_);
+        });
+        return wish;
+    }
+
+    /// Writes a checkpoint and the point cloud. That they cannot be written is no reason to end the run; returns it.
+    std::string save_for_watcher() {
+        writer_.check_folder();
+        try {
             writer_.write_point_cloud(*backend_, iteration_);
             write_checkpoint();
-            checkpoint_seconds_ = train_seconds_;
-            log_info("iteration {}: checkpoint and point cloud saved", iteration_);
+        } catch (const DataError& e) {
+            log_warning("iteration {}: nothing was saved: {}", iteration_, e.what());
+            return e.what();
         }
+        checkpoint_seconds_ = train_seconds_;
+        log_info("iteration {}: checkpoint and point cloud saved", iteration_);
+        return "";
+    }
+
+    /// Does what no limit counts.
+    template <class Fn> void untimed(Fn&& fn) {
+        const double start = seconds_now();
+        fn();
         if (auto& budget = course_.budget()) budget->leave_out(seconds_now() - start);
-        return wish;
     }
 
     template <class Fn> void timed(Fn&& fn) {
@@ -280,13 +304,13 @@ class Run {
                                    : choose_backend(options_.device, appearance_, options);
     }
 
-    void begin(double used_seconds) {
+    void begin(double used_seconds, std::optional<InitialModel> initial) {
         if (course_.limits_time()) course_.charge(used_seconds);
         InitOptions init = init_options(options_);
         init.most_points = limits_.most_first_points();
-        const bool from_points = options_.init.empty();
+        const bool from_points = !initial;
         Gaussians state = from_points ? initialize_gaussians(scene_, appearance_, init)
-                                      : start_from(options_.init, scene_, appearance_, options_.seed);
+                                      : start_from(std::move(*initial), scene_, appearance_, options_.seed);
         if (!from_points) schedule_.resume(state.active_degree);
         backend_ = make_backend();
         if (!options_.frame_limit.empty()) {
@@ -411,7 +435,7 @@ class Run {
         progress_.start(std::max<std::int64_t>(options_.controller_iterations, 1), 0, "controller");
         std::int64_t k = 0;
         for (; due(k); ++k) {
-            if (interrupted()) {
+            if (interrupted() || ask(false) == Wish::kStop) {
                 progress_.finish();
                 throw Interrupted("interrupted after " + std::to_string(k) +
                                   " iterations of the controllers, which are lost; the model is written" +

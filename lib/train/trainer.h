@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <string>
 
 #include "kernels/backend.h"
 #include "lib/core/progress.h"
@@ -44,6 +45,8 @@ struct TrainProgress {
 struct TrainHooks {
     /// Called before the first iteration and after every one. It may wait; its time does not count as training time.
     std::function<Wish(const TrainProgress& progress, Backend& backend)> between;
+    /// Called when kSave was done, with what went wrong, or an empty text. Set wherever `between` is.
+    std::function<void(std::int64_t iteration, const std::string& error)> saved;
     /// Called after `iteration` iterations if options.test_iterations lists it, and at the end, with the pruned model
     /// and `last`. Its time does not count as training time. What it returns is written to the log.
     std::function<std::optional<TestScores>(std::int64_t iteration, Backend& backend, bool last)> evaluate;

@@ -45,6 +45,11 @@ TEST(Train, BeginsWithTheModelOfAnotherRun) {
     EXPECT_EQ(resume.exit_code, 2);
     EXPECT_NE(resume.err.find("--init"), std::string::npos) << resume.err;
     EXPECT_EQ(program.run(train + "--init nowhere -m no").exit_code, 2);
+    // What cannot be read costs no earlier run; and a run may begin with the one that it replaces.
+    EXPECT_EQ(program.run(train + "--init nowhere -m first --overwrite").exit_code, 2);
+    const Outcome itself = program.run(train + "--appearance sh --iterations 2 -m first --init first --overwrite");
+    EXPECT_EQ(itself.exit_code, 0) << itself.err;
+    EXPECT_NE(itself.err.find("with their residuals"), std::string::npos) << itself.err;
 }
 
 TEST(Train, LeavesTheDocumentedRunFolder) {

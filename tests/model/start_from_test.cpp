@@ -27,7 +27,7 @@ Scene scene_in(const Frame& frame) {
 Gaussians begun(const Gaussians& g, const AppearanceSpec& appearance, const Frame& file = {}, const Frame& now = {}) {
     const TempFolder folder;
     write_ply(folder / "p.ply", g, {.frame = file});
-    return start_from(folder / "p.ply", scene_in(now), appearance, 1);
+    return start_from(read_initial_model(folder / "p.ply"), scene_in(now), appearance, 1);
 }
 
 /// Returns the colour of a Gaussian as the camera of scene_in() sees it.
@@ -124,14 +124,13 @@ TEST(StartFromFrame, PlacesAreThoseOfTheScene) {
 
 TEST(StartFromFile, WhatCannotBeginIsNamed) {
     const TempFolder folder;
-    const Scene scene = scene_in({});
     const AppearanceSpec none{"none", 0, ColorActivation::kRelu};
-    EXPECT_THROW(start_from(folder / "p.splat", scene, none, 1), UsageError);
-    EXPECT_THROW(start_from(folder / "missing.ply", scene, none, 1), DataError);
+    EXPECT_THROW(read_initial_model(folder / "p.splat"), UsageError);
+    EXPECT_THROW(read_initial_model(folder / "missing.ply"), DataError);
     std::filesystem::create_directory(folder / "run");
-    EXPECT_THROW(start_from(folder / "run", scene, none, 1), DataError);
+    EXPECT_THROW(read_initial_model(folder / "run"), DataError);
     write_ply(folder / "empty.ply", random_gaussians(0, none), {});
-    EXPECT_THROW(start_from(folder / "empty.ply", scene, none, 1), DataError);
+    EXPECT_THROW(read_initial_model(folder / "empty.ply"), DataError);
 }
 
 }  // namespace

@@ -50,6 +50,9 @@ interface Loaded {
 const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: View, size: number): string =>
   JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height, size]);
 
+/** Something else needs the model as it is. */
+class Busy extends Error {}
+
 export class App {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
   private readonly renderer = new Renderer(this.canvas);
@@ -132,7 +135,8 @@ export class App {
   }
 
   private fragment(): string {
-    return formatAddress(this.state(), this.loaded?.scene.distance ?? 1);
+    if (!this.loaded) return (this.wanted ?? location.hash).replace(/^#/, ''); // until then it is not known which camera a model has
+    return formatAddress(this.state(), this.loaded.scene.distance);
   }
 
   /** Shows what a fragment says, as far as this model has it. */
@@ -177,10 +181,11 @@ export class App {
 
   /** The picture as it is on the screen, as PNG. */
   private async savePicture(): Promise<string> {
-    const { blob, title } = await this.reserve(async ({ navigator, title }) => {
-      const view = navigator.view(this.canvas.width, this.canvas.height);
+    const { blob, title } = await this.reserve(async (loaded) => {
+      const { navigator, title } = loaded, view = navigator.view(this.canvas.width, this.canvas.height);
       await this.sort(view);
-      this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
+      if (this.loaded !== loaded) throw new Error('Another model has come meanwhile.');
+      this.drawView(view, navigator.pinned);
       // Asked for before anything else runs: the browser clears the canvas when it has shown it.
       return { title, blob: await new Promise<Blob | null>((resolve) => this.canvas.toBlob(resolve)) };
     });
@@ -202,6 +207,8 @@ export class App {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
     this.dropPart();
+    const again = () => this.open(source, from);
+    if (!this.loaded) this.setAgain(again, from !== 'elsewhere'); // the device may be lost before the file is there
     let name = 'the model';
     try {
       const found = await source(signal);
@@ -211,8 +218,9 @@ export class App {
         whole: this.loaded !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.loaded?.isComplete === false),
       });
       this.complete(bytes);
+      signal.throwIfAborted(); // where it could not be drawn, which was said
       if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
-      this.setAgain(() => this.open(source, from), from !== 'elsewhere');
+      this.setAgain(again, from !== 'elsewhere');
       if (from === 'beside') await this.readSite();
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
@@ -222,20 +230,33 @@ export class App {
   }
 
   /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
-  private sink(name: string, keep?: Navigator): SceneSink {
-    return { begin: (scene) => this.beginScene(name, scene, keep), rows: (...part) => this.addRows(...part) };
+  private sink(name: string, keep = false): SceneSink {
+    return { begin: (scene) => this.beginScene(name, scene, keep ? this.loaded?.navigator : undefined), rows: (...part) => this.addRows(...part) };
   }
 
-  /** Shows a newer state of the same model; camera and settings stay. Returns whether it could. */
-  async refresh(source: Source): Promise<boolean> {
+  /** Shows another state of the model, with `keep` as the camera and what is compared are. Returns whether there is nothing more to try. */
+  async refresh(source: Source, keep: boolean): Promise<boolean> {
+    const { signal } = this.loading; // of the last file: another one ends this
     try {
-      const { signal } = new AbortController(), keep = this.loaded?.navigator;
-      this.complete((await readModel(source, this.sink(source.name, keep), { whole: true, signal, progress: () => undefined })).bytes);
+      const { bytes } = await readModel(source, {
+        ...this.sink(source.name, keep),
+        begin: (scene) => {
+          if (this.isReserved) throw new Busy();
+          this.sink(source.name, keep).begin(scene);
+        },
+      }, { whole: true, signal, progress: () => undefined });
+      this.complete(bytes);
       return true;
     } catch (error) {
+      if (signal.aborted || error instanceof Busy) return false;
       if (!this.loaded) this.fail(`${source.name} cannot be shown`, (error as Error).message);
-      return false;
+      return true;
     }
+  }
+
+  /** Whether the model that is shown came by this way. */
+  isFrom(open: () => Promise<void>): boolean {
+    return this.again?.open === open;
   }
 
   /** Says how the model that is shown can be opened again, and whether the page's address does so elsewhere. */
@@ -246,6 +267,8 @@ export class App {
   /** The device is gone, and all on it. What is deleted now, before another one comes, needs no device. */
   private lose(): void {
     this.playing.abort();
+    this.loading.abort();
+    this.loading = new AbortController();
     if (this.loaded) this.wanted = this.fragment();
     this.unload();
     this.renderer.forget();
@@ -256,7 +279,6 @@ export class App {
   private async restore(): Promise<void> {
     if (!this.again) return showWelcome();
     await this.again.open();
-    this.wanted = undefined; // also where it could not be read
   }
 
   /** Unloads a model that never became complete. */
@@ -277,7 +299,13 @@ export class App {
   /** Shows a scene whose texels follow. */
   private beginScene(name: string, scene: Scene, keep?: Navigator): void {
     this.unload(keep); // first, so that both need not fit into memory
-    this.renderer.beginScene(scene);
+    try {
+      this.renderer.beginScene(scene);
+    } catch (error) {
+      keep?.dispose();
+      this.unload();
+      throw error;
+    }
     document.body.classList.add('loaded');
     if (keep) this.comparison.replaceScene(scene);
     else this.comparison.setScene(scene);
@@ -361,17 +389,23 @@ export class App {
     return this.loaded!.sorter?.sort(view, this.size) ?? Promise.resolve();
   }
 
+  /** What the canvas is to show. */
+  private drawView(view: View, pinned: number | undefined): void {
+    if (this.comparison.isOn) this.comparison.draw(view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
+    else this.renderer.render(view, this.picture(this.settings.mode, pinned));
+  }
+
   private draw(): void {
     if (!this.loaded || this.isReserved) return;
     const { navigator, sorter } = this.loaded;
+    if (this.awaitsOrder && !this.loaded.isComplete) return;
     const view = navigator.view(this.canvas.width, this.canvas.height);
     if (orderKey(view, this.size) !== this.sortedFor) void this.sort(view);
     if (this.awaitsOrder) return;
     this.panel.setCamera(navigator.pinned);
     this.address.touch();
     try {
-      if (this.comparison.isOn) this.comparison.draw(view, navigator.pinned, (mode, scene) => this.picture(mode, navigator.pinned, scene));
-      else this.renderer.render(view, this.picture(this.settings.mode, navigator.pinned));
+      this.drawView(view, navigator.pinned);
       this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
     } catch (error) {
       this.loading.abort(); // what is still on its way cannot be drawn, either

@@ -76,11 +76,11 @@ export class SecondModel {
 
   /** Draws it where there is no obstacle. `picture` says how. */
   draw(view: View, picture: (scene: Scene) => Picture): void {
-    const { scene, sorter } = this.loaded!, pose = JSON.stringify(view);
-    if (pose !== this.sortedFor) void sorter?.sort(view);
-    this.sortedFor = pose;
+    const { scene, sorter } = this.loaded!, wanted = picture(scene), key = JSON.stringify([view, wanted.splats.size]);
+    if (key !== this.sortedFor) void sorter?.sort(view, wanted.splats.size);
+    this.sortedFor = key;
     try {
-      this.renderer.render(view, picture(scene));
+      this.renderer.render(view, wanted);
     } catch (error) {
       this.fail(error as Error);
     }

@@ -32,6 +32,7 @@ export async function readModel(file: Source, sink: SceneSink, { whole, progress
       signal.throwIfAborted();
       sink.rows(...part);
     });
+    signal.throwIfAborted();
   };
   if (!isNgsplat(name, head)) {
     const buffer = await readAll(source, (bytes) => {

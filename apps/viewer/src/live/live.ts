@@ -13,32 +13,45 @@ const TOKEN_KEY = 'gsapp-token';
 function takeToken(): string {
   const query = new URLSearchParams(location.search), token = query.get('token');
   if (token !== null) {
-    sessionStorage.setItem(TOKEN_KEY, token);
     query.delete('token');
     history.replaceState(history.state, '', `?${query.toString().replace(/=(?=&|$)/g, '')}${location.hash}`);
   }
-  return sessionStorage.getItem(TOKEN_KEY) ?? '';
+  try {
+    if (token !== null) sessionStorage.setItem(TOKEN_KEY, token);
+    return sessionStorage.getItem(TOKEN_KEY) ?? '';
+  } catch {
+    return token ?? ''; // this browser keeps nothing: the buttons work until the page is loaded anew
+  }
 }
 
 export class Live {
-  private readonly token = takeToken();
+  private token = takeToken();
   private readonly panel = new LivePanel((control) => this.control(control));
-  private shown = '';
+  /** What is shown: program and version of the snapshot. */
+  private id = '';
+  private version = 0;
+  private photographs = 0;
   private loading = false;
+  private readonly again = () => {
+    this.version = 0;
+    return this.look();
+  };
 
   constructor(private readonly app: App) {
-    app.setAgain(() => {
-      this.shown = '';
-      return this.look();
-    }, true);
+    app.setAgain(this.again, true);
     document.addEventListener('visibilitychange', () => void this.look());
     setInterval(() => void this.look(), INTERVAL);
     void this.look();
   }
 
   private async control(control: Control): Promise<void> {
-    const taken = await sendControl(control, this.token).catch(() => false);
-    if (!taken) this.panel.showRefused();
+    try {
+      const taken = await sendControl(control, this.token);
+      if (!taken) this.token = ''; // of a program that has ended
+      this.panel.say(taken ? '' : 'Only the page whose address gsapp printed may do this; a program that was started anew prints another.');
+    } catch {
+      this.panel.say('gsapp did not answer.');
+    }
     await this.look();
   }
 
@@ -54,14 +67,16 @@ export class Live {
   }
 
   private async load({ id, scene, model, photographs }: Status): Promise<void> {
-    const wanted = model ? `${id} ${model.version}` : '';
-    if (!model || wanted === this.shown || this.loading) return;
+    const isSame = id === this.id;
+    if (!model || (isSame && model.version === this.version) || this.loading) return;
+    if (!this.app.isFrom(this.again)) return; // the user has opened another file
     this.loading = true;
     try {
       const source = await fetchSource(model.url, new AbortController().signal);
-      if (!(await this.app.refresh({ ...source, name: scene }))) return;
-      if (!this.shown && photographs > 0) this.app.setSite({ name: scene, photographs: Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) });
-      this.shown = wanted;
+      if (!(await this.app.refresh({ ...source, name: scene }, isSame))) return;
+      if (!isSame || photographs !== this.photographs)
+        this.app.setSite({ name: scene, photographs: photographs > 0 ? Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) : undefined });
+      [this.id, this.version, this.photographs] = [id, model.version, photographs];
     } catch {
       // replaced by a newer one meanwhile, which the next look finds
     } finally {

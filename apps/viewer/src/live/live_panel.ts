@@ -40,6 +40,7 @@ export function facts(status: Status): [string, string][] {
     ...(train_seconds > 0 ? [['Trained for', duration(train_seconds)]] as [string, string][] : []),
     ...(status.model ? [['Picture of iteration', count(status.model.iteration)]] as [string, string][] : []),
     ...(save_pending ? [['Saved', 'at the next hundredth iteration']] as [string, string][] : saved_iteration ? [['Saved', `iteration ${count(saved_iteration)}`]] as [string, string][] : []),
+    ...(status.save_error ? [['Not saved', status.save_error]] as [string, string][] : []),
     ...(snapshot_error ? [['No picture', snapshot_error]] as [string, string][] : []),
   ];
 }
@@ -110,7 +111,8 @@ export class LivePanel {
     this.setState(`gsapp does not answer any more.${run}`);
   }
 
-  showRefused(): void {
-    this.setState('Only the page whose address gsapp printed may do this.');
+  /** What came of the last press of a button; empty where there is nothing to say. */
+  say(text: string): void {
+    element('live-message').textContent = text;
   }
 }

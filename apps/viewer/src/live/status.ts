@@ -25,6 +25,8 @@ export interface Status {
   eta_seconds?: number;
   save_pending: boolean;
   saved_iteration?: number;
+  /** Empty where saving went well. */
+  save_error?: string;
   snapshot_error?: string | null;
   model: { version: number; iteration: number; url: string } | null;
   photographs: number;
