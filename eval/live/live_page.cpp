@@ -8,6 +8,7 @@
 #include <cmath>
 #include <random>
 
+#include "eval/runs/evaluate.h"
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
@@ -50,26 +51,13 @@ FileServer serve(std::optional<int> port, const WebHandler& handler) {
     }
 }
 
-/// Returns the photograph of a view as a page shows it: 8-bit rgb on the background, not larger than screens are.
+/// Returns the photograph of a view, not larger than screens are.
 Image shown_photograph(const View& view, const Vec3<float>& background) {
-    const std::shared_ptr<const ViewImage> loaded = view_image(view);
-    Image image = loaded->color;
-    const double scale = std::min(1.0, double(kMostPixels) / std::max(image.width, image.height));
-    if (scale < 1)
-        image = resize_image(image, std::max(1, int(std::lround(scale * image.width))),
-                             std::max(1, int(std::lround(scale * image.height))));
-    Image out{image.width, image.height, 3, {}, {}};
-    out.u8.reserve(3 * std::size_t(image.width) * image.height);
-    const float behind[3] = {background.x, background.y, background.z};
-    for (int y = 0; y < image.height; ++y)
-        for (int x = 0; x < image.width; ++x) {
-            const float alpha = image.channels == 4 ? image.value(x, y, 3) : 1.0f;
-            for (int c = 0; c < 3; ++c) {
-                const float value = alpha * image.value(x, y, c) + (1 - alpha) * behind[c];
-                out.u8.push_back(std::uint8_t(255 * std::clamp(value, 0.0f, 1.0f) + 0.5f));
-            }
-        }
-    return out;
+    Image image = photograph_of(view, background);
+    const double scale = double(kMostPixels) / std::max(image.width, image.height);
+    if (scale >= 1) return image;
+    return resize_image(image, std::max(1, int(std::lround(scale * image.width))),
+                        std::max(1, int(std::lround(scale * image.height))));
 }
 
 }  // namespace

@@ -42,21 +42,6 @@ fs::path own_temporary_folder() {
     return folder;
 }
 
-/// Returns the iteration of the newest saved model.
-std::optional<std::int64_t> newest_iteration(const fs::path& run_folder) {
-    std::optional<std::int64_t> newest;
-    try {
-        newest = latest_point_cloud(run_folder);
-    } catch (const DataError&) {  // there is none yet
-    }
-    try {
-        const std::string name = latest_checkpoint(run_folder).stem().string();  // iteration_300
-        newest = std::max(newest.value_or(0), std::int64_t(std::stoll(name.substr(name.find('_') + 1))));
-    } catch (const std::exception&) {
-    }
-    return newest;
-}
-
 /// Returns the file of a saved model and when it was written, in words that differ where the file does.
 std::string identity_of(const fs::path& file) {
     std::error_code ignored;
@@ -77,7 +62,7 @@ SavedPage::SavedPage(fs::path target, std::optional<int> port)
     LivePageFacts facts;
     if (is_run_) {
         const TrainOptions options = load_run_options(target_);
-        const auto newest = newest_iteration(target_);
+        const auto newest = latest_saved(target_);
         if (!newest && !path_exists(RunFolder{target_}.train_log()))
             throw DataError(fmt::format("{}: the run has saved no model", target_.string()));
         scene_ = scene_name(options.source);
@@ -106,7 +91,7 @@ SavedPage::SavedPage(fs::path target, std::optional<int> port)
 }
 
 void SavedPage::show_newest() {
-    const auto iteration = is_run_ ? newest_iteration(target_) : std::nullopt;
+    const auto iteration = is_run_ ? latest_saved(target_) : std::nullopt;
     if (is_run_ && !iteration) return;
     const RunFolder run{target_};
     fs::path source = target_;

@@ -245,6 +245,13 @@ std::int64_t latest_point_cloud(const fs::path& run_folder) {
     return found.back().number;
 }
 
+std::optional<std::int64_t> latest_saved(const fs::path& run_folder) {
+    std::optional<std::int64_t> latest;
+    for (const auto& found : {point_clouds(run_folder), checkpoints(run_folder)})
+        if (!found.empty()) latest = std::max(latest.value_or(0), found.back().number);
+    return latest;
+}
+
 void write_cfg_args(const RunFolder& folder, const TrainOptions& options) {
     const auto absolute = [](const std::string& path) {
         std::error_code error;  // without a current folder the path stays as it is

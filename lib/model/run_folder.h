@@ -62,6 +62,9 @@ void remove_automatic_checkpoints(const RunFolder& folder, std::int64_t iteratio
 /// Returns the highest iteration with a point cloud in the folder. Throws DataError when there is none.
 std::int64_t latest_point_cloud(const std::filesystem::path& run_folder);
 
+/// Returns the highest iteration with a point cloud or a checkpoint in the folder; empty where nothing was saved.
+std::optional<std::int64_t> latest_saved(const std::filesystem::path& run_folder);
+
 /// Returns the iteration with which a run of these options ended in options.model: options.iterations, or where these
 /// do not decide that of the latest point cloud. Empty while there is no such point cloud.
 std::optional<std::int64_t> ended_at(const TrainOptions& options);

@@ -36,7 +36,7 @@ def set_input(browser, name, value):
 
 
 def fragment(browser):
-    """Of the address, when it and the controls are up to date."""
+    """The fragment of the address, when it and the controls are up to date."""
     return browser.evaluate("new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(() => resolve(location.hash), 600))))")
 
 

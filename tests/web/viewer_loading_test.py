@@ -24,7 +24,7 @@ CASES = {
 SHARES = (0.1, 0.25)
 VIEWS = (0, 5)
 
-# Of two lists of rgba pixels. Equal ones count as 120 dB.
+# The PSNR of two lists of rgba pixels. Equal ones count as 120 dB.
 PSNR_OF_PIXELS = """(a, b) => {
   const sum = a.reduce((sum, v, i) => i % 4 < 3 ? sum + ((v - b[i]) / 255) ** 2 : sum, 0);
   return -10 * Math.log10(Math.max(sum / (0.75 * a.length), 1e-12));

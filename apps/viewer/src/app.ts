@@ -238,13 +238,11 @@ export class App {
   async refresh(source: Source, keep: boolean): Promise<boolean> {
     const { signal } = this.loading; // of the last file: another one ends this
     try {
-      const { bytes } = await readModel(source, {
-        ...this.sink(source.name, keep),
-        begin: (scene) => {
-          if (this.isReserved) throw new Busy();
-          this.sink(source.name, keep).begin(scene);
-        },
-      }, { whole: true, signal, progress: () => undefined });
+      const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
+        if (this.isReserved) throw new Busy();
+        begin(scene);
+      };
+      const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
       this.complete(bytes);
       return true;
     } catch (error) {

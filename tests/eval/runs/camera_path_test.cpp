@@ -11,21 +11,11 @@
 
 #include "kernels/core/error.h"
 #include "lib/model/cameras_json.h"
-#include "lib/scene/procedural_description.h"
 #include "tests/core/temporary_folder.h"
+#include "tests/eval/runs/ring.h"
 
 namespace gs {
 namespace {
-
-std::vector<View> ring() {
-    procedural::CameraRig rig;
-    rig.look_at = {1, 2, 0.5};
-    rig.elevation_min = rig.elevation_max = 30;
-    std::vector<View> views(12);
-    rig.train = 12;
-    for (int i = 0; i < 12; ++i) views[i].camera = procedural::rig_camera(rig, false, i);
-    return views;
-}
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
     const std::size_t at = text.find(from);

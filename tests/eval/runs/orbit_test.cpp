@@ -7,23 +7,12 @@
 #include <Eigen/LU>
 
 #include "kernels/core/error.h"
-#include "lib/scene/procedural_description.h"
+#include "tests/eval/runs/ring.h"
 
 namespace gs {
 namespace {
 
 using Eigen::Vector3d;
-
-/// Cameras 4 units from (1, 2, 0.5), 30 degrees above it.
-std::vector<View> ring() {
-    procedural::CameraRig rig;
-    rig.look_at = {1, 2, 0.5};
-    rig.elevation_min = rig.elevation_max = 30;
-    std::vector<View> views(12);
-    rig.train = 12;
-    for (int i = 0; i < 12; ++i) views[i].camera = procedural::rig_camera(rig, false, i);
-    return views;
-}
 
 /// The angle between a direction and the plane that the cameras' mean upward direction is perpendicular to.
 double elevation(const Vector3d& offset, const std::vector<View>& views) {

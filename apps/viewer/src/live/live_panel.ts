@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of the settings that speaks of the training: where it is, its curves and its buttons.
 
-import { element } from '../ui/elements';
+import { element, fillList } from '../ui/elements';
 import { drawCurve } from './chart';
 import type { Control, Curve, Status } from './status';
 
@@ -78,12 +78,7 @@ export class LivePanel {
   show(status: Status, mayControl: boolean): void {
     this.status = status;
     this.setState(stateText(status));
-    element('live-info').replaceChildren(...facts(status).flatMap(([term, value]) => {
-      const dt = document.createElement('dt'), dd = document.createElement('dd');
-      dt.textContent = term;
-      dd.textContent = value;
-      return [dt, dd];
-    }));
+    fillList('live-info', facts(status));
     this.showCurve('live-loss', status.loss_curve, (loss) => `Loss ${loss.toFixed(4)}`);
     this.showCurve('live-psnr', status.psnr_curve, (psnr) => `PSNR ${psnr.toFixed(2)} dB, ${status.psnr_of}`);
     const runs = status.state === 'training' || status.state === 'paused' || status.state === 'starting';

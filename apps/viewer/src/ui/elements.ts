@@ -4,6 +4,16 @@ export function element<T extends HTMLElement>(id: string): T {
   return document.getElementById(id) as T;
 }
 
+/** Fills a <dl> with terms and what they are. */
+export function fillList(id: string, rows: [string, string][]): void {
+  element(id).replaceChildren(...rows.flatMap(([term, value]) => {
+    const dt = document.createElement('dt'), dd = document.createElement('dd');
+    dt.textContent = term;
+    dd.textContent = value;
+    return [dt, dd];
+  }));
+}
+
 /** Hands the user a file. */
 export function save(blob: Blob, name: string): void {
   const link = document.createElement('a');

@@ -7,7 +7,7 @@ import type { Scene } from '../format/ngsplat';
 import type { Vector } from '../format/vector';
 import type { Mode } from '../render/prepass';
 import type { Settings } from '../settings';
-import { element, onChoice } from './elements';
+import { element, fillList, onChoice } from './elements';
 import { megabytes } from './notice';
 
 const MODE_HELP: Record<Mode, string> = {
@@ -125,14 +125,7 @@ export class Panel {
   }
 
   setInfo(rows: [string, string][]): void {
-    element('info').replaceChildren(
-      ...rows.flatMap(([term, value]) => {
-        const dt = document.createElement('dt'), dd = document.createElement('dd');
-        dt.textContent = term;
-        dd.textContent = value;
-        return [dt, dd];
-      }),
-    );
+    fillList('info', rows);
   }
 }
 
