@@ -48,19 +48,6 @@ Explained explained(const ResidualParts& parts) {
     return {direction, rest * parts.held_out_direction, parts.photometric, rest - direction};
 }
 
-std::string obstacle_text(const AppearanceMeasurements& m) {
-    const char* sides = m.one_sided ? ", and all cameras look nearly the same way" : "";
-    if (*m.obstacle == Obstacle::kMasks) return "masks leave nothing of the views that models would be compared on";
-    if (*m.obstacle == Obstacle::kLate)
-        return fmt::format("too short to tell: no trial ended within a tenth of the time limit{}", sides);
-    if (*m.obstacle == Obstacle::kShort)
-        return fmt::format("too short to tell: a trial would have {} iterations, and {} are needed{}",
-                           m.trial_iterations, kFewestTrialIterations, sides);
-    return fmt::format(
-        "of {} training views none can be held out ({} are needed), and only these could show that direction matters",
-        m.num_views, kFewestViews);
-}
-
 std::string trials_text(const AppearanceMeasurements& m, double tolerance) {
     if (m.trials.empty())
         return fmt::format("no model was tried: direction is worth {:.2f} dB, and {} dB are allowed",
@@ -128,6 +115,19 @@ Json json_of(const AppearanceMeasurements& m, const AppearanceDecision& decision
 }
 
 }  // namespace
+
+std::string obstacle_text(const AppearanceMeasurements& m) {
+    const char* sides = m.one_sided ? ", and all cameras look nearly the same way" : "";
+    if (*m.obstacle == Obstacle::kMasks) return "masks leave nothing of the views that models would be compared on";
+    if (*m.obstacle == Obstacle::kLate)
+        return fmt::format("too short to tell: no trial ended within a tenth of the time limit{}", sides);
+    if (*m.obstacle == Obstacle::kShort)
+        return fmt::format("too short to tell: a trial would have {} iterations, and {} are needed{}",
+                           m.trial_iterations, kFewestTrialIterations, sides);
+    return fmt::format(
+        "of {} training views none can be held out ({} are needed), and only these could show that direction matters",
+        m.num_views, kFewestViews);
+}
 
 AppearanceReport describe_appearance(const AppearanceMeasurements& measured, const AppearanceDecision& decision,
                                      double tolerance) {

@@ -17,6 +17,9 @@ struct AppearanceReport {
     nlohmann::ordered_json json;     ///< the same for programs: auto.json
 };
 
+/// Returns why there are no measurements; measured.obstacle is set.
+std::string obstacle_text(const AppearanceMeasurements& measured);
+
 /// Describes a decision that was made from these measurements with this tolerance (dB).
 AppearanceReport describe_appearance(const AppearanceMeasurements& measured, const AppearanceDecision& decision,
                                      double tolerance);

@@ -11,10 +11,10 @@ AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene
     return describe_appearance(measured, decide_appearance(measured, options.auto_tolerance), options.auto_tolerance);
 }
 
-std::optional<std::string> appearance_for_no_direction(const TrainOptions& options, const Scene& scene) {
+DirectionTest test_direction(const TrainOptions& options, const Scene& scene) {
     const AppearanceMeasurements measured = measure_appearances(options, scene, false);
-    if (measured.obstacle || needs_trials(measured.parts, options.auto_tolerance)) return std::nullopt;
-    return measured.plain_model;
+    if (measured.obstacle) return {false, obstacle_text(measured)};
+    return {!needs_trials(measured.parts, options.auto_tolerance), ""};
 }
 
 }  // namespace gs

@@ -2,7 +2,6 @@
 // `--appearance auto`: measures, decides, describes.
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include "eval/auto/appearance_report.h"
@@ -16,9 +15,14 @@ namespace gs {
 /// unless time ran out. Throws what training throws.
 AppearanceReport find_appearance(const TrainOptions& options, const Scene& scene);
 
-/// Returns the model without residuals if held-out training views show that direction explains less than
-/// options.auto_tolerance of what that model leaves; nothing otherwise, and where nothing can be measured. It takes the
-/// first part of find_appearance, before the trials. Throws what training throws.
-std::optional<std::string> appearance_for_no_direction(const TrainOptions& options, const Scene& scene);
+/// Whether a model with residuals is of use to a scene.
+struct DirectionTest {
+    bool explains_nothing = false;  ///< less than options.auto_tolerance of what a model without residuals leaves
+    std::string obstacle;           ///< why that could not be measured; empty if it was
+};
+
+/// Measures on held-out training views what direction explains. It takes the first part of find_appearance, before the
+/// trials. Throws what training throws.
+DirectionTest test_direction(const TrainOptions& options, const Scene& scene);
 
 }  // namespace gs

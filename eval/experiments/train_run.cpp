@@ -93,9 +93,14 @@ bool resolve_no_residuals(TrainOptions& options, const Scene& scene) {
         reason = "no Gaussian is to have a residual";
     } else if (!share && !options.resume.empty()) {
         if (checkpoint_appearance(options) == plain) reason = "so the checkpoint has it";
-    } else if (!share && appearance_for_no_direction(options, scene)) {
-        reason = fmt::format("held-out training views show less than {:g} dB in what depends on the direction",
-                             options.auto_tolerance);
+    } else if (!share) {
+        const DirectionTest test = test_direction(options, scene);
+        if (test.explains_nothing)
+            reason = fmt::format("held-out training views show less than {:g} dB in what depends on the direction",
+                                 options.auto_tolerance);
+        else if (!test.obstacle.empty())
+            log_info("--appearance-share auto: whether the scene needs residuals at all was not looked at: {}",
+                     test.obstacle);
     }
     if (reason.empty()) return false;
     log_info("--appearance-share: {} instead of {}: {}", plain, options.appearance, reason);

@@ -520,9 +520,8 @@ void CudaBackend::finish_oldest() {
     stats_.consecutive_skips = std::isfinite(stats_.loss) ? 0 : stats_.consecutive_skips + 1;
     ++stats_.steps;
     if (times_.on)
-        times_.count(double(model_.count), status.num_visible, double(status.num_instances),
-                     32.0 * double(status.num_pairs), double(s.request.camera.width) * s.request.camera.height,
-                     ppisp_.corrects(s.request.isp));
+        times_.count(double(model_.count), status.num_visible, double(status.num_instances), double(status.num_pairs),
+                     double(s.request.camera.width) * s.request.camera.height, ppisp_.corrects(s.request.isp));
     in_flight_.pop_front();
 }
 
@@ -650,6 +649,8 @@ double CudaBackend::squared_error(const StepRequest& r) {
 ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSource& step_on) {
     settle();
     const std::int64_t n = model_.count;
+    // So that a choice needs no more memory than training.
+    const CudaImages::Loan loan(images_, CudaResidualScores::bytes(num_residuals()));
     CudaResidualScores scores(num_residuals(), stream_);
     const auto params = [&] { return preprocess_args({}, RenderMode::kFull, {}).params; };
     for (std::size_t view = 0; view < num_views; ++view) {

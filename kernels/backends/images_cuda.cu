@@ -2,6 +2,7 @@
 // Uploads images through pinned memory, and keeps those that the budget has room for.
 #include "kernels/backends/images_cuda.h"
 
+#include <algorithm>
 #include <cstring>
 
 namespace gs {
@@ -35,6 +36,13 @@ std::int64_t CudaImages::slot_bytes() const {
     return sum;
 }
 
+CudaImages::Loan::Loan(CudaImages& images, std::int64_t bytes) : images_(images) {
+    auto& kept = images.kept_;
+    images.budget_now_ = std::max<std::int64_t>(0, images.kept_bytes_ - bytes);
+    for (auto image = kept.begin(); images.kept_bytes_ > images.budget_now_; image = kept.erase(image))
+        images.kept_bytes_ -= image->second->memory.bytes();
+}
+
 DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t stream) {
     if (const auto at = kept_.find(t.id); t.id >= 0 && at != kept_.end()) return at->second->target;
     const std::size_t pixels = std::size_t(t.width) * t.height, values = pixels * t.channels;
@@ -51,13 +59,13 @@ DeviceTarget CudaImages::get(const TargetImage& t, int slot_number, cudaStream_t
     }
     unsigned char* device = nullptr;
     std::unique_ptr<Kept> kept;
-    if (t.id >= 0 && kept_bytes_ + std::int64_t(bytes) <= budget_) {
+    if (t.id >= 0 && kept_bytes_ + std::int64_t(bytes) <= budget_now_) {
         kept = std::make_unique<Kept>();
         try {
             device = kept->memory.reserve(bytes);
         } catch (const DeviceError&) {  // training works without kept images; from here on they are uploaded
             kept.reset();
-            budget_ = kept_bytes_;
+            budget_ = budget_now_ = kept_bytes_;
         }
     }
     if (!device) device = slot.device.reserve(bytes);

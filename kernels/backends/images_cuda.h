@@ -42,6 +42,19 @@ class CudaImages {
     /// be done. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
+    /// While it lives, kept images take about `bytes` less than before, where they took that much. No step may be in
+    /// flight.
+    class Loan {
+      public:
+        Loan(CudaImages& images, std::int64_t bytes);
+        ~Loan() { images_.budget_now_ = images_.budget_; }
+        Loan(const Loan&) = delete;
+        Loan& operator=(const Loan&) = delete;
+
+      private:
+        CudaImages& images_;
+    };
+
     std::int64_t kept_bytes() const { return kept_bytes_; }
     std::size_t num_kept() const { return kept_.size(); }
     std::int64_t slot_bytes() const;
@@ -58,6 +71,7 @@ class CudaImages {
     };
 
     std::int64_t budget_;
+    std::int64_t budget_now_ = budget_;
     std::int64_t kept_bytes_ = 0;
     std::vector<std::unique_ptr<Slot>> slots_;
     std::unordered_map<std::int64_t, std::unique_ptr<Kept>> kept_;

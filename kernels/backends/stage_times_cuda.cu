@@ -22,8 +22,9 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          "amount of data"},
         {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16,
          pairs_ * 20 + instances_ * 6 * 35,
-         "half of the instructions walk lists and read shared memory, not counted in the floor; at the end the longest "
-         "lists are alone on the device"},
+         "half of the instructions walk lists and read shared memory, not counted in the floor; long lists are walked "
+         "by "
+         "four blocks each"},
         {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12),
          pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
          "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the "

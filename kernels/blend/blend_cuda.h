@@ -76,6 +76,7 @@ class CudaBlend {
 
   private:
     std::int64_t capacity_ = 0;
+    std::size_t marks_ = 0;  ///< hits and counts of processed instances, which lie behind each other
     BlendTrail trail_;
     PackedSums* partial_ = nullptr;  ///< (slots, sub-tiles)
 };

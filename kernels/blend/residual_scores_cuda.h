@@ -10,9 +10,13 @@
 
 namespace gs {
 
-/// The sums of the Gaussians of a model that have a residual: 48 bytes each, while it lives.
+/// The sums of the Gaussians of a model that have a residual.
 class CudaResidualScores {
   public:
+    /// Returns what an object takes while it lives.
+    static std::int64_t bytes(std::int64_t num_residuals) {
+        return num_residuals * std::int64_t(sizeof(Vec3<float>) + sizeof(ResidualSums));
+    }
     CudaResidualScores(std::int64_t num_residuals, cudaStream_t stream);
 
     /// Keeps the gradients by the colours, from the backward pass of a view's error. `counts` of 0: out of view.

@@ -14,7 +14,8 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
     __shared__ SplatBatch batches[kSubTiles];
     __shared__ std::uint32_t all_targets[kSubTiles][32];
-    const int tile = bins.longest_first[blockIdx.x], warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    if (!bins.longest_first[blockIdx.x].is_first_of_tile()) return;
+    const int tile = bins.longest_first[blockIdx.x].tile(), warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
     SplatBatch& batch = batches[warp];
@@ -35,7 +36,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         if (base + lane < end) {
             instance = bins.instances[base + lane];
             mine = splats[kFixedOrder ? bins.gaussians[instance] : instance].splat();
-            hit = reaches(mine, sub_tile);
+            hit = reaches(mine, sub_tile, kSubX, kSubY);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
         const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
@@ -80,13 +81,13 @@ void CudaScores::add(const CudaBins& bins, const PackedSplat* splats, const Blen
                      std::int64_t num_instances) {
     if (num_instances == 0) return;
     if (!slots) {
-        score_tiles<false><<<bins.num_tiles(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, scores_.get());
+        score_tiles<false><<<bins.num_items(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, scores_.get());
         GS_CUDA_LAUNCHED("score_tiles");
         return;
     }
     const std::size_t sums = std::size_t(num_instances) * kSubTiles;
     GS_CUDA(cudaMemsetAsync(partial_.reserve(sums), 0, sums * sizeof(float), stream_));
-    score_tiles<true><<<bins.num_tiles(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, partial_.get());
+    score_tiles<true><<<bins.num_items(), kCudaTilePixels, 0, stream_>>>(bins, splats, image, partial_.get());
     GS_CUDA_LAUNCHED("score_tiles");
     add_partial_scores<<<num_blocks(n_, 256), 256, 0, stream_>>>(n_, *slots, partial_.get(), scores_.get());
     GS_CUDA_LAUNCHED("add_partial_scores");

@@ -16,14 +16,17 @@ __device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) {
 }
 __device__ inline int2 pixel_of(int2 sub_tile, int lane) { return {sub_tile.x + (lane & 7), sub_tile.y + (lane >> 3)}; }
 
-/// Returns whether a splat reaches a pixel centre of the sub-tile.
-__device__ inline bool reaches(const Splat<float>& s, int2 sub_tile) {
-    return min_power_in_rectangle(s, float(sub_tile.x), float(sub_tile.y), float(kSubX - 1), float(kSubY - 1)) <=
+/// Returns whether a splat reaches a pixel centre of the rectangle whose first pixel is `corner`.
+__device__ inline bool reaches(const Splat<float>& s, int2 corner, int width, int height) {
+    return min_power_in_rectangle(s, float(corner.x), float(corner.y), float(width - 1), float(height - 1)) <=
            touch_threshold(s);
 }
 
 /// Returns the place of the lists of a tile's first 32 instances. Those of the next instances follow.
 __device__ inline std::size_t first_group(int tile, std::uint32_t tile_begin) { return tile_begin / 32 + tile; }
+
+/// Returns the place of the first state that is saved within a tile's list.
+__device__ inline std::uint32_t first_checkpoint(std::uint32_t tile_begin) { return tile_begin / kChunk; }
 
 /// The splats of one warp in shared memory. All lanes read the same splat, 16 bytes at a time.
 struct SplatBatch {

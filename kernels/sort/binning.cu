@@ -103,18 +103,24 @@ __global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict_
     offsets[t] = low;
 }
 
-/// Sorts the tiles by the length of their lists, in steps of 16 instances, with a counting sort in one block.
+/// Lists the work on tiles by the time that it takes, in steps of 16 instances, with a counting sort in one block.
 constexpr int kOrderThreads = 1024, kLengths = 256;
 __global__ void __launch_bounds__(kOrderThreads)
-    order_tiles(std::uint32_t num_tiles, const std::uint32_t* __restrict__ offsets,
-                std::uint32_t* __restrict__ longest_first) {
-    __shared__ std::uint32_t place[kLengths];
-    const auto bin = [&](std::uint32_t t) {
-        return kLengths - 1 - min((offsets[t + 1] - offsets[t]) / 16, std::uint32_t(kLengths - 1));
+    order_tiles(std::uint32_t num_tiles, std::uint32_t num_items, const std::uint32_t* __restrict__ offsets,
+                TileItem* __restrict__ longest_first) {
+    constexpr std::uint32_t kShortest = 256;  // is not worth three more blocks
+    __shared__ std::uint32_t place[kLengths], listed;
+    const std::uint32_t limit = max(offsets[num_tiles] / kMostQuartered, kShortest);
+    const auto length = [&](std::uint32_t t) { return offsets[t + 1] - offsets[t]; };
+    const auto bin = [&](std::uint32_t n) {
+        return kLengths - 1 - min((n > limit ? n / 2 : n) / 16, std::uint32_t(kLengths - 1));
     };
     if (threadIdx.x < kLengths) place[threadIdx.x] = 0;
     __syncthreads();
-    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) atomicAdd(&place[bin(t)], 1u);
+    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) {
+        const std::uint32_t n = length(t);
+        atomicAdd(&place[bin(n)], n > limit ? 4u : 1u);
+    }
     __syncthreads();
     if (threadIdx.x < 32) {  // exclusive scan by one warp, eight bins a lane
         std::uint32_t own[kLengths / 32], sum = 0;
@@ -124,12 +130,19 @@ __global__ void __launch_bounds__(kOrderThreads)
             const std::uint32_t other = __shfl_up_sync(~0u, before, d);
             if (int(threadIdx.x) >= d) before += other;
         }
+        if (threadIdx.x == 31) listed = before;
         before -= sum;
         for (int k = 0; k < kLengths / 32; ++k) place[threadIdx.x * (kLengths / 32) + k] = before, before += own[k];
     }
     __syncthreads();
-    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads)
-        longest_first[atomicAdd(&place[bin(t)], 1u)] = t;
+    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) {
+        const std::uint32_t n = length(t), at = atomicAdd(&place[bin(n)], n > limit ? 4u : 1u);
+        if (n > limit)
+            for (int k = 0; k < 4; ++k) longest_first[at + k] = TileItem::part(t, k);
+        else
+            longest_first[at] = TileItem::whole(t);
+    }
+    for (std::uint32_t k = listed + threadIdx.x; k < num_items; k += kOrderThreads) longest_first[k] = {};
 }
 
 template <class Key> std::size_t sort_bytes(std::int64_t items, int bits) {
@@ -156,7 +169,7 @@ void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity,
     input_.counts = c.take<std::uint32_t>(n);
     sorted_ = c.take<std::uint32_t>(capacity);
     tile_offsets_ = c.take<std::uint32_t>(bins_.num_tiles() + 1);
-    longest_first_ = c.take<std::uint32_t>(bins_.num_tiles());
+    longest_first_ = c.take<TileItem>(bins_.num_items());
     if (!keep_slots) return;
     order_ = c.take<std::uint32_t>(n);
     offsets_ = c.take<std::uint32_t>(n);
@@ -204,7 +217,7 @@ void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control
     find_tile_offsets<Key><<<num_blocks(bins_.num_tiles() + 1, kBlock), kBlock, 0, stream>>>(
         std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
-    order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), tile_offsets_, longest_first_);
+    order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), bins_.num_items(), tile_offsets_, longest_first_);
     GS_CUDA_LAUNCHED("order_tiles");
 }
 

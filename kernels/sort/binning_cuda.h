@@ -42,8 +42,9 @@ class CudaBinning {
     DeviceBuffer<std::uint32_t> identity_;  ///< 0, 1, 2, ...: the values to sort
     // Tile keys hold 16-bit values where these suffice.
     std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr,
-                  *gaussians_ = nullptr, *sorted_ = nullptr, *tile_offsets_ = nullptr, *longest_first_ = nullptr,
-                  *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr;
+                  *gaussians_ = nullptr, *sorted_ = nullptr, *tile_offsets_ = nullptr, *tile_keys_ = nullptr,
+                  *sorted_tile_keys_ = nullptr;
+    TileItem* longest_first_ = nullptr;
     unsigned char* workspace_ = nullptr;
     std::size_t workspace_bytes_ = 0;
 };

@@ -6,12 +6,12 @@ namespace gs {
 
 /// The counters of the step in flight, on the device. All but `stopped` are zeroed before every step.
 struct StepControl {
-    unsigned long long num_instances;      ///< Gaussian-tile pairs
-    unsigned long long num_pairs;          ///< Gaussian-sub-tile pairs that were blended, 32 pixels each
-    double l1, ssim;                       ///< sums of the weighted differences and SSIM
-    unsigned num_visible, num_large;       ///< num_large: Gaussians with more than 32 candidate tiles
-    unsigned num_checkpoints, num_chunks;  ///< checkpoints and chunks of the blend
-    unsigned num_nonfinite;                ///< Gaussians whose gradient was left out
+    unsigned long long num_instances;  ///< Gaussian-tile pairs
+    unsigned long long num_pairs;      ///< Gaussian-pixel pairs that were blended
+    double l1, ssim;                   ///< sums of the weighted differences and SSIM
+    unsigned num_visible, num_large;   ///< num_large: Gaussians with more than 32 candidate tiles
+    unsigned num_chunks;               ///< chunks of the blend
+    unsigned num_nonfinite;            ///< Gaussians whose gradient was left out
     unsigned loss_blocks;
     unsigned stopped;  ///< set when instances did not fit; no step updates until the host has made room
 };

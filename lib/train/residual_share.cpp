@@ -18,7 +18,7 @@ namespace {
 constexpr int kNumStages = int(std::size(kResidualStages));
 /// With a tolerance, at most this share keeps a residual: less than 40 % of the bytes of sh or sv for all. What that
 /// costs at once says little of what it costs in the end (docs/math/residuals.md#on-a-gpu).
-constexpr double kMostShare = 1.0 / 3;
+constexpr double kMostShare = 0.35;
 /// The part of the tolerance that may be lost at once before the search ends: the stages before have cost something,
 /// too.
 constexpr double kPartAtOnce = 0.25;
@@ -26,6 +26,8 @@ constexpr double kPartAtOnce = 0.25;
 constexpr double kShareStep = 0.9;
 /// The views on which the search measures: enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
+/// The views that say what goes before the last stage: what is worth least shows in few, and later stages look again.
+constexpr std::size_t kMostEarlyViews = 64;
 
 /// The rows in the order of what their residuals are worth.
 class Ranking {
@@ -78,6 +80,12 @@ std::vector<double> view_errors(Backend& backend, std::size_t num_views, const S
     return errors;
 }
 
+/// Returns the scores by at most `most` views, spread over all.
+ResidualScores scores_by_views(Backend& backend, std::size_t num_views, std::size_t most, const StepSource& step_on) {
+    const std::size_t sampled = std::min(num_views, most);
+    return backend.residual_scores(sampled, [&](std::size_t k) { return step_on(k * num_views / sampled); });
+}
+
 /// Returns by how many decibels the PSNR fell, on average.
 double mean_loss(const std::vector<double>& before, const std::vector<double>& after) {
     constexpr double kLeast = 1e-12;  // of views that are met exactly, or masked
@@ -121,7 +129,7 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     if (kept >= change.before) return change;
     const std::size_t num_views = scene_.train.size();
     const std::vector<double> errors = searches ? view_errors(backend, num_views, step_on) : std::vector<double>{};
-    ResidualScores scores = backend.residual_scores(num_views, step_on);
+    ResidualScores scores = scores_by_views(backend, num_views, last ? num_views : kMostEarlyViews, step_on);
     Ranking ranking(scores.worth, change.before);
     for (;; kept = std::int64_t(double(kept) * kShareStep)) {
         const std::vector<std::uint8_t> marks = ranking.keep(kept);
@@ -132,6 +140,16 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
         if (kept == 0 || !(change.loss < kPartAtOnce * options_.auto_tolerance)) return change;
         move_rows(scores.mean_base, marks);
     }
+}
+
+std::optional<ResidualChange> ResidualShare::at_end(Backend& backend, const StepSource& step_on) const {
+    ResidualChange change;
+    change.before = backend.num_residuals();
+    change.after = std::llround(share_.value_or(kMostShare) * double(backend.count()));
+    if (share_ == 1 || change.after >= change.before) return std::nullopt;
+    const ResidualScores scores = scores_by_views(backend, scene_.train.size(), scene_.train.size(), step_on);
+    backend.keep_residuals(Ranking(scores.worth, change.before).keep(change.after), scores.mean_base);
+    return change;
 }
 
 }  // namespace gs

@@ -375,7 +375,7 @@ class Run {
                                *backend_, moment, hold,
                                [&] { return course_.most_gaussians(backend_->count(), limits_.most_now(*backend_)); }),
                            iteration_ + 1);
-        choose_residuals(moment);
+        report_residuals(residuals_.before_step(*backend_, moment, steps_on_views(moment)), iteration_ + 1);
         backend_->step(composer_.compose(step.view(), moment));
         writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + 1);
         ++iteration_;
@@ -387,18 +387,21 @@ class Run {
         }
     }
 
-    void choose_residuals(const Moment& moment) {
-        std::shared_ptr<const ViewImage> image;
-        const auto change = residuals_.before_step(*backend_, moment, [&](std::size_t view) {
+    /// Returns where steps on single views at `moment` come from. Each is valid until the next is asked for.
+    StepSource steps_on_views(const Moment& moment) {
+        return [this, moment, image = std::shared_ptr<const ViewImage>()](std::size_t view) mutable {
             image = views_.image(view);
             return composer_.compose(StepView{view, *image, views_.fixed_background()}, moment);
-        });
+        };
+    }
+
+    void report_residuals(const std::optional<ResidualChange>& change, std::int64_t iteration) {
         if (!change) return;
-        log_info("iteration {}: {} of {} Gaussians keep a colour that depends on the view ({:.1f} %)", iteration_ + 1,
+        log_info("iteration {}: {} of {} Gaussians keep a colour that depends on the view ({:.1f} %)", iteration,
                  change->after, backend_->count(),
                  100 * double(change->after) / double(std::max<std::int64_t>(1, backend_->count())));
         writer_.log({{"event", "residuals"},
-                     {"iteration", iteration_ + 1},
+                     {"iteration", iteration},
                      {"pruned", change->pruned},
                      {"before", change->before},
                      {"after", change->after},
@@ -591,6 +594,7 @@ class Run {
         if (!course_.limits_time()) write_checkpoint();
         backend_->prune(InvisibleRows{});
         limits_.prune(*backend_);
+        timed([&] { report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_); });
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");

@@ -138,10 +138,26 @@ TEST(ResidualShare, AutoGoesOnUntilTheLossReachesAQuarterOfTheTolerance) {
     EXPECT_LT(chosen.change->after, 200) << "losing one of the worthy costs 0.04 dB";
     EXPECT_GE(chosen.change->after, 175) << "the next step of the search";
     EXPECT_GE(chosen.change->loss, 0.025);
-    EXPECT_EQ(choose(nan, worth, 0).change->after, 333) << "a third, whatever it costs";
+    EXPECT_EQ(choose(nan, worth, 0).change->after, 350) << "whatever it costs";
     EXPECT_EQ(choose(nan, std::vector<float>(100, 0.0f)).change->after, 0) << "nothing is worth anything";
-    EXPECT_EQ(choose(nan, std::vector<float>(100, 50.0f)).change->after, 33) << "everything is";
+    EXPECT_EQ(choose(nan, std::vector<float>(100, 50.0f)).change->after, 35) << "everything is";
     EXPECT_EQ(choose(nan, {1}).change->after, 0);
+}
+
+TEST(ResidualShare, AtTheEndItIsAShareOfWhatIsLeft) {
+    TrainOptions options;
+    Scene scene;
+    scene.train.resize(3);
+    const auto at_end = [&](double share) {
+        options.appearance_share = share;
+        Worthy backend(kWorth);
+        const auto change =
+            ResidualShare(options, kSh, scene).at_end(backend, [](std::size_t) { return StepRequest{}; });
+        return std::pair(change ? change->after : -1, backend.kept());
+    };
+    EXPECT_EQ(at_end(0.4), std::pair(std::int64_t(4), std::vector<float>{5, 9, 6, 5}));
+    EXPECT_EQ(at_end(1).first, -1) << "all";
+    EXPECT_EQ(at_end(std::nan("")).first, 4) << "auto keeps 35 % of ten, whatever it costs";
 }
 
 TEST(ResidualShare, BytesAreAnotherWayToSayIt) {
