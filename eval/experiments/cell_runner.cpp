@@ -8,9 +8,11 @@
 #include <cstdlib>
 #include <exception>
 #include <mutex>
+#include <set>
 #include <sstream>
 #include <thread>
 
+#include "eval/experiments/cell_claim.h"
 #include "eval/report/table.h"
 #include "kernels/cuda/cuda_device.h"
 #include "lib/core/interrupt.h"
@@ -18,6 +20,7 @@
 #include "lib/core/options.h"
 #include "lib/core/process.h"
 #include "lib/io/atomic_file.h"
+#include "lib/model/run_lock.h"
 #include "lib/train/choose_backend.h"
 
 namespace gs {
@@ -28,6 +31,8 @@ using Clock = std::chrono::steady_clock;
 
 /// Rounds through the test views in which frames are timed: about a second on a GPU; on the CPU one round is as long.
 constexpr int kFrameRoundsCuda = 20, kFrameRoundsCpu = 1;
+/// The time between two looks at what other processes work on.
+constexpr std::chrono::milliseconds kLookEvery{500};
 
 /// Returns what CUDA_VISIBLE_DEVICES has to be for each GPU that this process sees.
 std::vector<std::string> visible_gpus() {
@@ -53,7 +58,8 @@ std::string error_of(const ProcessResult& result) {
 
 class CellRunner {
   public:
-    CellRunner(const std::vector<Cell>& cells, const CellHooks& hooks) : cells_(cells), hooks_(hooks) {}
+    CellRunner(const std::vector<Cell>& cells, const CellHooks& hooks)
+        : cells_(cells), hooks_(hooks), claims_(hooks.stale_after) {}
 
     CellsSummary run() {
         keep_finished();
@@ -76,6 +82,7 @@ class CellRunner {
             if (!cells_[k].options.overwrite) outcome.result = finished_cell(cells_[k].options);
             if (outcome.result) {
                 log_info("{}: finished before in {}", name(k), cells_[k].options.model);
+                remove_old_claim(k);
                 hooks_.done(k, outcome);
             } else {
                 pending_.push_back(k);
@@ -83,32 +90,99 @@ class CellRunner {
         }
     }
 
+    struct Work {
+        std::size_t cell;
+        std::unique_ptr<CellClaim> claim;
+    };
+
     /// Trains one cell after another until there is none.
     void work(const std::string& gpu, bool cuda) {
-        while (const std::optional<std::size_t> k = take()) {
+        while (const std::optional<Work> work = take()) {
+            const std::size_t k = work->cell;
             CellOutcome outcome;
             try {
-                outcome = train(*k, gpu, cuda);
+                outcome = train(*work, gpu, cuda);
             } catch (const Error& e) {
                 outcome.error = e.what(), outcome.code = e.code();
             } catch (const std::exception& e) {
                 outcome.error = e.what(), outcome.code = ExitCode::kUnexpected;
             }
-            finish(*k, outcome);
+            // A run whose own caller was killed may have begun in the same folder at the same moment.
+            if (!outcome.result && (work->claim->lost() || RunLock::is_held(cells_[k].options.model)))
+                leave_to_others(k);
+            else
+                finish(k, outcome);
         }
     }
 
-    std::optional<std::size_t> take() {
-        const std::lock_guard lock(mutex_);
-        if (pending_.empty()) return std::nullopt;
-        summary_.interrupted = summary_.interrupted || interrupted();
-        if (summary_.interrupted || hook_failure_ || past_deadline()) return std::nullopt;
-        const std::optional<std::size_t> k = hooks_.choose ? hooks_.choose(pending_) : pending_.front();
-        if (k) pending_.erase(std::find(pending_.begin(), pending_.end(), *k));
-        return k;
+    /// Returns the next cell to train, and waits where others work on all that are left. Nothing if there is none.
+    std::optional<Work> take() {
+        for (;; std::this_thread::sleep_for(kLookEvery)) {
+            const std::lock_guard lock(mutex_);
+            try {
+                note_others();
+                while (!ends()) {
+                    std::vector<std::size_t> free;
+                    std::set_difference(pending_.begin(), pending_.end(), others_.begin(), others_.end(),
+                                        std::back_inserter(free));
+                    if (free.empty()) break;
+                    const std::optional<std::size_t> k = hooks_.choose ? hooks_.choose(free) : free.front();
+                    if (!k) return std::nullopt;
+                    std::unique_ptr<CellClaim> claim = claims_.take(claim_file(*k));
+                    if (!claim) {
+                        others_.insert(*k);
+                    } else if (!done_by_others(*k, cells_[*k].options.overwrite)) {
+                        pending_.erase(std::find(pending_.begin(), pending_.end(), *k));
+                        return Work{*k, std::move(claim)};
+                    }
+                }
+            } catch (...) {
+                hook_failure_ = std::current_exception();
+            }
+            if (ends()) return std::nullopt;
+        }
     }
 
-    CellOutcome train(std::size_t k, const std::string& gpu, bool cuda) const {
+    bool ends() {
+        summary_.interrupted = summary_.interrupted || interrupted();
+        return pending_.empty() || summary_.interrupted || hook_failure_ || past_deadline();
+    }
+
+    /// Looks which of the pending cells others work on, and which of these they have finished.
+    void note_others() {
+        for (const std::size_t k : std::vector(pending_)) {
+            const bool held = claims_.held(claim_file(k)) || RunLock::is_held(cells_[k].options.model);
+            if (held && others_.insert(k).second) log_info("{}: another process works on it", name(k));
+            if (!held && others_.erase(k) > 0 && done_by_others(k, false)) remove_old_claim(k);
+        }
+    }
+
+    /// Takes over the result of a cell that another process finished since the beginning.
+    bool done_by_others(std::size_t k, bool trains_anyway) {
+        CellOutcome outcome;
+        if (!trains_anyway) outcome.result = finished_cell(cells_[k].options);
+        if (!outcome.result) return false;
+        pending_.erase(std::find(pending_.begin(), pending_.end(), k));
+        log_info("{}: finished by another process", name(k));
+        hooks_.done(k, outcome);
+        return true;
+    }
+
+    /// Removes what a process that was killed left of a cell that is finished.
+    void remove_old_claim(std::size_t k) {
+        std::error_code ignored;
+        if (!claims_.held(claim_file(k))) fs::remove(claim_file(k), ignored);
+    }
+
+    void leave_to_others(std::size_t k) {
+        const std::lock_guard lock(mutex_);
+        log_warning("{}: left to another process, which works on it too", name(k));
+        pending_.insert(std::lower_bound(pending_.begin(), pending_.end(), k), k);
+        others_.insert(k);
+    }
+
+    CellOutcome train(const Work& work, const std::string& gpu, bool cuda) const {
+        const std::size_t k = work.cell;
         const TrainOptions& options = cells_[k].options;
         log_info("{}: training in {}{}", name(k), options.model, cuda ? " on GPU " + gpu : "");
         const std::string config = options.model + ".yaml";
@@ -124,7 +198,7 @@ class CellRunner {
         const auto begin = Clock::now();
         const ProcessResult process = run_process(
             command, environment, [&](const std::string& printed) { log_debug("{}: {}", name(k), printed); },
-            [&] { return interrupted() || past_deadline(); });
+            [&] { return interrupted() || past_deadline() || work.claim->lost(); });
         CellOutcome outcome;
         outcome.wall_seconds = std::chrono::duration<double>(Clock::now() - begin).count();
         outcome.code = ExitCode(process.exit_code);
@@ -157,13 +231,16 @@ class CellRunner {
         }
     }
 
+    fs::path claim_file(std::size_t k) const { return cells_[k].options.model + ".claim"; }
     bool past_deadline() const { return hooks_.deadline && Clock::now() >= *hooks_.deadline; }
     std::string name(std::size_t k) const { return fmt::format("[{}/{}] {}", k + 1, cells_.size(), cells_[k].name); }
 
     const std::vector<Cell>& cells_;
     const CellHooks& hooks_;
     std::mutex mutex_;  ///< guards all below
-    std::vector<std::size_t> pending_;
+    CellClaims claims_;
+    std::vector<std::size_t> pending_;  ///< in their order
+    std::set<std::size_t> others_;      ///< those of the pending ones that other processes work on
     std::exception_ptr hook_failure_;
     CellsSummary summary_;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trains many runs as processes of this program, one after another or one on each GPU, and keeps those that are
-// finished.
+// finished. Several callers with the same cells, on any machines that share the folders, divide them among themselves,
+// and each is told the results of all.
 #pragma once
 
 #include <chrono>
@@ -20,7 +21,7 @@ struct CellOutcome {
     std::optional<CellResult> result = {};
     std::string error = {};
     ExitCode code = ExitCode::kOk;
-    std::optional<double> wall_seconds = {};  ///< from start to end of the process; empty: nothing was trained
+    std::optional<double> wall_seconds = {};  ///< from start to end of the process; empty: this call trained nothing
 };
 
 /// How the caller takes part. The calls never overlap.
@@ -36,6 +37,8 @@ struct CellHooks {
     /// The program that trains, called as `program train --config FILE --time-frames N [--overwrite]`; empty: this
     /// program.
     std::filesystem::path program = {};
+    /// A process that works on a cell and gives no sign of life for this long is taken for dead.
+    std::chrono::milliseconds stale_after = std::chrono::seconds(60);
 };
 
 /// What became of all cells together.
@@ -46,9 +49,10 @@ struct CellsSummary {
 };
 
 /// Trains the cells whose folders do not hold them yet, or all of them with the option `overwrite`. All cells go to the
-/// same device. A run that fails does not stop the others. Once interrupted() is true nothing more is started, and runs
-/// under way write their checkpoint and end. Cells that were not reached are not `done`. Call catch_interrupts()
-/// before. Throws DeviceError for a device that is not there.
+/// same device. A cell that another process works on is waited for, and taken over if that process is gone. A run that
+/// fails does not stop the others; another process tries it once more. Once interrupted() is true nothing more is
+/// started, and runs under way write their checkpoint and end. Cells that were not reached are not `done`. Call
+/// catch_interrupts() before. Throws DeviceError for a device that is not there.
 CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks);
 
 /// What trains cells: run_cells, or what a test puts in its place.

@@ -89,6 +89,14 @@ RunLock::~RunLock() {
     ::close(folder_fd_);
 }
 
+bool RunLock::is_held(const std::filesystem::path& folder) {
+    const int fd = ::open((folder / kLockName).c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return false;
+    const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    ::close(fd);
+    return held;
+}
+
 void RunLock::check_folder() const {
     struct stat locked {
     }, named{};

@@ -19,6 +19,9 @@ class RunLock {
     RunLock(const RunLock&) = delete;
     RunLock& operator=(const RunLock&) = delete;
 
+    /// Returns whether a run holds the lock of the folder. False where there is no such folder, or no locks.
+    static bool is_held(const std::filesystem::path& folder);
+
     /// Throws DataError unless the path still leads to the folder that was locked. A run that wrote on after its folder
     /// was removed would leave half of its files in a new one.
     void check_folder() const;

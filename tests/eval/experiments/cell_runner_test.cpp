@@ -4,7 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <map>
 #include <stdexcept>
+#include <thread>
 
 #include "lib/core/options.h"
 #include "tests/core/temporary_folder.h"
@@ -21,6 +26,7 @@ constexpr const char* kProgram = R"(#!/bin/sh
 test "$1 $2 $4 $5" = "train --config --time-frames 1" || exit 1
 model=$(sed -n 's/^model: *//p' "$3")
 echo "called: $*" >> "${0%/*}/calls"
+case "$model" in *slow*) sleep 0.2;; esac
 case "$model" in *broken) echo "an error: the disk is full"; exit 3;; esac
 mkdir -p "$model/point_cloud/iteration_20"
 cp "$3" "$model/config.yaml"
@@ -49,6 +55,10 @@ class CellRunnerTest : public ::testing::Test {
         options.model = (tmp_.path() / name).string();
         validate(options);
         return {name, options};
+    }
+    std::size_t num_calls() const {
+        std::ifstream calls(tmp_.path() / "calls");
+        return std::size_t(std::count(std::istreambuf_iterator<char>(calls), {}, '\n'));
     }
     bool called() const { return fs::exists(tmp_.path() / "calls"); }
 
@@ -124,6 +134,43 @@ TEST_F(CellRunnerTest, AnExceptionOfTheCallerEndsTheRuns) {
     hooks_.done = [](std::size_t, const CellOutcome&) { throw std::runtime_error("no space for the table"); };
     EXPECT_THROW(run_cells({cell("a"), cell("b")}, hooks_), std::runtime_error);
     EXPECT_FALSE(fs::exists(tmp_.path() / "b"));
+}
+
+TEST_F(CellRunnerTest, SeveralCallersDivideTheCellsAndEachIsToldOfAll) {
+    std::vector<Cell> cells;
+    for (int k = 0; k < 6; ++k) cells.push_back(cell("slow" + std::to_string(k)));
+    std::vector<std::map<std::size_t, CellOutcome>> told(3);
+    std::vector<std::thread> callers;
+    for (auto& mine : told)
+        callers.emplace_back([&] {
+            CellHooks hooks = hooks_;
+            hooks.done = [&](std::size_t k, const CellOutcome& outcome) { mine[k] = outcome; };
+            run_cells(cells, hooks);
+        });
+    for (std::thread& caller : callers) caller.join();
+    EXPECT_EQ(num_calls(), cells.size());
+    int trained = 0;
+    for (const auto& mine : told) {
+        ASSERT_EQ(mine.size(), cells.size());
+        for (const auto& [k, outcome] : mine) {
+            EXPECT_TRUE(outcome.result) << k << ": " << outcome.error;
+            trained += outcome.wall_seconds.has_value();
+        }
+    }
+    EXPECT_EQ(trained, 6);
+    for (const auto& entry : fs::directory_iterator(tmp_.path()))
+        EXPECT_NE(entry.path().extension(), ".claim") << entry.path();
+}
+
+TEST_F(CellRunnerTest, ACellWhoseProcessIsGoneIsTakenOver) {
+    hooks_.stale_after = std::chrono::milliseconds(300);
+    tmp_.write("a.claim", "another-machine/pid:[1] 77 1.1\n");
+    const auto begin = std::chrono::steady_clock::now();
+    run_cells({cell("a")}, hooks_);
+    EXPECT_GE(std::chrono::steady_clock::now() - begin, hooks_.stale_after);
+    EXPECT_EQ(num_calls(), 1u);
+    ASSERT_EQ(outcomes_.size(), 1u);
+    EXPECT_TRUE(outcomes_[0].result);
 }
 
 TEST(CellsSummary, AnInterruptNamesTheFolderToGoOnIn) {

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// Creates, renews, judges and takes over the files of claims.
+#include "eval/experiments/cell_claim.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <climits>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "kernels/core/error.h"
+#include "lib/io/atomic_file.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+/// The time after which a process that replaced a file looks whether another did so at the same moment.
+constexpr std::chrono::milliseconds kSettle{500};
+
+/// Returns a name of this machine, and of the space that its process numbers belong to: containers may share the first.
+const std::string& machine() {
+    static const std::string name = [] {
+        char host[HOST_NAME_MAX + 1] = {}, space[64] = {};
+        ::gethostname(host, HOST_NAME_MAX);
+        const ssize_t size = ::readlink("/proc/self/ns/pid", space, sizeof space - 1);
+        return std::string(host) + "/" + std::string(space, size > 0 ? std::size_t(size) : 0);
+    }();
+    return name;
+}
+
+/// Returns what stands in a file that this process creates: machine, process, and a number that is its own.
+std::string new_owner() {
+    static std::atomic<int> count{0};
+    return fmt::format("{} {} {}.{}\n", machine(), ::getpid(), Clock::now().time_since_epoch().count(), ++count);
+}
+
+/// Returns the content of a file; empty where there is none.
+std::string content(const fs::path& file) {
+    std::ifstream in(file);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// Returns whether the owner is a process of this machine that has ended.
+bool has_ended(const std::string& owner) {
+    std::istringstream words(owner);
+    std::string where;
+    long pid = 0;
+    return words >> where >> pid && where == machine() && pid > 0 && ::kill(pid_t(pid), 0) != 0 && errno == ESRCH;
+}
+
+}  // namespace
+
+CellClaim::CellClaim(fs::path file, std::string owner, std::chrono::milliseconds renew_every)
+    : file_(std::move(file)), owner_(std::move(owner)), renew_every_(renew_every), renewer_([this] { renew(); }) {}
+
+CellClaim::~CellClaim() {
+    {
+        const std::lock_guard lock(mutex_);
+        ends_ = true;
+    }
+    wake_.notify_all();
+    renewer_.join();
+    std::error_code ignored;
+    if (content(file_) == owner_) fs::remove(file_, ignored);
+}
+
+bool CellClaim::lost() const {
+    const std::lock_guard lock(mutex_);
+    return lost_;
+}
+
+void CellClaim::renew() {
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, renew_every_, [this] { return ends_; })) {
+        lost_ = content(file_) != owner_;
+        if (lost_) return;
+        ::utimensat(AT_FDCWD, file_.c_str(), nullptr, 0);
+    }
+}
+
+bool CellClaims::held(const fs::path& file) {
+    std::error_code error;
+    const fs::file_time_type time = fs::last_write_time(file, error);
+    if (error) {
+        seen_.erase(file);
+        return false;
+    }
+    const std::string owner = content(file);
+    const auto now = Clock::now();
+    const auto [at, is_new] = seen_.try_emplace(file, Seen{owner, time, now});
+    Seen& seen = at->second;
+    if (!is_new && (seen.owner != owner || seen.time != time)) seen = {owner, time, now};
+    return !has_ended(owner) && now - seen.since < stale_after_;
+}
+
+std::unique_ptr<CellClaim> CellClaims::take(const fs::path& file) {
+    if (held(file)) return nullptr;
+    const std::string owner = new_owner();
+    std::error_code error;
+    fs::create_directories(file.parent_path(), error);  // if it failed, creating the file says why
+    const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd >= 0) {
+        const bool written = ::write(fd, owner.data(), owner.size()) == ssize_t(owner.size());
+        if (::close(fd) != 0 || !written) throw DataError(fmt::format("cannot write '{}'", file.string()));
+    } else if (errno != EEXIST) {
+        throw DataError(fmt::format("cannot create '{}': {}", file.string(), std::strerror(errno)));
+    } else {
+        if (held(file)) return nullptr;  // created by another a moment ago
+        // Of several that replace the file at the same moment, the last one has it.
+        write_text_atomic(file, owner);
+        std::this_thread::sleep_for(kSettle);
+        if (content(file) != owner) return nullptr;
+    }
+    seen_.erase(file);
+    return std::make_unique<CellClaim>(file, owner, stale_after_ / 6);
+}
+
+}  // namespace gs

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Four `gsapp tradeoff` processes train one set of configurations; one of them is killed.
+
+Usage: cooperation_test.py PROGRAM
+"""
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+CELLS = 6
+
+
+def start(program, folder):
+    command = [program, "tradeoff", "-s", "builtin:diffuse", "-r", "8", "--iterations", "300", "--device", "cpu",
+               "--threads", "1", "--axes", "appearance=none,sh,nasg", "iterations=200,300", "-m", folder]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def claims(folder):
+    found = {}
+    for name in os.listdir(folder) if os.path.isdir(folder) else []:
+        if name.endswith(".claim"):
+            try:
+                with open(os.path.join(folder, name)) as file:
+                    words = file.read().split()
+            except FileNotFoundError:
+                continue
+            if len(words) == 3:
+                found[int(words[1])] = name
+    return found
+
+
+def main():
+    program = os.path.abspath(sys.argv[1])
+    with tempfile.TemporaryDirectory() as root:
+        folder = os.path.join(root, "cells")
+        processes = [start(program, folder) for _ in range(4)]
+        victim = None
+        deadline = time.monotonic() + 60
+        while victim is None:
+            assert time.monotonic() < deadline, "no process claimed a configuration"
+            held = claims(folder)
+            victim = next((p for p in processes if p.pid in held), None)
+            time.sleep(0.01)
+        victim.send_signal(signal.SIGKILL)
+        victim.wait()  # until then its number is that of a process
+        tables = []
+        for process in processes:
+            out, err = process.communicate(timeout=120)
+            if process is victim:
+                assert process.returncode == -signal.SIGKILL, process.returncode
+                continue
+            assert process.returncode == 0, err
+            tables.append(out)
+        assert tables[0] == tables[1] == tables[2], "\n".join(tables)
+        assert tables[0].count("| none") + tables[0].count("| sh") + tables[0].count("| nasg") >= CELLS, tables[0]
+        left = [name for name in os.listdir(folder) if name.endswith(".claim")]
+        assert not left, left
+        folders = [name for name in os.listdir(folder) if os.path.isdir(os.path.join(folder, name))]
+        assert len(folders) == CELLS, folders
+        for name in folders:
+            assert os.path.exists(os.path.join(folder, name, "results.json")), name
+    print(f"{CELLS} configurations trained by four processes, of which one was killed; three equal tables")
+
+
+if __name__ == "__main__":
+    main()
