@@ -6,9 +6,7 @@
 
 namespace gs {
 
-TableStyle stdout_style() {
-    return ::isatty(STDOUT_FILENO) != 0 ? TableStyle::kTerminal : TableStyle::kMarkdown;
-}
+TableStyle stdout_style() { return ::isatty(STDOUT_FILENO) != 0 ? TableStyle::kTerminal : TableStyle::kMarkdown; }
 
 void add_json_flag(CLI::App& command, bool& json) {
     command.add_flag("--json", json, "Print all figures as JSON instead of tables");
