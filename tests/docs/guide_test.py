@@ -133,6 +133,8 @@ def shortened(words):
             out += ["--iterations", "30"]
         if "--ppisp" in words:
             out += ["--controller-iterations", "5"]
+    if words[:2] == ["bench", "suite"] and "--appearances" not in words:
+        out += ["--appearances", "none"]
     if words[:1] == ["bench"] and words[1:2] not in (["suite"], ["stability"]):
         out += ["--device", "cpu", "--frame-repeat", "1"] + ([] if words[1:2] == ["frames"] else ["--repeat", "1"])
     return out
