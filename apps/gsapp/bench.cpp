@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 
+#include "apps/gsapp/printing.h"
 #include "eval/bench/bench_cases.h"
 #include "eval/runs/bench_subject.h"
 #include "kernels/core/error.h"
@@ -23,18 +24,35 @@ struct BenchArguments {
     BenchRepeats repeats;
     std::int64_t iteration = -1;
     std::vector<std::int64_t> generate;
-    bool compare_deterministic = false;
+    bool compare_deterministic = false, json = false;
 };
 
-void print(const BenchResult& result) { std::fputs((format_bench(result) + "\n").c_str(), stdout); }
+/// Prints tables as soon as they are there, and JSON as one object at the end.
+class Results {
+  public:
+    explicit Results(bool json) : json_(json) {}
+    void add(const BenchResult& result) {
+        results_.push_back(result);
+        if (!json_) std::fputs((format_bench(result, stdout_style()) + "\n").c_str(), stdout);
+    }
+    void end() const {
+        if (json_) std::fputs(bench_json(results_).c_str(), stdout);
+    }
+
+  private:
+    bool json_;
+    std::vector<BenchResult> results_;
+};
 
 void bench_generated_sets(const TrainArguments& train, const BenchArguments& arguments) {
     const TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const auto backend = choose_backend(options.device, appearance_spec(options), backend_options(options));
+    Results results(arguments.json);
     for (const std::int64_t count : arguments.generate)
-        print(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
+        results.add(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
+    results.end();
 }
 
 void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
@@ -46,7 +64,9 @@ void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
     BenchResult result =
         bench_model(*backend, options, subject.scene, subject.model, bench, arguments.compare_deterministic);
     result.subject = subject.name;
-    print(result);
+    Results results(arguments.json);
+    results.add(result);
+    results.end();
 }
 
 }  // namespace
@@ -109,6 +129,7 @@ void add_bench_command(CLI::App& app, Command& selected) {
     add_generate_option(*command, arguments->generate)->excludes(iteration);
     command->add_flag("--compare-deterministic", arguments->compare_deterministic,
                       "Also measure iterations with --deterministic, and print the ratio");
+    add_json_flag(*command, arguments->json);
     add_bench_frames_command(*command, selected);
     add_bench_suite_command(*command, selected);
     add_bench_precision_command(*command, selected);

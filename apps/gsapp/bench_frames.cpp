@@ -5,6 +5,7 @@
 
 #include "appearance/model_info.h"
 #include "apps/gsapp/bench.h"
+#include "apps/gsapp/printing.h"
 #include "eval/bench/bench_cases.h"
 #include "eval/runs/run_frame_times.h"
 #include "kernels/core/error.h"
@@ -19,6 +20,7 @@ struct FramesArguments {
     std::vector<std::int64_t> generate;
     std::vector<std::string> appearances;  ///< empty = all
     BenchRepeats repeats;
+    bool json = false;
 };
 
 void bench_frames(const TrainArguments& train, const FramesArguments& arguments) {
@@ -40,7 +42,10 @@ void bench_frames(const TrainArguments& train, const FramesArguments& arguments)
             with.appearance = appearance;
             lines.push_back(time_generated_frames(count, with, frames_per_view));
         }
-    std::fputs((markdown_table(frame_times_table(lines)) + "\n" + kFrameProtocol + "\n").c_str(), stdout);
+    const std::string text = arguments.json
+                                 ? frame_times_json(lines)
+                                 : table_text(frame_times_table(lines), stdout_style()) + "\n" + kFrameProtocol + "\n";
+    std::fputs(text.c_str(), stdout);
 }
 
 }  // namespace
@@ -64,6 +69,7 @@ void add_bench_frames_command(CLI::App& bench, Command& selected) {
                      "Appearance models of the generated sets, each with the same Gaussians (default: all)")
         ->delimiter(',');
     add_frame_repeat_option(*command, arguments->repeats);
+    add_json_flag(*command, arguments->json);
     command->callback(
         [train, arguments, &selected] { selected = [train, arguments] { bench_frames(*train, *arguments); }; });
 }

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "apps/gsapp/bench.h"
+#include "apps/gsapp/printing.h"
 #include "eval/bench/bench_cases.h"
 #include "eval/bench/precision.h"
 #include "eval/runs/bench_subject.h"
@@ -15,6 +16,7 @@ namespace {
 struct PrecisionArguments {
     BenchRepeats repeats;
     std::int64_t iteration = -1;
+    bool json = false;
 };
 
 void bench_precision(const TrainArguments& train, const PrecisionArguments& arguments) {
@@ -22,8 +24,10 @@ void bench_precision(const TrainArguments& train, const PrecisionArguments& argu
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
-    const TextTable table = precision_table(measure_precision(options, subject.scene, subject.model, bench));
-    std::fputs((subject.name + "\n\n" + markdown_table(table)).c_str(), stdout);
+    const std::vector<PrecisionRow> rows = measure_precision(options, subject.scene, subject.model, bench);
+    const std::string text = arguments.json ? precision_json(subject.name, rows)
+                                            : subject.name + "\n\n" + table_text(precision_table(rows), stdout_style());
+    std::fputs(text.c_str(), stdout);
 }
 
 }  // namespace
@@ -39,6 +43,7 @@ void add_bench_precision_command(CLI::App& bench, Command& selected) {
     add_repeat_option(*command, arguments->repeats);
     add_frame_repeat_option(*command, arguments->repeats);
     add_iteration_option(*command, arguments->iteration);
+    add_json_flag(*command, arguments->json);
     command->callback(
         [train, arguments, &selected] { selected = [train, arguments] { bench_precision(*train, *arguments); }; });
 }

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "apps/gsapp/bench.h"
+#include "apps/gsapp/printing.h"
 #include "eval/experiments/suite_run.h"
 #include "eval/experiments/train_run.h"
 #include "kernels/core/error.h"
@@ -19,6 +20,7 @@ namespace {
 struct SuiteArguments {
     std::string suite;
     std::vector<std::string> appearances = {"sh", "nasgabor", "neural"};
+    bool json = false;
 };
 
 void bench_suite(const TrainOptions& base, const SuiteArguments& arguments) {
@@ -27,7 +29,9 @@ void bench_suite(const TrainOptions& base, const SuiteArguments& arguments) {
     setup_log(shown_messages(base));
     catch_interrupts();
     const SuiteRun done = run_suite(arguments.suite, arguments.appearances, base);
-    std::fputs(format_suite(done.lines).c_str(), stdout);
+    std::fputs(
+        (arguments.json ? suite_json(arguments.suite, done.lines) : format_suite(done.lines, stdout_style())).c_str(),
+        stdout);
     throw_unless_complete(done.summary, done.lines.size(), done.folder / "suite.md");
 }
 
@@ -46,6 +50,7 @@ void add_bench_suite_command(CLI::App& bench, Command& selected) {
         ->add_option("--appearances", arguments->appearances,
                      "Appearance models, with commas between (default: sh,nasgabor,neural)")
         ->delimiter(',');
+    add_json_flag(*command, arguments->json);
     command->callback([train, arguments, &selected] {
         selected = [train, arguments] { bench_suite(train->combine(), *arguments); };
     });

@@ -43,6 +43,14 @@ std::vector<std::string> known_words(const CLI::App& app) {
     return words;
 }
 
+/// Returns the program's name with the subcommands that the command line has: "gsapp bench frames".
+std::string called_command(const CLI::App& app) {
+    std::string text = "gsapp";
+    for (auto called = app.get_subcommands(); !called.empty(); called = called.front()->get_subcommands())
+        text += " " + called.front()->get_name();
+    return text;
+}
+
 /// Returns the message for a wrong command line. For an unknown word it names a known one that is near; otherwise it is
 /// CLI11's own message.
 std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
@@ -108,7 +116,7 @@ int run(int argc, char** argv) {
     } catch (const CLI::Success& help_or_version) {
         return app.exit(help_or_version);
     } catch (const CLI::ParseError& error) {
-        throw UsageError(usage_message(app, error) + "\nTry 'gsapp --help', or 'gsapp COMMAND --help'.");
+        throw UsageError(usage_message(app, error) + "\nTry '" + called_command(app) + " --help'.");
     }
     selected();
     return static_cast<int>(ExitCode::kOk);

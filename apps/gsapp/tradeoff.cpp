@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "eval/experiments/tradeoff_search.h"
 #include "eval/experiments/train_run.h"
 #include "lib/core/duration.h"
@@ -24,6 +25,7 @@ struct TradeoffArguments {
     std::vector<std::string> axes;
     std::string search = "grid", quality = "psnr", time_limit;
     std::optional<double> give_up;
+    bool json = false;
 };
 
 void run_tradeoff(const TrainOptions& base, const TradeoffArguments& arguments) {
@@ -41,7 +43,8 @@ void run_tradeoff(const TrainOptions& base, const TradeoffArguments& arguments) 
     catch_interrupts();
     const CellsSummary summary = search_tradeoff(plan, deadline);
     const std::vector<TradeoffRun>& runs = plan.tradeoff.runs;
-    std::fputs(format_tradeoff(plan.tradeoff).c_str(), stdout);
+    std::fputs((arguments.json ? tradeoff_json(plan.tradeoff) : format_tradeoff(plan.tradeoff, stdout_style())).c_str(),
+               stdout);
     throw_unless_complete(summary, runs.size(), plan.folder / "tradeoff.md");
     const auto finished = std::size_t(
         std::count_if(runs.begin(), runs.end(), [](const TradeoffRun& run) { return run.result.has_value(); }));
@@ -84,6 +87,7 @@ void add_tradeoff_command(CLI::App& app, Command& selected) {
         ->add_option("--give-up", arguments->give_up,
                      "What smallest and fastest may give up against the best (default: 1 dB, or 0.02 of SSIM)")
         ->check(CLI::Range(0.0, 1000.0));
+    add_json_flag(*command, arguments->json);
     command->callback([train, arguments, &selected] {
         selected = [train, arguments] {
             const TrainOptions base = train->combine();

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/pages/text_table.h"
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
 #include "lib/scene/scene.h"
@@ -63,10 +64,13 @@ double iteration_seconds(Backend& backend, const TrainOptions& options, const Sc
 /// Returns the time, bytes and operations that the residual adds to stage `k`: the stage less itself at degree 0.
 StageCost appearance_share(const BenchResult& result, std::size_t k);
 
-/// Writes the result as Markdown: frames, iterations, and one line a stage with time, items, time per item, floor and
+/// Writes the result as text: frames, iterations, and one line a stage with time, items, time per item, floor and
 /// measured/floor. The floor is the longer of least bytes / copy bandwidth and least operations / FMA rate. A stage
-/// above three floors is bold and carries the reason that the backend gives. The share of the appearance model in the
-/// stages that evaluate it follows.
-std::string format_bench(const BenchResult& result);
+/// above three floors is marked, and the reason that the backend gives stands below the table. The share of the
+/// appearance model in the stages that evaluate it follows.
+std::string format_bench(const BenchResult& result, TableStyle style = TableStyle::kMarkdown);
+
+/// Returns all figures of the results as one JSON object, times in seconds.
+std::string bench_json(const std::vector<BenchResult>& results);
 
 }  // namespace gs

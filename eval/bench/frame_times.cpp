@@ -5,8 +5,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "eval/bench/bench.h"
+#include "lib/core/json_text.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 
@@ -59,6 +61,26 @@ TextTable frame_times_table(const std::vector<FrameTimesLine>& lines) {
                                milliseconds(t.max)});
     }
     return table;
+}
+
+std::string frame_times_json(const std::vector<FrameTimesLine>& lines) {
+    nlohmann::ordered_json json = {{"protocol", kFrameProtocol}, {"lines", nlohmann::ordered_json::array()}};
+    for (const FrameTimesLine& line : lines) {
+        const FrameTimes& t = line.times;
+        json["lines"].push_back({{"run", line.run},
+                                 {"scene", line.scene},
+                                 {"model", line.model},
+                                 {"device", t.device},
+                                 {"num_gaussians", nullptr},
+                                 {"num_views", t.num_views},
+                                 {"frames_per_view", t.frames_per_view},
+                                 {"mean_seconds", t.mean},
+                                 {"median_seconds", t.median},
+                                 {"min_seconds", t.min},
+                                 {"max_seconds", t.max}});
+        if (line.num_gaussians) json["lines"].back()["num_gaussians"] = *line.num_gaussians;
+    }
+    return json_text(json, 1) + "\n";
 }
 
 }  // namespace gs

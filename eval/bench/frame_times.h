@@ -42,4 +42,7 @@ struct FrameTimesLine {
 /// Returns a table with times in milliseconds.
 TextTable frame_times_table(const std::vector<FrameTimesLine>& lines);
 
+/// Returns the same and the protocol as JSON, with times in seconds.
+std::string frame_times_json(const std::vector<FrameTimesLine>& lines);
+
 }  // namespace gs

@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "eval/bench/precision_levels.h"
 #include "kernels/reference_image.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
 #include "lib/train/choose_backend.h"
@@ -93,6 +95,20 @@ TextTable precision_table(const std::vector<PrecisionRow>& rows) {
                                {fmt::format("{:.2f}", row.largest_error)},
                                {fmt::format("{:.1f}", row.psnr)}});
     return table;
+}
+
+std::string precision_json(const std::string& subject, const std::vector<PrecisionRow>& rows) {
+    using Json = nlohmann::ordered_json;
+    Json json = {{"subject", subject}, {"levels", Json::array()}};
+    for (const PrecisionRow& row : rows)
+        json["levels"].push_back({{"precision", row.name},
+                                  {"frame_seconds", row.frame_seconds},
+                                  {"iteration_seconds", row.iteration_seconds},
+                                  {"bytes_per_gaussian", row.model_bytes ? Json(*row.model_bytes) : Json()},
+                                  {"mean_error", row.mean_error},
+                                  {"largest_error", row.largest_error},
+                                  {"psnr", std::isfinite(row.psnr) ? Json(row.psnr) : Json()}});
+    return json_text(json, 1) + "\n";
 }
 
 }  // namespace gs

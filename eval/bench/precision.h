@@ -29,4 +29,7 @@ std::vector<PrecisionRow> measure_precision(const TrainOptions& options, const S
 /// Returns a table with times in milliseconds.
 TextTable precision_table(const std::vector<PrecisionRow>& rows);
 
+/// Returns the same as JSON, with the name of what was measured and times in seconds; null for an infinite PSNR.
+std::string precision_json(const std::string& subject, const std::vector<PrecisionRow>& rows);
+
 }  // namespace gs

@@ -48,4 +48,7 @@ std::vector<StabilityRow> measure_stability(const std::vector<std::string>& mode
 /// Returns the rows as a table.
 TextTable stability_table(const std::vector<StabilityRow>& rows);
 
+/// Returns the rows as JSON.
+std::string stability_json(const std::vector<StabilityRow>& rows);
+
 }  // namespace gs

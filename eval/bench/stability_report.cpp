@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the stability measurement as a table.
+// Writes the stability measurement as a table and as JSON.
 #include <fmt/format.h>
 
+#include <nlohmann/json.hpp>
+
 #include "eval/bench/stability.h"
+#include "lib/core/json_text.h"
 
 namespace gs {
 
@@ -24,6 +27,23 @@ TextTable stability_table(const std::vector<StabilityRow>& rows) {
                                {fmt::format("{}", r.num_sign_flips)},
                                {fmt::format("{}", r.num_wrong_limits)}});
     return table;
+}
+
+std::string stability_json(const std::vector<StabilityRow>& rows) {
+    nlohmann::ordered_json json = {{"rows", nlohmann::ordered_json::array()}};
+    for (const StabilityRow& r : rows)
+        json["rows"].push_back({{"model", r.model},
+                                {"input", r.kind},
+                                {"limit", r.limit},
+                                {"cases", r.cases},
+                                {"forward_error", r.forward_error},
+                                {"backward_error", r.backward_error},
+                                {"ulp", r.ulp},
+                                {"double_error", r.double_error},
+                                {"num_nonfinite", r.num_nonfinite},
+                                {"num_sign_flips", r.num_sign_flips},
+                                {"num_wrong_limits", r.num_wrong_limits}});
+    return json_text(json, 1) + "\n";
 }
 
 }  // namespace gs

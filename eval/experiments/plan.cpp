@@ -88,8 +88,10 @@ void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summ
     const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
     if (!length || summary.num_gaussians == 0) return;
     const double count = loss_of_count(summary.num_gaussians, plan.full_count);
-    log_info("estimate: {} iterations instead of all that still help cost {}, {} Gaussians instead of {} {}",
-             summary.iterations, about(*length), summary.num_gaussians, plan.full_count, about(count));
+    log_info("estimate: {} iterations instead of all that still help cost {}, {} Gaussians {}", summary.iterations,
+             about(*length), summary.num_gaussians,
+             summary.num_gaussians < plan.full_count ? fmt::format("instead of {} {}", plan.full_count, about(count))
+                                                     : "are as many as help");
     plan.json["estimated_loss"]["length"]["final"] = *length;
     plan.json["estimated_loss"]["count"]["final"] = count;
 }

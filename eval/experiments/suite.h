@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "eval/experiments/cell.h"
+#include "eval/pages/text_table.h"
 
 namespace gs {
 
@@ -32,8 +33,11 @@ std::vector<std::string> suite_names();
 std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<std::string>& appearances,
                                    const TrainOptions& base);
 
-/// Returns a Markdown table, one line a cell.
-std::string format_suite(const std::vector<SuiteLine>& lines);
+/// Returns a table, one line a cell with a result, and a list of the other cells.
+std::string format_suite(const std::vector<SuiteLine>& lines, TableStyle style = TableStyle::kMarkdown);
+
+/// Returns all figures as JSON.
+std::string suite_json(const std::string& suite, const std::vector<SuiteLine>& lines);
 
 /// Writes suite.md and suite.json to the folder, each atomically. Throws DataError.
 void write_suite(const std::filesystem::path& folder, const std::string& suite, const std::vector<SuiteLine>& lines);

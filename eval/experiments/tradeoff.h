@@ -9,6 +9,7 @@
 
 #include "eval/experiments/cell.h"
 #include "eval/experiments/tradeoff_axes.h"
+#include "eval/pages/text_table.h"
 
 namespace gs {
 
@@ -60,8 +61,8 @@ struct Recommendation {
 /// that is at most `give_up` worse; a better one is preferred where it costs at most 5 % more.
 std::vector<Recommendation> recommend(const Tradeoff& tradeoff);
 
-/// Returns Markdown: the table, the recommendations, and what was not trained and why.
-std::string format_tradeoff(const Tradeoff& tradeoff);
+/// Returns text: the table, the recommendations, and what was not trained and why.
+std::string format_tradeoff(const Tradeoff& tradeoff, TableStyle style = TableStyle::kMarkdown);
 
 /// Returns the same as an HTML page that needs no other file, with a plot of the quality over each cost.
 std::string tradeoff_page(const Tradeoff& tradeoff);

@@ -130,14 +130,15 @@ std::string state_text(const TradeoffRun& run) {
                              : fmt::format("{}: {}", state_name(run.state), one_line(run.error));
 }
 
-std::string format_tradeoff(const Tradeoff& tradeoff) {
+std::string format_tradeoff(const Tradeoff& tradeoff, TableStyle style) {
     std::string text;
     const TextTable table = tradeoff_table(tradeoff);
     if (table.lines.empty())
-        text += fmt::format("### {}\n\nNo configuration was trained to its end.\n", markdown_escaped(table.title));
+        text += title_text(table.title, style) + "No configuration was trained to its end.\n";
     else
-        text += markdown_table(table) + "\n";
-    for (const Recommendation& r : recommend(tradeoff)) text += fmt::format("- **{}**: {}\n", r.name, r.text);
+        text += table_text(table, style) + "\n";
+    for (const Recommendation& r : recommend(tradeoff))
+        text += fmt::format("- {}: {}\n", emphasized(r.name, style), r.text);
     bool first = true;
     for (const TradeoffRun& run : tradeoff.runs) {
         if (run.result) continue;

@@ -26,7 +26,37 @@ TEST(Bench, MeasuresGeneratedSetsWithoutAScene) {
     EXPECT_EQ(program.run("bench --generate 0.2k").exit_code, 2) << "a count is a whole number";
     expect_lines(program.run("bench --appearance none --generate 1k" + std::string(kFew)),
                  {"generated set of 0.001 M Gaussians, seed 0", "; 1000 Gaussians;", "| 1280x720, 8 views |",
-                  "iteration at 1280x720", "| blend backward |"});
+                  "iteration at 1280x720", "| blend backward "});
+}
+
+/// The JSON that a command prints, and nothing but it.
+nlohmann::json printed_json(const Program& program, const std::string& command) {
+    const Outcome outcome = program.run(command + " --json --quiet");
+    EXPECT_EQ(outcome.exit_code, 0) << command << "\n" << outcome.err;
+    EXPECT_EQ(outcome.err, "") << command;
+    const nlohmann::json json = try_parse_json(outcome.out);
+    EXPECT_TRUE(json.is_object()) << command << "\n" << outcome.out;
+    return json;
+}
+
+TEST(Bench, PrintsJsonWhereItIsAskedFor) {
+    const Program program;
+    ASSERT_EQ(program.run("train -s builtin:diffuse --device cpu -r 4 --iterations 2 --appearance none --eval -m run")
+                  .exit_code,
+              0);
+    const auto sets = printed_json(program, "bench --appearance none --generate 1k,2k" + std::string(kFew));
+    ASSERT_EQ(sets["results"].size(), 2u);
+    EXPECT_EQ(sets["results"][1]["num_gaussians"], 2000);
+    EXPECT_GT(sets["results"][1]["iteration"]["seconds"], 0);
+    EXPECT_EQ(printed_json(program, "bench -m run" + std::string(kFew))["results"].size(), 1u);
+    const auto frames = printed_json(program, "bench frames run --device cpu --frame-repeat 1");
+    EXPECT_EQ(frames["lines"][0]["run"], "run");
+    EXPECT_GT(frames["lines"][0]["mean_seconds"], 0);
+    const auto levels = printed_json(program, "bench precision -m run" + std::string(kFew));
+    EXPECT_EQ(levels["levels"][0]["precision"], "full");
+    EXPECT_GT(levels["levels"][0]["frame_seconds"], 0);
+    EXPECT_GT(printed_json(program, "bench stability")["rows"].size(), 5u);
+    EXPECT_EQ(program.run("bench --json frames run").exit_code, 2) << "the option stands before its subcommand";
 }
 
 TEST(Bench, MeasuresTheTrainedModelWhereThereIsOne) {

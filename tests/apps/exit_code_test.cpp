@@ -41,6 +41,13 @@ TEST(ExitCode, UnknownWordsNameTheNearest) {
     expect_refusal(program, "eval --frmat csv", 2, "unknown option '--frmat'; did you mean '--format'?");
 }
 
+TEST(ExitCode, AWrongCommandLineNamesTheHelpOfItsCommand) {
+    const Program program;
+    EXPECT_NE(program.run("export run").err.find("\nTry 'gsapp export --help'."), std::string::npos);
+    EXPECT_NE(program.run("bench frames --wrong").err.find("\nTry 'gsapp bench frames --help'."), std::string::npos);
+    EXPECT_NE(program.run("--wrong").err.find("\nTry 'gsapp --help'."), std::string::npos);
+}
+
 TEST(ExitCode, WrongValuesAreUsageErrors) {
     const Program program;
     expect_refusal(program, "train", 2, "option source");

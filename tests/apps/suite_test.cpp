@@ -24,11 +24,16 @@ TEST(Suite, TrainsWhatIsMissingAndTabulatesAll) {
     const std::string command = std::string("bench suite densification") + kTiny + "--iterations 4 -m out";
     const Outcome first = program.run(command);
     ASSERT_EQ(first.exit_code, 0) << first.err;
-    for (const char* row :
-         {"| MCMC | none |", "| MCMC 0.1x | none |", "| ADC | none |", "| ADC + Speedy-Splat | none |"})
+    for (const char* row : {"| MCMC               | none  ", "| MCMC 0.1x          | none  ",
+                            "| ADC                | none  ", "| ADC + Speedy-Splat | none  "})
         EXPECT_NE(first.out.find(row), std::string::npos) << first.out;
     EXPECT_EQ(program.read("out/suite.md"), first.out);
     EXPECT_EQ(occurrences(program.read("out/suite.json"), "\"status\": \"finished\""), 4u);
+
+    const Outcome json = program.run(command + " --json --quiet");
+    EXPECT_EQ(json.exit_code, 0) << json.err;
+    EXPECT_EQ(json.out, program.read("out/suite.json"));
+    EXPECT_EQ(json.err, "");
 
     const Outcome again = program.run(std::string("bench --suite densification") + kTiny + "--iterations 4 -m out");
     EXPECT_EQ(again.exit_code, 0) << again.err;
@@ -56,8 +61,8 @@ TEST(Suite, AFailedRunIsReportedAndTheOthersGoOn) {
     program.folder().write("out/adc-none", "a file where the run's folder should be");
     const Outcome outcome = program.run(std::string("bench suite densification") + kTiny + "--iterations 2 -m out");
     EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
-    EXPECT_EQ(occurrences(outcome.out, "| failed: "), 1u) << outcome.out;
-    EXPECT_NE(outcome.out.find("| ADC | none | failed: "), std::string::npos) << outcome.out;
+    EXPECT_EQ(occurrences(outcome.out, ": failed: "), 1u) << outcome.out;
+    EXPECT_NE(outcome.out.find("- ADC, none: failed: "), std::string::npos) << outcome.out;
     EXPECT_NE(outcome.err.find("1 of 4 runs failed"), std::string::npos) << outcome.err;
     EXPECT_EQ(occurrences(program.read("out/suite.json"), "\"status\": \"finished\""), 3u);
 }
@@ -67,7 +72,7 @@ TEST(Suite, InterruptKeepsFinishedRuns) {
     const Outcome stopped = program.interrupt(
         std::string("bench suite activations") + kTiny + "--iterations 10000000 -m out", ": training in");
     EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
-    EXPECT_EQ(occurrences(stopped.out, "| not trained |"), 12u) << stopped.out;
+    EXPECT_EQ(occurrences(stopped.out, ": not trained\n"), 12u) << stopped.out;
     EXPECT_NE(stopped.err.find("the same command"), std::string::npos) << stopped.err;
 }
 

@@ -22,9 +22,14 @@ class Terminal : public ::testing::Test {
     }
     /// Runs a short training with `arguments` and redirections on a terminal of 60 columns. Returns what that showed.
     std::string train(const std::string& arguments, const std::string& environment = "") {
-        const std::string command = "stty cols 60; " + environment + " '" GSAPP_PROGRAM "' train -s builtin:diffuse" +
-                                    " --device cpu --eval -r 8 --iterations 20 --overwrite -m run " + arguments;
-        program_.folder().write("command.sh", command + "\n");
+        return shown(
+            "train -s builtin:diffuse --device cpu --eval -r 8 --iterations 20 --overwrite -m run " + arguments,
+            environment);
+    }
+    /// Runs the program on such a terminal. Returns what that showed.
+    std::string shown(const std::string& arguments, const std::string& environment = "") {
+        program_.folder().write("command.sh",
+                                "stty cols 60; " + environment + " '" GSAPP_PROGRAM "' " + arguments + "\n");
         const std::string folder = "cd '" + program_.folder().path().string() + "' && ";
         const int status = std::system((folder + "script -qefc 'sh command.sh' /dev/null >terminal.txt").c_str());
         EXPECT_EQ(status, 0) << program_.read("terminal.txt");
@@ -84,6 +89,21 @@ TEST_F(Terminal, VerboseShowsOptionsAndFiles) {
     const std::string shown = train("-v -c run.yaml >lines.txt");
     EXPECT_NE(shown.find("options that are not at their defaults: "), std::string::npos) << shown;
     EXPECT_NE(shown.find("seed 7"), std::string::npos) << shown;
+}
+
+TEST_F(Terminal, ShowsTablesOfExperimentsWithoutMarks) {
+    const std::string small = " -s builtin:diffuse --device cpu -r 8 --iterations 2 --init-points 500 ";
+    for (const std::string& command :
+         {"tradeoff --axes appearance=none,nasg -m out" + small, "bench suite densification --appearances none" + small,
+          "bench --appearance none --repeat 1 --frame-repeat 1" + small, std::string("eval out/appearance-none")}) {
+        const std::string text = shown(command);
+        EXPECT_NE(text.find("| ---"), std::string::npos) << command << "\n" << text;
+        EXPECT_EQ(text.find("**"), std::string::npos) << command << "\n" << text;
+        EXPECT_EQ(text.find("###"), std::string::npos) << command << "\n" << text;
+    }
+    EXPECT_NE(shown("tradeoff --axes appearance=none,nasg -m out" + small + ">table.md").find("finished before"),
+              std::string::npos);
+    EXPECT_NE(program_.read("table.md").find("### Trade-off of diffuse"), std::string::npos) << "no terminal";
 }
 
 TEST_F(Terminal, EvaluationsStandInTheLog) {

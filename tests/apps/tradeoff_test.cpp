@@ -41,6 +41,11 @@ TEST(TradeoffProgram, ASecondCallKeepsAllRunsAndGivesTheSameResult) {
     EXPECT_EQ(again.out, first.out);
     EXPECT_EQ(count(again.err, "finished before"), 4) << again.err;
 
+    const Outcome json = program.run(command + " --json --quiet");
+    ASSERT_EQ(json.exit_code, 0) << json.err;
+    EXPECT_EQ(json.out, program.read("out/tradeoff.json"));
+    EXPECT_EQ(json.err, "");
+
     const Outcome other = program.run(command + " -s builtin:glossy");
     EXPECT_EQ(other.exit_code, 2);
     EXPECT_NE(other.err.find("source builtin:diffuse, now builtin:glossy"), std::string::npos) << other.err;

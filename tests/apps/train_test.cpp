@@ -96,6 +96,18 @@ TEST(Train, LimitsArePlannedAndReported) {
     }
 }
 
+TEST(Train, TheEstimateComparesWithMoreGaussiansOnly) {
+    const Program program;
+    // The scene's 5000 points stay, also where --cap-max is below them.
+    const std::string common = "train -s builtin:diffuse --device cpu --eval --preset fast --iterations 20 ";
+    const Outcome enough = program.run(common + "-r 8 --cap-max 100 -m enough");
+    ASSERT_EQ(enough.exit_code, 0) << enough.err;
+    EXPECT_NE(enough.err.find("Gaussians are as many as help\n"), std::string::npos) << enough.err;
+    const Outcome few = program.run(common + "-r 2 --cap-max 9000 -m few");
+    ASSERT_EQ(few.exit_code, 0) << few.err;
+    EXPECT_NE(few.err.find("Gaussians instead of 9000 "), std::string::npos) << few.err;
+}
+
 TEST(Render, DecomposeWritesFullBaseAndResidual) {
     const Program program;
     // SV's residual is active from the start.

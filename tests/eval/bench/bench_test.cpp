@@ -6,12 +6,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "eval/bench/bench_cases.h"
 #include "eval/bench/generated_set.h"
 #include "eval/metrics/quantize.h"
 #include "kernels/core/parallel.h"
+#include "lib/core/json_text.h"
 #include "lib/core/options.h"
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
@@ -138,16 +140,35 @@ TEST(Bench, StagesFarAboveTheirFloorStandOutWithTheReason) {
     const std::string text = format_bench(r);
     for (const char* line :
          {"a set\na device; 5 Gaussians; copy 1.0 GB/s, 2 G single-precision FMA/s\n",
-          "| 800x600, 4 views | 2.000 | 500.0 |\n",
+          "| 800x600, 4 views |    2.000 | 500.0 |\n",
           "10.000 ms (mean of 10 in a row), 11.000 ms (median of 10 that are each waited for)\n",
           "with marks between the stages: 10.500 ms in a row, +5.0 %; the stages add up to 8.000 ms\n",
           "with --deterministic 12.000 ms, without 10.000 ms: 1.20 times\n",
-          "| far | 4.000 | 2 M pixel | 2.000 | 1.000 | copy | **4.0** | it waits |\n",
-          "| near | 3.000 | 0 M pixel | 0.000 | 2.000 | FMA | 1.5 |  |\n",
-          "| bare | 1.000 | 1e-06 M pixel | 1000000.000 | 0.000 | - | - |  |\n", "| appearance in | ms |",
-          "| far | 1.000 | 2 M pixel | 0.500 | 0.500 | copy | 2.0 |  |\n",
+          "| far   | pixel     | copy     | 4.000 |       2 |       2.000 |    1.000 |        **4.0** |\n",
+          "| near  | pixel     | FMA      | 3.000 |       0 |       0.000 |    2.000 |            1.5 |\n",
+          "| bare  | pixel     | -        | 1.000 |   1e-06 | 1000000.000 |    0.000 |              - |\n",
+          "\n\nAbove 3 floors:\n\n- far: it waits\n",
+          "| appearance in | items are | bound by |    ms | M items | ns per item | floor ms | measured/floor |\n",
+          "| far           | pixel     | copy     | 1.000 |       2 |       0.500 |    0.500 |            2.0 |\n",
           "device memory: peak 4.0 MiB, now 3.0 MiB: model 3.0 MiB (3 B a Gaussian)\n"})
         EXPECT_NE(text.find(line), std::string::npos) << line << "is not in\n" << text;
+
+    const std::string plain = format_bench(r, TableStyle::kTerminal);
+    EXPECT_EQ(plain.find("**"), std::string::npos) << plain;
+    EXPECT_NE(plain.find(" 4.0 |\n"), std::string::npos) << plain;
+
+    const auto json = parse_json(bench_json({r, r}));
+    ASSERT_EQ(json["results"].size(), 2u);
+    const auto& first = json["results"][0];
+    EXPECT_EQ(first["num_gaussians"], 5);
+    EXPECT_EQ(first["frames"][0]["seconds"], 0.002);
+    EXPECT_EQ(first["iteration"]["deterministic_seconds"], 0.012);
+    EXPECT_EQ(first["stages"][0]["stage"], "far");
+    EXPECT_EQ(first["stages"][0]["floor_seconds"], 0.001);
+    EXPECT_EQ(first["stages"][0]["note"], "it waits");
+    EXPECT_TRUE(first["stages"][2]["bound_by"].is_null());
+    EXPECT_EQ(first["appearance"].size(), 1u);
+    EXPECT_EQ(first["device_memory"]["peak_bytes"], 4 << 20);
 }
 
 TEST(CpuCeilings, AreThoseOfSomeMachine) {

@@ -45,7 +45,7 @@ TEST_F(SuiteRunTest, WritesTheTableAfterEveryCell) {
     EXPECT_FALSE(done.lines[2].result);
     ASSERT_EQ(tables.size(), 2u);
     EXPECT_EQ(tables[0].find("21.00"), std::string::npos);
-    EXPECT_NE(tables[1].find("| MCMC 0.1x | sh | 21.00 |"), std::string::npos) << tables[1];
+    EXPECT_NE(tables[1].find("| MCMC 0.1x | sh         | 21.00 |"), std::string::npos) << tables[1];
     EXPECT_EQ(table(), format_suite(done.lines));
 }
 
