@@ -16,8 +16,8 @@ namespace {
 const std::set<std::string> kOfRuns = {"source", "device"};
 
 std::vector<std::string> keys(DeviceOption device) {
-    std::vector<std::string> all = {"source",     "images",     "resolution",  "eval",       "test-every",
-                                    "test-list",  "mask-mode",  "invert-masks", "alpha-mode", "background"};
+    std::vector<std::string> all = {"source",    "images",    "resolution",   "eval",       "test-every",
+                                    "test-list", "mask-mode", "invert-masks", "alpha-mode", "background"};
     if (device == DeviceOption::kDeclared) all.push_back("device");
     return all;
 }
@@ -45,8 +45,7 @@ RunChanges SceneArguments::changes(const std::vector<std::string>& runs) const {
         return changes;
     for (const std::string& key : given)
         if (!kOfRuns.contains(key))
-            throw UsageError(
-                fmt::format("--{}: goes with a .ply file; a run is seen as its own options say", key));
+            throw UsageError(fmt::format("--{}: goes with a .ply file; a run is seen as its own options say", key));
     return changes;
 }
 

@@ -23,8 +23,8 @@ constexpr const char* kScene = "-s builtin:glossy -r 4 -w";
 
 /// Trains `run` and copies its model to model.ply, as somebody would who keeps that file alone.
 void train_model(const Program& program, const std::string& arguments) {
-    const Outcome outcome = program.run("train --eval --device cpu --quiet --iterations 20 --init-points 400 -m run " +
-                                        arguments);
+    const Outcome outcome =
+        program.run("train --eval --device cpu --quiet --iterations 20 --init-points 400 -m run " + arguments);
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     fs::copy_file(program.path("run/point_cloud/iteration_20/point_cloud.ply"), program.path("model.ply"));
 }
@@ -72,8 +72,7 @@ TEST(PointCloud, ScoresAsItsRunDoesAndLeavesNothing) {
     const Program program;
     train_model(program, std::string(kScene) + " --appearance sv");
     const auto before = names(program);
-    const nlohmann::json of_run = scores(program, "run"),
-                         of_file = scores(program, std::string("model.ply ") + kScene);
+    const nlohmann::json of_run = scores(program, "run"), of_file = scores(program, std::string("model.ply ") + kScene);
     EXPECT_EQ(of_file.at("values").at("PSNR"), of_run.at("values").at("PSNR")) << of_file << of_run;
     EXPECT_EQ(of_file.at("values").at("SSIM"), of_run.at("values").at("SSIM"));
     EXPECT_EQ(of_file.at("model"), "sv");
@@ -88,8 +87,8 @@ TEST(PointCloud, ScoresAsItsRunDoesAndLeavesNothing) {
     EXPECT_TRUE(fs::exists(program.path("kept/per_view.json")));
     EXPECT_EQ(program.read("kept/test/ours_0/renders/00003.png"), program.read("run/test/ours_20/renders/00003.png"));
     EXPECT_EQ(scores(program, "--skip-render kept").at("values").at("PSNR"), of_run.at("values").at("PSNR"));
-    expect_run(program, std::string("eval model.ply run/point_cloud/iteration_20/point_cloud.ply --html page.html ") +
-                            kScene);
+    expect_run(program,
+               std::string("eval model.ply run/point_cloud/iteration_20/point_cloud.ply --html page.html ") + kScene);
     EXPECT_NE(program.read("page.html").find("data:image/jpeg"), std::string::npos) << "pictures are in the page";
     EXPECT_FALSE(fs::exists(program.path("run/point_cloud/iteration_20/results.json")));
 }
