@@ -12,6 +12,7 @@
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/export/pack_scene.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/checkpoint.h"
@@ -176,6 +177,13 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
         facts.residual_share = double(backend.num_residuals()) / double(facts.num_gaussians);
     facts.bytes_per_gaussian =
         std::llround(double(sizeof(float)) * (group_width(Group::kBase, appearance) + facts.residual_share * residual));
+    facts.ply_bytes_per_gaussian = ply_bytes_per_gaussian(appearance);
+    if (appearance_model(appearance.model).packing) {
+        const PackedScene packed = packed_sample(appearance);
+        const int without = packed.bytes_per_gaussian(false);
+        facts.web_bytes_per_gaussian =
+            std::llround(without + facts.residual_share * (packed.bytes_per_gaussian() - without));
+    }
     return facts;
 }
 

@@ -140,8 +140,7 @@ void EventFile::restart(std::int64_t step) {
 
 void EventFile::append(const std::string& data) {
     const std::string length = little_endian(std::uint64_t(data.size()));
-    const std::string record =
-        length + little_endian(masked_crc(length)) + data + little_endian(masked_crc(data));
+    const std::string record = length + little_endian(masked_crc(length)) + data + little_endian(masked_crc(data));
     for (std::size_t done = 0; done < record.size();) {
         const ssize_t written = ::write(fd_, record.data() + done, record.size() - done);
         if (written >= 0) {
