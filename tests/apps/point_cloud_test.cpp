@@ -99,6 +99,9 @@ TEST(PointCloud, IsRenderedFromCamerasOfAnyOrigin) {
     expect_run(program, std::string("render model.ply -o views ") + kScene);
     expect_run(program, "render run -o of-run");
     EXPECT_EQ(program.read("views/00003.png"), program.read("of-run/00003.png"));
+    expect_run(program, "render run -s builtin:glossy -o moved");
+    EXPECT_EQ(program.read("moved/00003.png"), program.read("of-run/00003.png"));
+    fs::remove_all(program.path("moved"));
     expect_run(program, "render model.ply -o path -w --path run/cameras.json");
     EXPECT_EQ(program.read("path/00003.png"), program.read("of-run/00003.png")) << "no scene is needed";
 
@@ -169,7 +172,13 @@ TEST(PointCloud, OfAnotherProgramIsTakenAsItIs) {
     const nlohmann::json own = scores(program, std::string("model.ply ") + kScene).at("values"),
                          foreign = scores(program, std::string("foreign.ply ") + kScene).at("values");
     EXPECT_NEAR(foreign.at("PSNR").at("mean"), own.at("PSNR").at("mean"), 0.01);
-    expect_run(program, "render foreign.ply --orbit 2 -o orbit");
+    std::string antialiased = program.read("foreign.ply");
+    antialiased.insert(antialiased.find("element"), "comment SplatRenderMode: mip\n");
+    program.folder().write("antialiased.ply", antialiased);
+    EXPECT_NE(expect_run(program, "render antialiased.ply --orbit 2 -o mip").err.find("trained with antialiasing"),
+              std::string::npos);
+    const Outcome orbit = expect_run(program, "render foreign.ply --orbit 2 -o orbit");
+    EXPECT_EQ(orbit.err.find("warning"), std::string::npos) << orbit.err;
     expect_run(program, "export foreign.ply -o site");
 }
 

@@ -112,6 +112,7 @@ def check_course(folder):
     result = train(folder, "-m", "run", "--iterations", "250", "--test-iterations", "100", "--checkpoint-iterations",
                    "200", "--tensorboard", "board", "--appearance", "sv")
     assert result.returncode == 0, result.stderr
+    model = (folder / "run/point_cloud/iteration_250/point_cloud.ply").read_bytes()
     (first,) = event_files(board)
     scalars, pictures, restarts = read(first)
     lines = [json.loads(line) for line in (folder / "run/stats/train.jsonl").read_text().splitlines()]
@@ -139,6 +140,11 @@ def check_course(folder):
     scalars, pictures, restarts = read(second)
     assert restarts == [201] and set(scalars["train/loss"]) == {300}, (restarts, scalars)
     assert set(pictures["preview"]) == {300}
+    # It changes nothing of the model.
+    result = train(folder, "-m", "plain", "--iterations", "250", "--appearance", "sv")
+    assert result.returncode == 0, result.stderr
+    plain = (folder / "plain/point_cloud/iteration_250/point_cloud.ply").read_bytes()
+    assert plain == model, "the point clouds differ"
     return board
 
 
