@@ -13,6 +13,7 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/export/pack_scene.h"
+#include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/checkpoint.h"
@@ -55,6 +56,7 @@ TrainOptions options_of(const fs::path& run_folder, const RunChanges& instead) {
     const bool bare = is_point_cloud(run_folder);
     if (bare && !instead.point_cloud)
         throw UsageError(fmt::format("'{}' is no run folder, which is needed here", run_folder.string()));
+    if (bare) PlyReader{run_folder};  // a file of another kind is not asked for its scene
     TrainOptions options = bare ? *instead.point_cloud : load_run_options(run_folder);
     options.model = run_folder.string();  // the folder may have been moved
     if (!instead.source.empty()) options.source = instead.source;

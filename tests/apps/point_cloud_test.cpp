@@ -216,7 +216,7 @@ TEST(PointCloud, WhatIsMissingOrWrongIsNamed) {
     program.folder().write("text.ply", "hello\n");
     program.folder().write("picture.png", "hello\n");
     for (const char* file : {"text.ply", "picture.png", "missing.ply"})
-        for (const char* arguments : {"eval -s builtin:glossy ", "render --orbit 2 -o x ", "export -o x ",
+        for (const char* arguments : {"eval ", "eval -s builtin:glossy ", "render --orbit 2 -o x ", "export -o x ",
                                       "export --format splat -o x ", "bench frames -s builtin:glossy "})
             expect_wrong(program, std::string(arguments) + file, 3, file);
     fs::remove(program.path("text.ply")), fs::remove(program.path("picture.png"));
