@@ -10,9 +10,11 @@
 #include "apps/gsapp/printing.h"
 #include "eval/bench/bench_cases.h"
 #include "eval/runs/bench_subject.h"
+#include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 #include "lib/core/options_cli.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
@@ -22,6 +24,7 @@ namespace {
 
 struct BenchArguments {
     BenchRepeats repeats;
+    std::string file;  ///< a point cloud without a run; empty: none
     std::int64_t iteration = -1;
     std::vector<std::int64_t> generate;
     bool compare_deterministic = false, json = false;
@@ -56,10 +59,11 @@ void bench_generated_sets(const TrainArguments& train, const BenchArguments& arg
 }
 
 void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
-    const TrainOptions options = train.resolve({.stored_run = true, .default_source = ""});
+    TrainOptions options = measured_options(train, arguments.file);
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
+    set_appearance(options, subject.model.appearance);
     const auto backend = choose_backend(options.device, subject.model.appearance, backend_options(options));
     BenchResult result =
         bench_model(*backend, options, subject.scene, subject.model, bench, arguments.compare_deterministic);
@@ -110,6 +114,24 @@ CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration) {
         ->check(CLI::NonNegativeNumber);
 }
 
+void add_point_cloud_option(CLI::App& command, std::string& file) {
+    command.validate_positionals();  // what is no .ply file is left to the scene
+    command.add_option("file", file, "Point cloud to measure, with the scene of its views in -s")
+        ->type_name("FILE.ply")
+        ->check(CLI::Validator([](const std::string& word) { return word.ends_with(".ply") ? "" : "not a .ply file"; },
+                               ""));
+}
+
+TrainOptions measured_options(const TrainArguments& train, const std::string& file) {
+    TrainOptions options = train.combine({.stored_run = true, .default_source = ""});
+    if (!file.empty()) options.model = file;
+    if (options.source.empty() && !options.model.empty() && is_point_cloud(options.model))
+        throw UsageError("'" + options.model +
+                         "' is a point cloud without a run, which has no views: name their scene with --source SCENE");
+    validate(options);
+    return options;
+}
+
 void prepare_bench(const TrainOptions& options) {
     setup_log(shown_messages(options));
     set_num_threads(options.threads);
@@ -118,11 +140,12 @@ void prepare_bench(const TrainOptions& options) {
 void add_bench_command(CLI::App& app, Command& selected) {
     CLI::App* command = app.add_subcommand(
         "bench",
-        "Measure frames and iterations, stage by stage, of the trained model in -m RUN, of a scene's initial "
-        "points, or of generated sets");
+        "Measure frames and iterations, stage by stage, of the trained model in -m RUN or in a .ply file, of a "
+        "scene's initial points, or of generated sets");
     command->require_subcommand(0, 1);
-    const auto train = std::make_shared<TrainArguments>(*command);
     const auto arguments = std::make_shared<BenchArguments>();
+    add_point_cloud_option(*command, arguments->file);
+    const auto train = std::make_shared<TrainArguments>(*command);
     add_repeat_option(*command, arguments->repeats);
     add_frame_repeat_option(*command, arguments->repeats);
     CLI::Option* iteration = add_iteration_option(*command, arguments->iteration);

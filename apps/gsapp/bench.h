@@ -10,7 +10,7 @@
 
 #include "apps/gsapp/command.h"
 #include "eval/bench/bench.h"
-#include "lib/core/train_options.h"
+#include "lib/core/options_cli.h"
 
 namespace gs {
 
@@ -40,6 +40,14 @@ CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration);
 inline std::optional<std::int64_t> saved_iteration(std::int64_t iteration) {
     return iteration < 0 ? std::nullopt : std::optional(iteration);
 }
+
+/// Adds the .ply file that may stand without a flag, as -m FILE.ply. To be called before the scene is declared, which
+/// may stand without a flag, too.
+void add_point_cloud_option(CLI::App& command, std::string& file);
+
+/// Returns the options of a measurement of a trained model: those of the run in -m, or for a point cloud (`file`, or
+/// -m FILE.ply) the flags'. Throws UsageError, also for a point cloud without a scene.
+TrainOptions measured_options(const TrainArguments& train, const std::string& file);
 
 /// Sets up messages and threads as the options say.
 void prepare_bench(const TrainOptions& options);

@@ -33,8 +33,10 @@ void bench_frames(const TrainArguments& train, const FramesArguments& arguments)
         throw UsageError("bench frames: name folders of runs, or sizes of generated sets with --generate");
     const int frames_per_view = bench_options(options.device, 0, arguments.repeats.frame_repeat).frame_repeat;
     std::vector<FrameTimesLine> lines;
+    RunChanges of_files{.device = options.device, .point_cloud = options};
+    of_files.point_cloud->source = train.combine().source;
     for (const std::string& run : runs)
-        lines.push_back(time_run_frames(run, saved_iteration(arguments.iteration), options.device, frames_per_view));
+        lines.push_back(time_run_frames(run, saved_iteration(arguments.iteration), of_files, frames_per_view));
     for (const std::int64_t count : arguments.generate)
         for (const std::string& appearance :
              arguments.appearances.empty() ? appearance_names() : arguments.appearances) {
@@ -57,7 +59,8 @@ void add_bench_frames_command(CLI::App& bench, Command& selected) {
         "runs' results.json");
     const auto arguments = std::make_shared<FramesArguments>();
     // Declared before the scene, which may stand without a flag, too.
-    command->add_option("runs", arguments->runs, "Run folders")->type_name("RUN");
+    command->add_option("runs", arguments->runs, "Run folders, or .ply files with the scene of their views in -s")
+        ->type_name("RUN|FILE.ply");
     command->add_option("--frames", arguments->runs_of_old_spelling)
         ->expected(0, CLI::detail::expected_max_vector_size)
         ->group("");

@@ -15,12 +15,13 @@ namespace {
 
 struct PrecisionArguments {
     BenchRepeats repeats;
+    std::string file;  ///< a point cloud without a run; empty: none
     std::int64_t iteration = -1;
     bool json = false;
 };
 
 void bench_precision(const TrainArguments& train, const PrecisionArguments& arguments) {
-    const TrainOptions options = train.resolve({.stored_run = true, .default_source = ""});
+    const TrainOptions options = measured_options(train, arguments.file);
     prepare_bench(options);
     const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, arguments.repeats.frame_repeat);
     const BenchSubject subject = bench_subject(options, saved_iteration(arguments.iteration));
@@ -36,9 +37,10 @@ void add_bench_precision_command(CLI::App& bench, Command& selected) {
     CLI::App* command = bench.add_subcommand(
         "precision",
         "Measure time, memory and error against double precision at every precision that options choose, "
-        "of the trained model in -m RUN or of a scene's initial points");
-    const auto train = std::make_shared<TrainArguments>(*command);
+        "of the trained model in -m RUN or in a .ply file, or of a scene's initial points");
     const auto arguments = std::make_shared<PrecisionArguments>();
+    add_point_cloud_option(*command, arguments->file);
+    const auto train = std::make_shared<TrainArguments>(*command);
     command->add_flag("--precision")->group("");  // the old spelling of the subcommand
     add_repeat_option(*command, arguments->repeats);
     add_frame_repeat_option(*command, arguments->repeats);

@@ -5,14 +5,19 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
+
+#include <fmt/format.h>
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/eval.h"
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
+#include "kernels/core/error.h"
 #include "lib/core/log.h"
+#include "lib/io/temporary.h"
 
 namespace gs {
 namespace {
@@ -23,27 +28,56 @@ TableFormat format_of(const EvalArguments& arguments) {
     return ::isatty(STDOUT_FILENO) != 0 ? TableFormat::kTerminal : TableFormat::kMarkdown;
 }
 
-void evaluate(const std::string& folder, std::optional<std::int64_t> iteration, const Protocol& protocol,
-              const std::vector<Metric>& metrics, const EvalArguments& arguments) {
-    SavedRun run = open_saved_run(folder, iteration,
-                                  {.source = arguments.source, .device = arguments.metrics.device, .scores = true});
+/// What is scored, and where its results lie.
+struct Subject {
+    std::string run;  ///< as the user named it: a run folder, or a point cloud without a run
+    std::filesystem::path results;
+    bool keep_pictures = true;
+};
+
+/// Returns where the results of each lie. Those of a point cloud for which no folder is named go to `temporary`.
+std::vector<Subject> subjects(const EvalArguments& arguments, const RunChanges& changes,
+                              std::optional<WorkFolder>& temporary) {
+    if (!arguments.output.empty() && arguments.runs.size() > 1)
+        throw UsageError("--output is the folder of one model's results; name one model");
+    std::vector<Subject> all;
+    for (const std::string& run : arguments.runs) {
+        Subject subject{run, results_folder(run, changes.source)};
+        if (!arguments.output.empty()) {
+            subject.results = arguments.output;
+        } else if (is_point_cloud(run)) {
+            if (arguments.skip_render)
+                throw UsageError(fmt::format(
+                    "--skip-render: '{}' stores no results; name the folder that eval --output wrote", run));
+            if (!temporary) temporary.emplace(own_temporary_folder() / "eval");
+            subject.results = temporary->path() / std::to_string(all.size());
+            subject.keep_pictures = !arguments.html.empty();  // the page takes them from there
+        }
+        all.push_back(subject);
+    }
+    return all;
+}
+
+void evaluate(const Subject& subject, std::optional<std::int64_t> iteration, const RunChanges& changes,
+              const Protocol& protocol, const std::vector<Metric>& metrics, const EvalArguments& arguments) {
+    SavedRun run = open_saved_run(subject.run, iteration, changes);
     EvalOptions options;
     options.protocol = protocol;
     options.metrics = metrics;
-    options.run_folder = results_folder(run.folder, arguments.source);
+    if (subject.keep_pictures) options.run_folder = subject.results;
     options.iteration = run.iteration;
     options.correction = run.correction;
     options.correction.mode = choose_correction(arguments.ppisp_eval, run.correction.mode);
     options.decompose = arguments.decompose || !arguments.html.empty();  // the page's slider shows the parts
-    evaluate_run(run, options, arguments.frame_rounds);
+    evaluate_run(run, options, arguments.frame_rounds, subject.results);
 }
 
 }  // namespace
 
-CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional) {
+CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional,
+                             const std::string& help, const std::string& type_name) {
     const std::string names = "-m,--model,--model_path";
-    return command.add_option(positional.empty() ? names : positional + "," + names, runs, "Run folders")
-        ->type_name("RUN");
+    return command.add_option(positional.empty() ? names : positional + "," + names, runs, help)->type_name(type_name);
 }
 
 void run_eval(const EvalArguments& arguments) {
@@ -57,12 +91,17 @@ void run_eval(const EvalArguments& arguments) {
                   [](const std::string& name) { return name == "psnr" || name == "ssim"; });  // always computed
     const std::vector<Metric> metrics = make_metrics(further, metric_options(arguments.metrics, protocol.lpips_range));
     const auto iteration = arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration);
+    RunChanges changes = arguments.scene ? arguments.scene->changes(arguments.runs) : RunChanges{};
+    changes.device = arguments.metrics.device;
+    changes.scores = true;
     std::vector<TableRow> rows;
-    for (const std::string& run : arguments.runs) {
-        if (!arguments.skip_render) evaluate(run, iteration, protocol, metrics, arguments);
-        rows.push_back(read_table_row(results_folder(run, arguments.source), iteration));
-        read_training(rows.back(), run);
-        if (!arguments.source.empty()) rows.back().run = run;
+    std::optional<WorkFolder> temporary;
+    for (const Subject& subject : subjects(arguments, changes, temporary)) {
+        if (!arguments.skip_render) evaluate(subject, iteration, changes, protocol, metrics, arguments);
+        rows.push_back(read_table_row(subject.results, iteration));
+        const bool bare = is_point_cloud(subject.run);
+        if (!bare) read_training(rows.back(), subject.run);
+        if (bare || !changes.source.empty() || !arguments.output.empty()) rows.back().run = subject.run;
     }
     const auto corrected = std::find_if(rows.begin(), rows.end(),
                                         [&](const TableRow& row) { return row.correction != rows[0].correction; });
@@ -79,8 +118,15 @@ void run_eval(const EvalArguments& arguments) {
 void add_eval_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<EvalArguments>();
     CLI::App* command = app.add_subcommand(
-        "eval", "Render and score the test views of finished runs; print one table over all of them");
-    add_runs_option(*command, arguments->runs, "runs")->required();
+        "eval", "Render and score the test views of finished runs or of .ply files; print one table over all of them");
+    add_runs_option(*command, arguments->runs, "runs", "Run folders, or .ply files with the scene that --source names",
+                    "RUN|FILE.ply")
+        ->required();
+    command
+        ->add_option("-o,--output", arguments->output,
+                     "Folder for results.json, per_view.json and pictures (default: the run's; of a .ply file nothing "
+                     "is kept)")
+        ->type_name("DIR");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to evaluate (default: the last)")
         ->check(CLI::NonNegativeNumber);
     CLI::Option* format =
@@ -126,9 +172,11 @@ void add_eval_command(CLI::App& app, Command& selected) {
             "colour-aligned (fits each view to its "
             "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
         ->excludes(skip);
-    command->add_option(
-        "-s,--source", arguments->source,
-        "Score on the test views of another scene instead, with the run's other options; results go to RUN/on-SCENE");
+    arguments->scene = std::make_shared<SceneArguments>(
+        *command,
+        "Score on the test views of this scene: needed for a .ply file; a run is scored on it instead of its own, with "
+        "its other options, and results go to RUN/on-SCENE",
+        DeviceOption::kOfCommand);
     command->callback([arguments, &selected] { selected = [arguments] { run_eval(*arguments); }; });
 }
 

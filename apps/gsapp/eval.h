@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "apps/gsapp/metrics.h"
+#include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/protocol.h"
 
 namespace gs {
@@ -17,7 +19,9 @@ struct EvalArguments {
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     std::string format;           ///< empty = Markdown, plainer on a terminal
     std::string protocol = protocols().front().name;
-    std::string ssim_border, ppisp_eval, source, html;
+    std::string ssim_border, ppisp_eval, html, output;
+    /// The views to score on instead of a run's own, and those of point clouds without a run; null: runs on their own.
+    std::shared_ptr<SceneArguments> scene;
     int frame_rounds = 0;
     std::optional<int> marks;
     MetricArguments metrics{"psnr,ssim", ""};
@@ -26,7 +30,8 @@ struct EvalArguments {
 };
 
 /// Adds the folders of runs, which may also stand after -m as in 3DGS's scripts. Returns the option.
-CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional);
+CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, const std::string& positional,
+                             const std::string& help = "Run folders", const std::string& type_name = "RUN");
 
 /// Renders and scores the runs, and prints one table over all of them.
 void run_eval(const EvalArguments& arguments);

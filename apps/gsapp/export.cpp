@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp export: a finished run as a page that shows it, or as a file for other programs.
+// gsapp export: a finished run or a point cloud as a page that shows it, or as a file for other programs.
 #include <fmt/format.h>
 
 #include <memory>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/export_run.h"
 #include "kernels/core/error.h"
 
@@ -15,7 +16,8 @@ namespace {
 
 struct ExportArguments {
     std::vector<std::string> runs;
-    std::string output, source, up, format = "web";
+    std::string output, up, format = "web";
+    std::shared_ptr<SceneArguments> scene;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     int photographs = 0;          ///< most of them
     bool sh_projection = false, overwrite = false, compatible = false;
@@ -23,8 +25,10 @@ struct ExportArguments {
 
 void run_export(const ExportArguments& arguments) {
     if (arguments.sh_projection && arguments.format != "ply") throw UsageError("--sh-projection is for --format ply");
-    if (!arguments.source.empty() && arguments.format != "web")
-        throw UsageError("--source is for --format web, which measures on its views");
+    RunChanges changes = arguments.scene->changes(arguments.runs);
+    changes.needs_scene = arguments.photographs != 0;
+    if (!changes.source.empty() && arguments.format != "web" && arguments.up.empty())
+        throw UsageError("--source is for --format web, which measures on its views, and for --up");
     if (arguments.compatible && arguments.format != "web") throw UsageError("--compatible is for --format web");
     if (arguments.photographs != 0 && arguments.format != "web")
         throw UsageError("--photographs is for --format web, whose page compares them with the model");
@@ -37,10 +41,10 @@ void run_export(const ExportArguments& arguments) {
         .output = arguments.output,
         .overwrite = arguments.overwrite,
         .up = arguments.up,
-        .compatible = arguments.compatible};
+        .compatible = arguments.compatible,
+        .changes = changes};
     if (arguments.format == "web")
         export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
-                             .source = arguments.source,
                              .photographs = arguments.photographs});
     else
         export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
@@ -52,13 +56,14 @@ void run_export(const ExportArguments& arguments) {
 void add_export_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<ExportArguments>();
     CLI::App* command =
-        app.add_subcommand("export", "Write a finished run as a web page, or as a file for other programs");
+        app.add_subcommand("export", "Write a finished run or a .ply file as a web page, or for other programs");
     command
         ->add_option("runs", arguments->runs,
-                     "Run folder; with web also a second run of the same scene, which the page compares with the first")
+                     "Run folder or .ply file; with web also a second one of the same scene, which the page compares "
+                     "with the first")
         ->required()
         ->expected(1, 2)
-        ->type_name("RUN");
+        ->type_name("RUN|FILE.ply");
     command->add_option("-o,--output", arguments->output, "Folder to write to")->required()->type_name("DIR");
     command
         ->add_option("--format", arguments->format,
@@ -76,8 +81,6 @@ void add_export_command(CLI::App& app, Command& selected) {
         ->check(CLI::IsMember({"y", "z", "-y"}));
     command->add_option("--iteration", arguments->iteration, "Saved iteration to export (default: the last)")
         ->check(CLI::NonNegativeNumber);
-    command->add_option("--source", arguments->source, "With web: the scene, if it was moved since the training")
-        ->type_name("SCENE");
     command->add_flag("--photographs{40}", arguments->photographs,
                       "With web: also write the photographs of the test views as PNG, to compare with; of 40 evenly "
                       "spread views, or as many as --photographs=N says");
@@ -86,6 +89,11 @@ void add_export_command(CLI::App& app, Command& selected) {
         "With web: store a residual for every Gaussian, as the paper's viewer expects it, also where only "
         "some have one");
     command->add_flag("--overwrite", arguments->overwrite, "Replace an earlier export in DIR");
+    arguments->scene = std::make_shared<SceneArguments>(*command,
+                                                        "With web: the scene, if a run's was moved since the training, "
+                                                        "or to measure what packing a .ply file loses and "
+                                                        "to show its test views; with --up: the scene of a .ply file",
+                                                        DeviceOption::kDeclared);
     command->callback([arguments, &selected] { selected = [arguments] { run_export(*arguments); }; });
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gsapp render: pictures and films of a finished run from its own cameras, a file of cameras, or an orbit.
+// gsapp render: pictures and films of a finished run or a point cloud from the scene's cameras, a file of cameras, or
+// an orbit.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -10,6 +11,7 @@
 #include <optional>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
 #include "eval/runs/film.h"
@@ -30,7 +32,8 @@ constexpr double kUsualFps = 30;
 
 struct RenderArguments {
     std::string run, views = "test", path, output, ppisp_eval, show = "picture", size, video, orbit_radius,
-                     orbit_target;
+                     orbit_target, orbit_up;
+    std::shared_ptr<SceneArguments> scene;
     int orbit = 0;
     double orbit_elevation = 0, fps = kUsualFps;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
@@ -55,16 +58,22 @@ OrbitShape orbit_shape(const RenderArguments& arguments) {
     if (!arguments.orbit_radius.empty()) shape.radius = parse_orbit_radius(arguments.orbit_radius);
     if (!arguments.orbit_target.empty()) shape.target = parse_orbit_target(arguments.orbit_target);
     if (arguments.has_elevation) shape.elevation = arguments.orbit_elevation;
+    if (!arguments.orbit_up.empty()) shape.up = parse_axis(arguments.orbit_up);
     return shape;
 }
 
-WantedViews wanted_views(const RenderArguments& arguments, const Scene& scene) {
+WantedViews wanted_views(const RenderArguments& arguments, const SavedRun& run) {
+    const Scene& scene = run.scene;
     if (!arguments.path.empty()) {
         const CameraPath path = read_camera_path(arguments.path, scene.frame);
         return {{{"path", views_of(path.cameras)}}, path.fps};
     }
-    if (arguments.orbit > 0)
-        return {{{"orbit", views_of(orbit_path(scene.train, orbit_shape(arguments), scene.frame))}}, {}};
+    if (arguments.orbit > 0) {
+        OrbitShape shape = orbit_shape(arguments);
+        std::vector<View> views = scene.train;
+        if (run.options.source.empty()) views = {usual_view(run.backend->download(false), shape, scene.frame)};
+        return {{{"orbit", views_of(orbit_path(views, shape, scene.frame))}}, {}};
+    }
     WantedViews wanted;
     for (const char* which : {"test", "train"})
         if ((arguments.views == which || arguments.views == "all") && !views_of(scene, which).empty())
@@ -105,10 +114,18 @@ void run_render(const RenderArguments& arguments) {
     const std::optional<PictureSize> size =
         arguments.size.empty() ? std::nullopt : std::optional(parse_picture_size(arguments.size));
     orbit_shape(arguments);  // says what is wrong with it before the scene is read
-    SavedRun run =
-        open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
+    if (arguments.output.empty() && is_point_cloud(arguments.run))
+        throw UsageError(
+            fmt::format("'{}' is a point cloud without a run, where pictures would go: name a folder with "
+                        "--output DIR",
+                        arguments.run));
+    RunChanges changes = arguments.scene->changes({arguments.run});
+    // The colours of --show appearance are those that the training cameras see.
+    changes.needs_scene = (arguments.path.empty() && arguments.orbit == 0) || arguments.show == "appearance";
+    SavedRun run = open_saved_run(arguments.run,
+                                  arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration), changes);
     catch_interrupts();  // from here on, so that unfinished pictures are removed
-    WantedViews wanted = wanted_views(arguments, run.scene);
+    WantedViews wanted = wanted_views(arguments, run);
     if (size) resize_views(wanted.sets, *size);
     if (!arguments.video.empty()) require_film(arguments.video, wanted.sets[0].views);
 
@@ -167,6 +184,12 @@ void add_camera_options(CLI::App& command, RenderArguments& arguments) {
                     "Point X,Y,Z that the orbit's cameras look at, in scene coordinates (default: where the training "
                     "cameras look)")
         ->needs(orbit);
+    command
+        .add_option("--orbit-up", arguments.orbit_up,
+                    "Axis of the scene that points up in the orbit: x, y, z, -x, -y or -z (default: as the training "
+                    "cameras were held; without a scene -y, as most .ply files have it)")
+        ->check(CLI::IsMember({"x", "y", "z", "-x", "-y", "-z"}))
+        ->needs(orbit);
     command.add_option("--size", arguments.size,
                        "Size of the pictures, WIDTHxHEIGHT; the vertical field of view stays, so wider pictures show "
                        "more at the sides (default: the cameras' own)");
@@ -203,8 +226,12 @@ void add_picture_options(CLI::App& command, RenderArguments& arguments) {
 
 void add_render_command(CLI::App& app, Command& selected) {
     auto arguments = std::make_shared<RenderArguments>();
-    CLI::App* command = app.add_subcommand("render", "Write pictures and films of a finished run");
-    command->add_option("run,-m,--model,--model_path", arguments->run, "Run folder")->required()->type_name("RUN");
+    CLI::App* command = app.add_subcommand("render", "Write pictures and films of a finished run, or of a .ply file");
+    command
+        ->add_option("run,-m,--model,--model_path", arguments->run,
+                     "Run folder, or .ply file, which needs --output, and for --views also --source")
+        ->required()
+        ->type_name("RUN|FILE.ply");
     command
         ->add_option("--ppisp-eval", arguments->ppisp_eval,
                      "Photometric correction: controller (default where the model has one), or none = neutral exposure "
@@ -218,6 +245,11 @@ void add_render_command(CLI::App& app, Command& selected) {
     command->add_flag("--overwrite", arguments->overwrite,
                       "Remove the pictures of another call that are in the folder and would stay beside the new ones");
     add_picture_options(*command, *arguments);
+    arguments->scene = std::make_shared<SceneArguments>(
+        *command,
+        "Scene of the views: of a .ply file, which --orbit and --path show without one; of a run that was moved since "
+        "the training",
+        DeviceOption::kDeclared);
     command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
 }
 

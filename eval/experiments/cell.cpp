@@ -15,6 +15,12 @@
 
 namespace gs {
 
+void set_folder(TrainOptions& options, const std::filesystem::path& folder) {
+    options.model = folder.string();
+    if (!options.tensorboard.empty())
+        options.tensorboard = (std::filesystem::path(options.tensorboard) / folder.filename()).string();
+}
+
 nlohmann::ordered_json result_json(const CellResult& r) {
     nlohmann::ordered_json json;
     json["PSNR"] = std::isfinite(r.psnr) ? nlohmann::ordered_json(r.psnr) : nlohmann::ordered_json(nullptr);

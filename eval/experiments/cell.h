@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -17,6 +18,9 @@ struct Cell {
     std::string name;      ///< for messages
     TrainOptions options;  ///< validated; `model` is its own folder
 };
+
+/// Gives one of several runs its folder, and where there is options.tensorboard a folder of the same name in that.
+void set_folder(TrainOptions& options, const std::filesystem::path& folder);
 
 /// Scores and costs of a cell whose run has finished.
 struct CellResult {

@@ -21,7 +21,7 @@ std::vector<TableRow> train_seeds(TrainOptions base, int num_runs, const TrainRu
     for (int k = 0; k < num_runs; ++k) {
         TrainOptions options = base;
         options.seed = base.seed + std::uint64_t(k);
-        options.model = fmt::format("{}-{}", base.model, k);
+        set_folder(options, fmt::format("{}-{}", base.model, k));
         std::optional<TableRow> row;
         if (!options.overwrite) row = finished_run(options);
         if (row)

@@ -12,7 +12,6 @@
 #include "lib/export/ngsplat.h"
 #include "lib/export/pack_scene.h"
 #include "lib/model/appearance_spec.h"
-#include "lib/model/initialize.h"
 #include "lib/model/ply.h"
 #include "lib/train/residual_share.h"
 
@@ -24,13 +23,9 @@ constexpr std::int64_t kTrailerBytes = 1024, kPlyHeaderBytes = 4096;
 /// The bytes of a Gaussian in a .splat file.
 constexpr std::int64_t kSplatBytes = 32;
 
-/// Packs a model of one Gaussian, with all degrees active and as many cameras as the scene's export has.
+/// Packs a model of one Gaussian, with as many cameras as the scene's export has.
 PackedScene packed_sample(const TrainOptions& options, const Scene& scene) {
-    InitOptions init = init_options(options);
-    init.most_points = 1;
-    Gaussians one = initialize_gaussians(scene, appearance_spec(options), init);
-    one.active_degree = one.appearance.max_degree;
-    PackedScene packed = pack_gaussians(one);
+    PackedScene packed = packed_sample(appearance_spec(options));
     packed.cameras.resize(scene.test.size());
     if (options.ppisp != PpispMode::kOff) packed.ppisp.emplace().views.resize(scene.test.size());
     return packed;

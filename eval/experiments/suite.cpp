@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 
+#include "eval/experiments/cell.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
 
@@ -79,7 +80,7 @@ std::vector<SuiteLine> suite_lines(const std::string& suite, const std::vector<s
             TrainOptions options = base;
             options.appearance = appearance;
             options.eval = true;
-            options.model = (fs::path(base.model) / (row.folder + "-" + appearance)).string();
+            set_folder(options, fs::path(base.model) / (row.folder + "-" + appearance));
             row.vary(options);
             require_named_appearance(options);
             validate(options);

@@ -173,7 +173,7 @@ Configuration make_configuration(const std::vector<TradeoffAxis>& axes, const st
     Configuration configuration{values, base};
     TrainOptions& options = configuration.options;
     options.eval = true;
-    options.model = (std::filesystem::path(base.model) / folder_name(axes, values)).string();
+    set_folder(options, std::filesystem::path(base.model) / folder_name(axes, values));
     double share = 1;
     for (std::size_t a = 0; a < axes.size(); ++a) {
         if (axes[a].name == kBudget)

@@ -233,6 +233,8 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
         log_info("watch it at {}", live->address());
         progress.event({{"event", "view"}, {"address", live->address()}});
     }
+    std::optional<TensorBoard> tensorboard;  // refused, too, while an earlier run is whole
+    if (!options.tensorboard.empty()) tensorboard.emplace(options.tensorboard);
     RunStart start = open_run(options);
     if (start.checkpoint) {
         require_same_test_views(*start.checkpoint, scene, options);
@@ -251,6 +253,7 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     TrainingEvaluation evaluation(options, scene, progress, frame_rounds);
     TrainHooks hooks;
     if (plan.size) hooks.most_gaussians = std::min(plan.size->most_gaussians, options.cap_max);
+    if (tensorboard) hooks.tensorboard = &*tensorboard;
     if (target) hooks.held_out_psnr = [&](Backend& backend) { return target->psnr(backend); };
     const bool measure = options.eval && !scene.test.empty();
     if (measure)

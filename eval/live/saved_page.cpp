@@ -3,8 +3,6 @@
 #include "eval/live/saved_page.h"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -19,7 +17,6 @@
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/bring_into_frame.h"
-#include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
 #include "lib/train/scene_options.h"
 
@@ -31,28 +28,10 @@ namespace fs = std::filesystem;
 constexpr std::chrono::milliseconds kLook(50);
 constexpr int kLooksBetweenReads = 40;  ///< a newer model is looked for every two seconds
 
-/// A folder of this user's own for temporary files. Throws DataError where it is somebody else's.
-fs::path own_temporary_folder() {
-    const fs::path folder = fs::temp_directory_path() / fmt::format("gsapp-view-{}", ::getuid());
-    ::mkdir(folder.c_str(), 0700);
-    struct stat status = {};
-    if (::lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode) || status.st_uid != ::getuid())
-        throw DataError(
-            fmt::format("{} cannot be used for temporary files: it is not a folder of this user", folder.string()));
-    return folder;
-}
-
 /// Returns the file of a saved model and when it was written, in words that differ where the file does.
 std::string identity_of(const fs::path& file) {
     std::error_code ignored;
     return fmt::format("{} {}", file.string(), fs::last_write_time(file, ignored).time_since_epoch().count());
-}
-
-/// Returns the Gaussians of a file in the coordinates that its frame makes of them, as a training has them.
-SavedModel read_point_cloud(const fs::path& file) {
-    SavedModel model;
-    model.state = read_ply(file, &model.frame);
-    return model;
 }
 
 }  // namespace
@@ -99,7 +78,7 @@ void SavedPage::show_newest() {
         source = path_exists(run.point_cloud(*iteration)) ? run.point_cloud(*iteration) : run.checkpoint(*iteration);
     const std::string newest = identity_of(source);
     if (newest == shown_) return;
-    SavedModel model = is_run_ ? read_saved_model(target_, iteration) : read_point_cloud(target_);
+    SavedModel model = read_saved_model(target_, iteration);
     // Without a frame of its own the model takes the one of the photographs' cameras.
     if (!model.frame && frame_) bring_into_frame(model.state, *frame_);
     const Frame frame = model.frame.value_or(frame_.value_or(Frame{}));

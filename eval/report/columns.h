@@ -33,8 +33,8 @@ struct Column {
 /// Returns the largest unit of which `largest` has at least two, or the smallest. The column must have units.
 const ColumnUnit& column_unit(const Column& column, double largest);
 
-/// Returns PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then bytes/G,
-/// #Gs, train time, peak memory and FPS.
+/// Returns PSNR, SSIM, every other metric that a row has or was asked for (those of unknown names last), then the
+/// bytes of a Gaussian, #Gs, train time, peak memory and FPS.
 std::vector<Column> table_columns(const std::vector<TableRow>& rows);
 
 /// Returns the row's value; empty where it has none.

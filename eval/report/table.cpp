@@ -110,6 +110,8 @@ TableRow read_table_row(const std::filesystem::path& run_folder, std::optional<s
     row.strategy = text_fact(run, "strategy");
     row.residual_share = number_fact(run, "residual_share");
     row.bytes_per_gaussian = count_fact(run, "bytes_per_gaussian");
+    row.ply_bytes_per_gaussian = count_fact(run, "ply_bytes_per_gaussian");
+    row.web_bytes_per_gaussian = count_fact(run, "web_bytes_per_gaussian");
     row.correction = text_fact(protocol, "ppisp_eval");
     row.protocol_name = text_fact(protocol, "name");
     if (!row.protocol_name.empty() && !is_protocol(row.protocol_name))

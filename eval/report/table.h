@@ -29,7 +29,9 @@ struct TableRow {
     std::optional<std::int64_t> peak_device_bytes;   ///< peak of training on a GPU
     std::optional<double> residual_share;            ///< of a mixed model: share of Gaussians with a residual
     std::optional<std::int64_t> bytes_per_gaussian;  ///< mean size of the appearance
-    std::optional<std::int64_t> planned_bytes;       ///< size of the file that a size limit is for
+    /// Mean sizes of a whole Gaussian in point_cloud.ply and in scene.ngsplat
+    std::optional<std::int64_t> ply_bytes_per_gaussian, web_bytes_per_gaussian;
+    std::optional<std::int64_t> planned_bytes;  ///< size of the file that a size limit is for
     std::string correction;     ///< photometric, by correction_name; scores of different ones do not compare
     std::string protocol_name;  ///< one of protocols(); empty: the file does not say
     std::string protocol;       ///< protocol_line; rows with different ones do not compare

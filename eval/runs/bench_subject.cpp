@@ -21,7 +21,8 @@ BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64
         subject.scene = load_scene_of(saved, scene_options(options));
         subject.model = std::move(saved.state);
         subject.model.active_degree = subject.model.appearance.max_degree;
-        subject.name = fmt::format("{}, {} at iteration {}", options.source, options.model, saved.iteration);
+        subject.name = fmt::format("{}, {}", options.source, options.model);
+        if (!is_point_cloud(options.model)) subject.name += fmt::format(" at iteration {}", saved.iteration);
     }
     if (!trained) subject.scene = load_scene(scene_options(options));
     if (subject.scene.train.empty())

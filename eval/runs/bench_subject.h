@@ -19,9 +19,10 @@ struct BenchSubject {
     Gaussians model;  ///< all degrees active
 };
 
-/// Returns the scene of checked `options` with the model in the folder `options.model` at `iteration` (empty: the last
-/// saved one), or with the scene's initial points where the folder holds no model. Throws UsageError for an iteration
-/// without a model, DataError for a scene without training views, and what read_saved_model and load_scene throw.
+/// Returns the scene of checked `options` with the model in the folder or point cloud `options.model` at `iteration`
+/// (empty: the last saved one), or with the scene's initial points where the folder holds no model. Throws UsageError
+/// for an iteration without a model, DataError for a scene without training views, and what read_saved_model and
+/// load_scene throw.
 BenchSubject bench_subject(const TrainOptions& options, std::optional<std::int64_t> iteration);
 
 }  // namespace gs

@@ -14,8 +14,9 @@ namespace gs {
 std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source);
 
 /// Scores the test views of `run` as `options` say (evaluate_views) and writes results.json and per_view.json to
-/// `options.run_folder`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Says
+/// `results`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Says
 /// in the log what could not be measured. Throws what evaluate_views and write_results throw.
-EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds);
+EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
+                        const std::filesystem::path& results);
 
 }  // namespace gs

@@ -34,14 +34,15 @@ namespace {
 /// Returns what the file says about itself, where other readers do not look.
 std::string trailer(const SavedRun& run, const Gaussians& model, const PackedScene& scene,
                     const std::optional<PackingLoss>& loss, bool described) {
-    nlohmann::ordered_json json = {{"generator", version_text()},
-                                   {"scene", scene_name(run.options.source)},
-                                   {"appearance", model.appearance.model},
-                                   {"iteration", run.iteration},
-                                   {"background", {run.background.x, run.background.y, run.background.z}},
-                                   {"num_gaussians", scene.count()},
-                                   {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()},
-                                   {"photometric", correction_name(run.correction.mode)}};
+    nlohmann::ordered_json json = {
+        {"generator", version_text()},
+        {"scene", run.options.source.empty() ? run.folder.stem().string() : scene_name(run.options.source)},
+        {"appearance", model.appearance.model},
+        {"iteration", run.iteration},
+        {"background", {run.background.x, run.background.y, run.background.z}},
+        {"num_gaussians", scene.count()},
+        {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()},
+        {"photometric", correction_name(run.correction.mode)}};
     if (!run.scene.frame.is_identity()) json["frame"] = frame_json(run.scene.frame);
     if (loss)
         json["test_views"] = {{"psnr", loss->psnr},
@@ -58,6 +59,8 @@ bool is_plain_sh(const Gaussians& g) {
 
 /// Returns the rotation of ExportRequest::up, `up` not empty.
 Eigen::Matrix3d turn_of(const std::string& up, const std::vector<Camera>& cameras) {
+    if (cameras.empty())
+        throw UsageError("--up: no cameras say what is up in a point cloud without a run; name its --source SCENE");
     log_info("turned so that {} is up", up);
     const Eigen::Vector3d axis = up == "z" ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
     return turn_to(up_direction(cameras), up == "-y" ? Eigen::Vector3d(-axis) : axis);
@@ -89,7 +92,7 @@ struct PackedRun {
 /// `described`: whether a site.json lies beside the file.
 PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& folder, const SiteOptions& site,
                    bool described) {
-    SavedRun run = open_saved_run(folder, request.iteration, {.source = site.source});
+    SavedRun run = open_saved_run(folder, request.iteration, request.changes);
     if (site.photographs > 0 && run.scene.test.empty())
         throw UsageError(
             fmt::format("{}: the run has no test views (--eval), whose photographs could be written", folder.string()));
@@ -150,7 +153,7 @@ void log_packed(const std::filesystem::path& file, const PackedRun& run) {
         log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.views.size(),
                  run.loss->psnr, run.loss->packed_psnr, run.loss->psnr - run.loss->packed_psnr);
     else
-        log_info("the run has no test views (--eval): what packing loses was not measured");
+        log_info("there are no test views (--eval): what packing loses was not measured");
 }
 
 /// Writes the photographs of at most `most` views. Returns their paths in the site, null for views without one.
@@ -176,6 +179,17 @@ std::vector<std::string> run_names(const std::vector<std::filesystem::path>& fol
     if (names.size() == 2 && names[0] == names[1])
         for (std::size_t i = 0; i < names.size(); ++i) names[i] = folders[i].generic_string();
     return names;
+}
+
+/// Returns the cameras that say what is up: those of cameras.json in a run, those of the scene of a point cloud.
+std::vector<Camera> cameras_of(const ExportRequest& request) {
+    if (!is_point_cloud(request.run)) return read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras;
+    std::vector<Camera> cameras;
+    if (request.changes.source.empty()) return cameras;
+    const Scene scene = open_saved_run(request.run, {}, request.changes).scene;
+    for (const auto* views : {&scene.test, &scene.train})
+        for (const View& view : *views) cameras.push_back(view.camera);
+    return cameras;
 }
 
 }  // namespace
@@ -229,7 +243,7 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
         log_warning("the file cannot hold the photometric correction: colours are those before it");
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     if (!request.up.empty()) {
-        rotation = turn_of(request.up, read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras);
+        rotation = turn_of(request.up, cameras_of(request));
         frame.center = rotation * frame.center;
     }
     if (format == SplatFormat::kSplat) {

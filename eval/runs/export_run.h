@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A finished run as a web page that shows it, or as a file for other programs.
+// A finished run, or a point cloud without one, as a web page that shows it, or as a file for other programs.
 #pragma once
 
 #include <cstdint>
@@ -7,10 +7,12 @@
 #include <optional>
 #include <string>
 
+#include "eval/runs/saved_run.h"
+
 namespace gs {
 
 struct ExportRequest {
-    std::filesystem::path run;              ///< folder of the run
+    std::filesystem::path run;              ///< folder of the run, or a point cloud
     std::optional<std::int64_t> iteration;  ///< saved iteration; empty: the last
     std::filesystem::path output;           ///< folder to write to
     bool overwrite = false;                 ///< replace an earlier export there
@@ -19,12 +21,12 @@ struct ExportRequest {
     std::string up = {};
     /// Whether .ngsplat files store a residual for every Gaussian, as the paper's viewer expects it.
     bool compatible = false;
+    RunChanges changes = {};  ///< what open_saved_run is to change
 };
 
 /// What only a site has.
 struct SiteOptions {
     std::filesystem::path second_run = {};  ///< another run of the scene, to compare with; empty: none
-    std::string source = {};                ///< the scene, where it was moved since the training; empty: it was not
     int photographs = 0;                    ///< write the photographs of at most so many test views, evenly spread
 };
 
@@ -42,7 +44,7 @@ enum class SplatFormat {
 
 /// Writes the file. With `sh_projection` a PLY holds spherical harmonics of degree 3 that are fitted to the colours of
 /// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web; to turn
-/// the model it needs the run's cameras.json.
+/// the model it needs the run's cameras.json, or the scene of a point cloud.
 void export_file(const ExportRequest& request, SplatFormat format, bool sh_projection);
 
 }  // namespace gs

@@ -9,6 +9,8 @@
 #include <cmath>
 
 #include "kernels/core/error.h"
+#include "lib/core/median.h"
+#include "lib/model/center.h"
 #include "lib/scene/common_target.h"
 
 namespace gs {
@@ -55,12 +57,43 @@ Vector3d parse_orbit_target(const std::string& text) {
     return target;
 }
 
+Vector3d parse_axis(const std::string& text) {
+    const bool is_negative = text.starts_with('-');
+    const std::size_t axis = std::string("xyz").find(text.substr(is_negative ? 1 : 0));
+    if (text.size() != (is_negative ? 2u : 1u) || axis > 2)
+        throw UsageError(fmt::format("--orbit-up {}: it is x, y, z, -x, -y or -z", text));
+    return Vector3d::Unit(Eigen::Index(axis)) * (is_negative ? -1 : 1);
+}
+
+View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame) {
+    constexpr int kWidth = 1280, kHeight = 720;
+    constexpr double kFieldOfView = 50 * M_PI / 180, kElevation = 20 * M_PI / 180;
+    constexpr double kDistance = 3;  ///< times the median distance, whose sphere then fills 0.7 of the height
+    const Vector3d center = median_center(model);
+    if (!shape.target) shape.target = frame.to_scene(center);
+    if (!shape.up) shape.up = -Vector3d::UnitY();
+    std::vector<double> distances;
+    for (std::int64_t i = 0; i < model.count; ++i)
+        distances.push_back((Eigen::Vector3f(model[Group::kMean].param.data() + 3 * i).cast<double>() - center).norm());
+    const double distance = std::max(kDistance * median(std::move(distances)), 1e-3);
+    const Vector3d side = shape.up->unitOrthogonal();
+    View view;
+    view.camera.width = kWidth, view.camera.height = kHeight;
+    view.camera.fx = view.camera.fy = 0.5 * kHeight / std::tan(0.5 * kFieldOfView);
+    view.camera.cx = 0.5 * kWidth, view.camera.cy = 0.5 * kHeight;
+    const Vector3d position =
+        frame.from_scene(*shape.target) + distance * (std::cos(kElevation) * side + std::sin(kElevation) * *shape.up);
+    view.camera.translation = -view.camera.rotation * position;
+    return view;
+}
+
 std::vector<Camera> orbit_path(const std::vector<View>& views, const OrbitShape& shape, const Frame& frame) {
     if (views.empty()) throw UsageError("an orbit needs the cameras of at least one view");
     if (shape.count < 1) throw UsageError(fmt::format("--orbit: {} is below 1", shape.count));
     const Vector3d target = shape.target ? frame.from_scene(*shape.target) : common_target(views);
     Vector3d up = Vector3d::Zero();
     for (const View& view : views) up -= view.camera.rotation.row(1).transpose();
+    if (shape.up) up = *shape.up;
     up = up.norm() > 1e-9 ? up.normalized() : Vector3d::UnitZ();
     double height = 0, radius = 0;
     for (const View& view : views) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/model/gaussian_state.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
@@ -23,13 +24,22 @@ OrbitRadius parse_orbit_radius(const std::string& text);
 /// Reads "X,Y,Z". Throws UsageError for any other text.
 Eigen::Vector3d parse_orbit_target(const std::string& text);
 
+/// Reads "x", "y", "z", "-x", "-y" or "-z". Throws UsageError for any other text.
+Eigen::Vector3d parse_axis(const std::string& text);
+
 /// What is asked of an orbit; the training cameras decide the rest.
 struct OrbitShape {
     int count = 0;                               ///< number of cameras
     OrbitRadius radius = {};                     ///< distance of the cameras from the target
     std::optional<double> elevation = {};        ///< height of the cameras above the target, degrees within +-89
     std::optional<Eigen::Vector3d> target = {};  ///< the point they look at, scene coordinates
+    std::optional<Eigen::Vector3d> up = {};      ///< the direction of "up", of length 1
 };
+
+/// Returns a view of a model that no cameras belong to, in its frame: 1280x720 pixels, 50 degrees high, above the
+/// middle of the Gaussians and so far away that most are seen. Sets the target of `shape` to that middle, and its "up"
+/// to -y, where they are not given.
+View usual_view(const Gaussians& model, OrbitShape& shape, const Frame& frame);
 
 /// Returns cameras on a circle, in the frame, with the first view's intrinsics. They look at the point that the cameras
 /// of `views` look at, from their mean distance and height, where the shape does not say otherwise. "Up" is the

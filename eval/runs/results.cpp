@@ -94,7 +94,9 @@ void write_results(const RunFolder& folder, const EvalOptions& options, const Ev
                                     {"model", facts.model},
                                     {"strategy", facts.strategy},
                                     {"bytes_per_gaussian", facts.bytes_per_gaussian},
+                                    {"ply_bytes_per_gaussian", facts.ply_bytes_per_gaussian},
                                     {"frame", frame_json(facts.frame)}};
+    if (facts.web_bytes_per_gaussian) results["run"][key]["web_bytes_per_gaussian"] = *facts.web_bytes_per_gaussian;
     if (facts.residual_share < 1) results["run"][key]["residual_share"] = facts.residual_share;
 
     Json per_view = existing(folder.per_view());

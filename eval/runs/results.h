@@ -24,8 +24,11 @@ struct RunFacts {
     Frame frame;             ///< frame that the model was trained in
     Vec3<float> background{0, 0, 0};
     std::int64_t num_gaussians = 0;
-    double residual_share = 1;            ///< share of the Gaussians that have a residual, where the model has one
-    std::int64_t bytes_per_gaussian = 0;  ///< mean size of base and residual, as trained
+    double residual_share = 1;                ///< share of the Gaussians that have a residual, where the model has one
+    std::int64_t bytes_per_gaussian = 0;      ///< mean size of base and residual, as trained
+    std::int64_t ply_bytes_per_gaussian = 0;  ///< size of a whole Gaussian in point_cloud.ply
+    /// Mean size of a whole Gaussian in scene.ngsplat; empty for a model that cannot be packed
+    std::optional<std::int64_t> web_bytes_per_gaussian;
     std::optional<double> train_seconds;  ///< absent: the file keeps an earlier value
     std::optional<double>
         controller_seconds;   ///< time of the controllers' training, not in train_seconds; absent: as above

@@ -4,7 +4,6 @@
 
 #include "eval/bench/generated_set.h"
 #include "eval/runs/results.h"
-#include "eval/runs/saved_run.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/model/appearance_spec.h"
@@ -12,9 +11,9 @@
 
 namespace gs {
 
-FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int64_t> iteration, Device device,
-                               int frames_per_view) {
-    const SavedRun run = open_saved_run(folder, iteration, {.device = device});
+FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int64_t> iteration,
+                               const RunChanges& instead, int frames_per_view) {
+    const SavedRun run = open_saved_run(folder, iteration, instead);
     const RunFacts facts = run_facts(run.options, run.scene, run.background, *run.backend);
     const std::vector<View>& views = run.scene.test.empty() ? run.scene.train : run.scene.test;
     std::vector<Camera> cameras;
@@ -22,7 +21,7 @@ FrameTimesLine time_run_frames(const std::string& folder, std::optional<std::int
     log_info("{}: iteration {}, {} Gaussians, {} {} views", folder, run.iteration, facts.num_gaussians, cameras.size(),
              run.scene.test.empty() ? "training" : "test");
     const FrameTimes times = measure_frame_times(*run.backend, cameras, run.background, frames_per_view);
-    write_frame_times(RunFolder{run.folder}, run.iteration, times);
+    if (!is_point_cloud(run.folder)) write_frame_times(RunFolder{run.folder}, run.iteration, times);
     return {folder, facts.scene, facts.model, facts.num_gaussians, times};
 }
 

@@ -12,6 +12,8 @@
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
 #include "lib/core/options.h"
+#include "lib/export/pack_scene.h"
+#include "lib/io/ply_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/bring_into_frame.h"
 #include "lib/model/checkpoint.h"
@@ -50,14 +52,50 @@ SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> i
     return from_checkpoint(latest_checkpoint(folder.root));
 }
 
+TrainOptions options_of(const fs::path& run_folder, const RunChanges& instead) {
+    const bool bare = is_point_cloud(run_folder);
+    if (bare && !instead.point_cloud)
+        throw UsageError(fmt::format("'{}' is no run folder, which is needed here", run_folder.string()));
+    if (bare) PlyReader{run_folder};  // a file of another kind is not asked for its scene
+    TrainOptions options = bare ? *instead.point_cloud : load_run_options(run_folder);
+    options.model = run_folder.string();  // the folder may have been moved
+    if (!instead.source.empty()) options.source = instead.source;
+    if (instead.device) options.device = *instead.device;
+    if (!options.source.empty()) return options;
+    if (!bare)
+        throw DataError(fmt::format("{}: no 'source', so the scene of the run is not known",
+                                    RunFolder{run_folder}.config().string()));
+    if (instead.needs_scene)
+        throw UsageError(
+            fmt::format("'{}' is a point cloud without a run, which has no views: name their scene with --source SCENE",
+                        run_folder.string()));
+    return options;
+}
+
 }  // namespace
+
+bool is_point_cloud(const fs::path& path) {
+    std::error_code error;  // what cannot be looked at is named where it is read
+    const fs::file_status status = fs::status(path, error);
+    if (fs::is_directory(status)) return false;
+    return path.extension() == ".ply" || fs::exists(status);
+}
 
 bool holds_model(const fs::path& run_folder) {
     if (run_folder.empty()) return false;
+    if (is_point_cloud(run_folder)) return true;
     return path_exists(run_folder / "point_cloud") || path_exists(run_folder / "checkpoints");
 }
 
 SavedModel read_saved_model(const fs::path& run_folder, std::optional<std::int64_t> iteration) {
+    if (is_point_cloud(run_folder)) {
+        if (iteration)
+            throw UsageError(fmt::format("--iteration {}: '{}' is one point cloud, not a run with several", *iteration,
+                                         run_folder.string()));
+        SavedModel model;
+        model.state = read_ply(run_folder, &model.frame);
+        return model;
+    }
     const RunFolder folder{run_folder};
     SavedModel model = read_gaussians(folder, iteration);
     if (path_exists(folder.ppisp())) {
@@ -82,20 +120,26 @@ Scene load_scene_of(SavedModel& model, SceneOptions options) {
     return scene;
 }
 
+void set_appearance(TrainOptions& options, const AppearanceSpec& appearance) {
+    options.appearance = appearance.model;
+    options.color_activation = appearance.activation;
+    if (const std::string& degree = appearance_model(appearance.model).degree_option; !degree.empty())
+        options.model_options.at(degree) = appearance.max_degree;
+}
+
 SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead) {
     SavedRun run;
     run.folder = run_folder;
-    run.options = load_run_options(run_folder);
-    run.options.model = run_folder.string();  // the folder may have been moved
-    if (!instead.source.empty()) run.options.source = instead.source;
-    if (instead.device) run.options.device = *instead.device;
-    if (run.options.source.empty())
-        throw DataError(fmt::format("{}: no 'source', so the scene of the run is not known",
-                                    RunFolder{run_folder}.config().string()));
+    run.options = options_of(run_folder, instead);
     SavedModel model = read_saved_model(run_folder, iteration);
-    SceneOptions scene = scene_options(run.options);
-    scene.scores = instead.scores;
-    run.scene = load_scene_of(model, scene);
+    if (is_point_cloud(run_folder)) set_appearance(run.options, model.state.appearance);
+    if (run.options.source.empty()) {
+        run.scene.frame = model.frame.value_or(Frame{});
+    } else {
+        SceneOptions scene = scene_options(run.options);
+        scene.scores = instead.scores;
+        run.scene = load_scene_of(model, scene);
+    }
     run.iteration = model.iteration;
     run.correction = model.correction;
     run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
@@ -122,9 +166,10 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
     const AppearanceSpec appearance = appearance_spec(options);
     if (!appearance_model(options.appearance).degree_option.empty())
         facts.model += fmt::format(" (degree {})", appearance.max_degree);
-    facts.appearance_choice = read_appearance_choice(options.model);
+    const bool bare = is_point_cloud(options.model);
+    if (!bare) facts.appearance_choice = read_appearance_choice(options.model);
     if (!facts.appearance_choice.is_null()) facts.model += " by auto";
-    facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
+    if (!bare) facts.strategy = word(options.strategy) + (options.speedy_splat ? " + speedy-splat" : "");
     facts.split_rule = scene.split_rule;
     facts.frame = scene.frame;
     facts.background = background;
@@ -134,6 +179,13 @@ RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<f
         facts.residual_share = double(backend.num_residuals()) / double(facts.num_gaussians);
     facts.bytes_per_gaussian =
         std::llround(double(sizeof(float)) * (group_width(Group::kBase, appearance) + facts.residual_share * residual));
+    facts.ply_bytes_per_gaussian = ply_bytes_per_gaussian(appearance);
+    if (appearance_model(appearance.model).packing) {
+        const PackedScene packed = packed_sample(appearance);
+        const int without = packed.bytes_per_gaussian(false);
+        facts.web_bytes_per_gaussian =
+            std::llround(without + facts.residual_share * (packed.bytes_per_gaussian() - without));
+    }
     return facts;
 }
 

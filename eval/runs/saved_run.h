@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opens a finished run for rendering and evaluation.
+// Opens a finished run, or a point cloud without one, for rendering and evaluation.
 #pragma once
 
 #include <filesystem>
@@ -16,7 +16,7 @@ namespace gs {
 
 /// A finished run with its model on a backend.
 struct SavedRun {
-    std::filesystem::path folder;
+    std::filesystem::path folder;  ///< of a point cloud without a run, its file
     TrainOptions options;
     std::int64_t iteration = 0;
     std::unique_ptr<Backend> backend;  ///< holds the model
@@ -34,11 +34,15 @@ struct SavedModel {
     std::optional<Frame> frame = {};
 };
 
-/// Returns whether the folder holds point clouds or checkpoints.
+/// Returns whether `path` stands for a point cloud without a run: a file, or a name that ends in .ply.
+bool is_point_cloud(const std::filesystem::path& path);
+
+/// Returns whether the folder holds point clouds or checkpoints, or is_point_cloud.
 bool holds_model(const std::filesystem::path& run_folder);
 
 /// Reads the model of `iteration` (of the last saved one when empty) from its PLY, or from its checkpoint where there
-/// is no PLY. Throws DataError naming what is missing. Warns where ppisp.json is of another iteration.
+/// is no PLY. Throws DataError naming what is missing. Warns where ppisp.json is of another iteration. Also reads a
+/// point cloud without a run, which has no iterations: UsageError where one is named.
 SavedModel read_saved_model(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration);
 
 /// Loads the scene in the frame of the model. A model without one is moved into the scene's own frame. Throws what
@@ -50,16 +54,24 @@ struct RunChanges {
     std::string source = {};
     std::optional<Device> device = {};
     bool scores = false;  ///< SceneOptions::scores
+    /// The options of point clouds without a run, which are refused where this is empty. `source` and `device` of this
+    /// struct count for them, too.
+    std::optional<TrainOptions> point_cloud = {};
+    bool needs_scene = true;  ///< whether a point cloud without a run is refused where no source is named
 };
 
 /// Opens a model as read_saved_model does, and the scene that the run was trained on, or the one that `instead` names.
-/// Throws what read_saved_model and load_scene throw.
+/// A point cloud without a run and without a scene has a scene without views. Throws what read_saved_model and
+/// load_scene throw, and UsageError for a point cloud that `instead` does not allow.
 SavedRun open_saved_run(const std::filesystem::path& run_folder, std::optional<std::int64_t> iteration,
                         const RunChanges& instead = {});
 
 /// Reads the record of how `--appearance auto` chose the run's model; null where the model was named. Throws DataError
 /// for a file that is no JSON object.
 nlohmann::ordered_json read_appearance_choice(const std::filesystem::path& run_folder);
+
+/// Puts the appearance of a model in the place of the options that choose one.
+void set_appearance(TrainOptions& options, const AppearanceSpec& appearance);
 
 /// Returns the facts that results.json states about a run with these options, whose model `backend` holds.
 RunFacts run_facts(const TrainOptions& options, const Scene& scene, const Vec3<float>& background,

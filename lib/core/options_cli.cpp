@@ -38,6 +38,12 @@ std::string help_text(const Option& option) {
     return fmt::format("{} ({})", option.help, range);
 }
 
+std::vector<std::string> shown_spellings(const Option& option) {
+    std::vector<std::string> names = option.names;
+    names.push_back("--" + option.key);
+    return names;
+}
+
 std::vector<std::string> hidden_spellings(const Option& option) {
     std::string underscores = "--" + option.key;
     std::replace(underscores.begin() + 2, underscores.end(), '-', '_');
@@ -82,12 +88,9 @@ std::string TrainArguments::new_names(const std::vector<std::string>& names) {
     return list;
 }
 
-void TrainArguments::declare(CLI::App& app, const Option& option) {
-    std::vector<std::string> own = option.names;
-    own.push_back("--" + option.key);
-    if (option.key == "source") own.push_back("scene");
-    const std::string names = new_names(own);
-    CLI::Option* visible = declare_spelling(app, option, names)->group(option.group);
+void TrainArguments::declare(CLI::App& app, const Option& option, const std::vector<std::string>& names,
+                             const std::string& group) {
+    CLI::Option* visible = declare_spelling(app, option, new_names(names))->group(group);
     const std::string default_text = option_text(option, TrainOptions{});
     if (!is_switch(option) && option.implicit.empty() && default_text != "[]") visible->default_str(default_text);
     if (const std::string hidden = new_names(hidden_spellings(option)); !hidden.empty())
@@ -97,9 +100,26 @@ void TrainArguments::declare(CLI::App& app, const Option& option) {
 TrainArguments::TrainArguments(CLI::App& app, const std::string& without) {
     app.add_option("-c,--config", config_, "YAML file with options; flags override it")->type_name("FILE");
     for (const Option& option : train_option_table())
-        if (option.key != without) declare(app, option);
+        if (option.key != without) {
+            std::vector<std::string> names = shown_spellings(option);
+            if (option.key == "source") names.push_back("scene");
+            declare(app, option, names, option.group);
+        }
     declare_foreign(app, without);
     app.get_option("-w")->group("Run")->description("short for --background white; overrides --background");
+}
+
+TrainArguments::TrainArguments(CLI::App& app, const std::vector<std::string>& keys, const std::string& group) {
+    const auto is_wanted = [&](const std::string& key) {
+        return std::find(keys.begin(), keys.end(), key) != keys.end();
+    };
+    for (const Option& option : train_option_table()) {
+        if (is_wanted(option.key)) declare(app, option, shown_spellings(option), group);
+    }
+    for (const ForeignProgram& program : foreign_programs())
+        for (const ForeignOption& option : program.options)
+            if (option.use == ForeignUse::kSets && is_wanted(option.key)) declare_foreign(app, program, option);
+    if (is_wanted("background")) app.get_option("-w")->group(group)->description("Short for --background white");
 }
 
 void TrainArguments::declare_foreign(CLI::App& app, const std::string& without) {
@@ -107,13 +127,17 @@ void TrainArguments::declare_foreign(CLI::App& app, const std::string& without) 
         for (const ForeignOption& foreign : program.options) {
             const bool left_out = !without.empty() && foreign.key == without;
             if (foreign.use == ForeignUse::kSynonym || left_out) continue;
-            const std::string names = new_names(spellings(foreign));
-            if (names.empty()) continue;
-            const bool takes_value = foreign.use != ForeignUse::kSets && !foreign.is_switch;
-            CLI::Option* cli =
-                takes_value ? app.add_option(names, [](const CLI::results_t&) { return true; }) : app.add_flag(names);
-            foreign_.push_back({&program, &foreign, cli->group("")});
+            declare_foreign(app, program, foreign);
         }
+}
+
+void TrainArguments::declare_foreign(CLI::App& app, const ForeignProgram& program, const ForeignOption& option) {
+    const std::string names = new_names(spellings(option));
+    if (names.empty()) return;
+    const bool takes_value = option.use != ForeignUse::kSets && !option.is_switch;
+    CLI::Option* cli =
+        takes_value ? app.add_option(names, [](const CLI::results_t&) { return true; }) : app.add_flag(names);
+    foreign_.push_back({&program, &option, cli->group("")});
 }
 
 /// Returns whether the command line asks for something by this flag: not with `--flag=false`, nor with the value that
@@ -161,6 +185,22 @@ void TrainArguments::apply_flags(TrainOptions& options) const {
                                  [&](const Option& option) { return option.key == flag.option->key; }),
                    {flag.option->value}, flag.option->name);
     }
+}
+
+void TrainArguments::apply(TrainOptions& options) const {
+    apply_flags(options);
+    const std::set<std::string> keys = given();
+    for (const Option& option : train_option_table())
+        if (keys.contains(option.key)) check_option(option, options);
+}
+
+std::set<std::string> TrainArguments::given() const {
+    std::set<std::string> keys;
+    for (const Flag& flag : flags_)
+        if (flag.cli->count() > 0) keys.insert(flag.option->key);
+    for (const ForeignFlag& flag : foreign_)
+        if (flag.option->use == ForeignUse::kSets && flag.given()) keys.insert(flag.option->key);
+    return keys;
 }
 
 TrainOptions TrainArguments::base(bool stored_run) const {

@@ -25,6 +25,9 @@ struct ResolveRules {
 class TrainArguments {
   public:
     explicit TrainArguments(CLI::App& app, const std::string& without = "");
+    /// Declares only the options of these `keys`, under the heading `group`, with the switches of other programs that
+    /// set them. For `apply`.
+    TrainArguments(CLI::App& app, const std::vector<std::string>& keys, const std::string& group);
     TrainArguments(const TrainArguments&) = delete;
     TrainArguments& operator=(const TrainArguments&) = delete;
 
@@ -36,6 +39,12 @@ class TrainArguments {
 
     /// Returns the same options without validating them, for callers that still change them.
     TrainOptions combine(const ResolveRules& rules = {}) const;
+
+    /// Overrides `options` by the flags that were given and checks the value of each by itself. Throws UsageError.
+    void apply(TrainOptions& options) const;
+
+    /// Returns the keys of the options that flags set.
+    std::set<std::string> given() const;
 
   private:
     TrainOptions base(bool stored_run) const;
@@ -53,8 +62,9 @@ class TrainArguments {
 
         bool given() const;
     };
-    void declare(CLI::App& app, const Option& option);
+    void declare(CLI::App& app, const Option& option, const std::vector<std::string>& names, const std::string& group);
     void declare_foreign(CLI::App& app, const std::string& without);
+    void declare_foreign(CLI::App& app, const ForeignProgram& program, const ForeignOption& option);
     std::string new_names(const std::vector<std::string>& names);
     CLI::Option* declare_spelling(CLI::App& app, const Option& option, const std::string& names);
 

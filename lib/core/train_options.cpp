@@ -320,6 +320,9 @@ std::vector<Option> logging_options() {
              "messages of level debug: the options in force and the files that are read, images excepted")
             .also("-v"),
         choice("log-level", &O::log_level, "least important messages that are shown"),
+        text("tensorboard", &O::tensorboard, "folder",
+             "folder for an event file of TensorBoard with loss, scores, number of Gaussians, learning rates and "
+             "pictures; of several runs each has a folder in it; empty: none"),
     };
 }
 

@@ -104,6 +104,7 @@ struct TrainOptions {
     // Logging
     bool quiet = false, verbose = false, json = false;  ///< json: of one call, in no table and no file
     LogLevel log_level = LogLevel::kInfo;
+    std::string tensorboard;  ///< folder for event files; empty = none
 
     /// The keys of the options that a file or a flag set. Recipes and presets leave them alone. Not an option itself.
     std::set<std::string> named = {};

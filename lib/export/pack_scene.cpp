@@ -15,6 +15,7 @@
 #include "lib/core/median.h"
 #include "lib/export/base_range.h"
 #include "lib/export/ellipsoid_axes.h"
+#include "lib/model/appearance_spec.h"
 #include "lib/model/center.h"
 
 namespace gs {
@@ -191,6 +192,21 @@ PackedScene pack_gaussians(const Gaussians& g) {
         scene.geometry[std::size_t(i)] = encode_geometry(geometry_of(g, i, shift), scene.base_range);
     });
     return scene;
+}
+
+PackedScene packed_sample(const AppearanceSpec& appearance) {
+    Gaussians one;
+    one.count = 1;
+    one.appearance = appearance;
+    one.active_degree = appearance.max_degree;
+    for (int g = 0; g < kNumGroups; ++g) {
+        one.groups[g].width = group_width(Group(g), appearance);
+        one.groups[g].param.resize(std::size_t(one.groups[g].width));
+    }
+    one[Group::kRotation].param[0] = 1;
+    one.shared.width = appearance_model(appearance.model).num_shared;
+    one.shared.param.resize(std::size_t(one.shared.width));
+    return pack_gaussians(one);
 }
 
 void add_cameras(PackedScene& scene, const Gaussians& g, const std::vector<View>& test) {

@@ -28,6 +28,10 @@ void complete_residuals(Gaussians& gaussians);
 /// for a model that has no packing.
 PackedScene pack_gaussians(const Gaussians& gaussians);
 
+/// Packs one Gaussian that shows nothing, with all degrees active: the sizes of a packed model are those of this one.
+/// Throws as pack_gaussians.
+PackedScene packed_sample(const AppearanceSpec& appearance);
+
 /// Adds the test cameras and the first view: the median of the means, the cameras' mean up, their median distance.
 void add_cameras(PackedScene& scene, const Gaussians& gaussians, const std::vector<View>& test);
 

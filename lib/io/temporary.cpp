@@ -115,6 +115,16 @@ WorkFolder::~WorkFolder() {
     ::close(fd_);
 }
 
+fs::path own_temporary_folder() {
+    const fs::path folder = fs::temp_directory_path() / fmt::format("gsapp-{}", ::getuid());
+    ::mkdir(folder.c_str(), 0700);
+    struct stat status = {};
+    if (::lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode) || status.st_uid != ::getuid())
+        throw DataError(
+            fmt::format("{} cannot be used for temporary files: it is not a folder of this user", folder.string()));
+    return folder;
+}
+
 void remove_leftovers(const fs::path& folder) {
     std::error_code error;
     std::vector<fs::path> found;

@@ -36,6 +36,10 @@ class WorkFolder {
     int fd_ = -1;
 };
 
+/// Returns a folder in the system's place for temporary files that belongs to this user alone; WorkFolders in it stand
+/// beside nothing that is kept. Throws DataError where the name is somebody else's.
+std::filesystem::path own_temporary_folder();
+
 /// Removes files and folders `.NAME.PID-N.tmp` of this user in `folder` that no living program holds. Errors are
 /// ignored: a leftover harms nobody.
 void remove_leftovers(const std::filesystem::path& folder);

@@ -19,6 +19,7 @@
 #include "kernels/core/parallel.h"
 #include "kernels/core/spherical_harmonics.h"
 #include "lib/core/choices.h"
+#include "lib/core/log.h"
 #include "lib/core/version.h"
 #include "lib/io/atomic_file.h"
 #include "lib/io/ply_file.h"
@@ -259,6 +260,10 @@ Gaussians read_ply(const std::filesystem::path& path, std::optional<Frame>* fram
     g.count = file.header().count;
     if (g.count == 0) file.fail("it holds no Gaussians");
     const FileCoordinates coordinates = coordinate_comments(file);
+    for (const std::string& comment : file.header().comments)
+        if (comment == "SplatRenderMode: mip")
+            log_warning("{}: it was trained with antialiasing (SplatRenderMode: mip), without which it is shown here",
+                        path.string());
     int degree = 0;
     const int num_f_rest = count_f_rest(file, degree);
     bool made_here = false;

@@ -34,8 +34,13 @@ void repeat_rows(Gaussians& model, std::int64_t count) {
 }  // namespace
 
 RunWriter::RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options,
-                     const Scene& scene, const Photometric& photometric)
-    : folder_(std::move(folder)), lock_(std::move(lock)), options_(options), scene_(scene), photometric_(photometric) {}
+                     const Scene& scene, const Photometric& photometric, TensorBoard* tensorboard)
+    : folder_(std::move(folder)),
+      lock_(std::move(lock)),
+      options_(options),
+      scene_(scene),
+      photometric_(photometric),
+      tensorboard_(tensorboard) {}
 
 void RunWriter::write_config() const {
     check_folder();
@@ -111,8 +116,7 @@ double RunWriter::seconds_per_gaussian(Backend& backend) const {
     return std::max(0.0, seconds_now() - start - kSavingOverhead) / double(model.count);
 }
 
-void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {
-    check_folder();
+Image RunWriter::preview(Backend& backend, const Vec3<float>& background) const {
     const View& view = scene_.test.empty() ? scene_.train.front() : scene_.test.front();
     RenderRequest request;
     request.camera = camera_params(view.camera);
@@ -123,10 +127,23 @@ void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, s
     backend.render(request, rendered);
     Image image{rendered.width, rendered.height, 3, {}, {}};
     const std::size_t pixels = rendered.alpha.size();
-    image.f32.resize(3 * pixels);
+    image.u8.resize(3 * pixels);
     for (std::size_t i = 0; i < pixels; ++i)
-        for (std::size_t c = 0; c < 3; ++c) image.f32[3 * i + c] = rendered.rgb[c * pixels + i];
+        for (std::size_t c = 0; c < 3; ++c)
+            image.u8[3 * i + c] =
+                std::uint8_t(std::min(std::max(0.0f, rendered.rgb[c * pixels + i]), 1.0f) * 255.0f + 0.5f);
+    return image;
+}
+
+void RunWriter::write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {
+    check_folder();
+    const Image image = preview(backend, background);
     write_image(folder_.preview(iteration), image);
+    if (tensorboard_) tensorboard_->add_picture(iteration, "preview", image);
+}
+
+void RunWriter::show_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const {
+    if (tensorboard_) tensorboard_->add_picture(iteration, "preview", preview(backend, background));
 }
 
 }  // namespace gs

@@ -15,6 +15,7 @@
 #include "lib/scene/scene.h"
 #include "lib/train/densification.h"
 #include "lib/train/photometric.h"
+#include "lib/train/tensorboard.h"
 #include "lib/train/train_log.h"
 
 namespace gs {
@@ -23,9 +24,10 @@ namespace gs {
 /// outlive this one.
 class RunWriter {
   public:
-    /// `lock`, which may be null, is held; nothing is written once its folder is gone.
+    /// `lock`, which may be null, is held; nothing is written once its folder is gone. `tensorboard`, which may be
+    /// null, gets the lines of the log and the previews.
     RunWriter(RunFolder folder, std::shared_ptr<const RunLock> lock, const TrainOptions& options, const Scene& scene,
-              const Photometric& photometric);
+              const Photometric& photometric, TensorBoard* tensorboard);
 
     const RunFolder& folder() const { return folder_; }
     /// Throws DataError when the folder was removed or replaced. All other members call it first.
@@ -45,6 +47,7 @@ class RunWriter {
     void log(const nlohmann::json& line) {
         check_folder();  // or the lines would go to a file that nobody can find any more
         log_->write(line);
+        if (tensorboard_) tensorboard_->add_line(line);
     }
     /// Must be called after the last line. Throws DataError when lines are missing in the file.
     void close_log() { log_->close(); }
@@ -67,8 +70,11 @@ class RunWriter {
     }
     /// Writes a render of the first test view, or of the first training view if there is none.
     void write_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
+    /// Shows the same picture in TensorBoard alone.
+    void show_preview(Backend& backend, const Vec3<float>& background, std::int64_t iteration) const;
 
   private:
+    Image preview(Backend& backend, const Vec3<float>& background) const;
     void save_points(const std::filesystem::path& path, const Gaussians& gaussians, std::int64_t iteration) const;
 
     const RunFolder folder_;
@@ -76,6 +82,7 @@ class RunWriter {
     const TrainOptions& options_;
     const Scene& scene_;
     const Photometric& photometric_;
+    TensorBoard* const tensorboard_;
     std::optional<TrainLog> log_;
 };
 

@@ -70,7 +70,7 @@ class Run {
           photometric_(options_, scene),
           composer_(options_, appearance_, scene, &photometric_),
           residuals_(options_, appearance_, scene),
-          writer_(std::move(start.folder), std::move(start.lock), options_, scene, photometric_) {
+          writer_(std::move(start.folder), std::move(start.lock), options_, scene, photometric_, hooks.tensorboard) {
         set_num_threads(options.threads);
         composer_.rates().log(options_);
         if (start.checkpoint)
@@ -79,6 +79,7 @@ class Run {
             begin(start.used_seconds, std::move(start.initial));
         log_memory_plan(options_, scene_, appearance_, backend_->count());
         writer_.open_log(iteration_);
+        if (hooks_.tensorboard && start.checkpoint) hooks_.tensorboard->resume(iteration_);
         photometric_decision_ = writer_.opened_log().photometric_reason();  // of an earlier part of the run
         if (!start.first_event.is_null()) {
             start.first_event["iteration"] = 0;
@@ -377,6 +378,7 @@ class Run {
                            iteration_ + 1);
         report_residuals(residuals_.before_step(*backend_, moment, steps_on_views(moment)), iteration_ + 1);
         backend_->step(composer_.compose(step.view(), moment));
+        last_moment_ = moment;
         writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + 1);
         ++iteration_;
         course_.advance(backend_->count());
@@ -516,6 +518,10 @@ class Run {
                      {"data_wait_milliseconds", 1e3 * (wait - logged_wait_)},
                      {"train_seconds", train_seconds_}});
         logged_wait_ = wait;
+        if (!hooks_.tensorboard) return;
+        StepRequest rates;
+        composer_.rates().apply(last_moment_, rates);
+        hooks_.tensorboard->add_rates(iteration_, rates);
     }
 
     bool something_is_due() const {
@@ -532,6 +538,7 @@ class Run {
                          {"psnr", scores->psnr},
                          {"ssim", scores->ssim},
                          {"views", scores->views}});
+        writer_.show_preview(*backend_, views_.fixed_background(), iteration_);
     }
 
     void save_what_is_due() {
@@ -650,6 +657,7 @@ class Run {
     std::optional<Gaussians> kept_;  ///< in the search for a target: the smallest model that reached it
     std::int64_t iteration_ = 0;     ///< finished iterations
     StepStats last_;
+    Moment last_moment_;
     double train_seconds_ = 0, logged_wait_ = 0;
     std::optional<TrainingTime> earlier_time_ = TrainingTime{};  ///< of the parts before a resume; empty = unknown
     double checkpoint_seconds_ = 0;                              ///< train_seconds_ at the last checkpoint

@@ -13,6 +13,7 @@
 #include "lib/scene/scene.h"
 #include "lib/train/run_start.h"
 #include "lib/train/target_search.h"
+#include "lib/train/tensorboard.h"
 
 namespace gs {
 
@@ -53,6 +54,8 @@ struct TrainHooks {
     /// The most Gaussians that the final model may have; 0 = no limit but options.cap_max. Training has a tenth more,
     /// of which those with the lowest scores go at the end.
     std::int64_t most_gaussians = 0;
+    /// Where the course of the training is shown, too; null: nowhere.
+    TensorBoard* tensorboard = nullptr;
     /// With options.target_psnr: measures the views held out for it.
     std::function<HeldOutPsnr(Backend& backend)> held_out_psnr;
     /// Replaces choose_backend if set.

@@ -36,6 +36,8 @@ TEST(Compare, RepeatedRunsAreOneLineAndAreNotTrainedTwice) {
     EXPECT_EQ(line["runs"][0]["run"], "out-0");
     EXPECT_GT(line["values"]["PSNR"]["deviation"], 0.0);
     EXPECT_EQ(line["values"]["bytes_per_gaussian"]["mean"], 44.0);
+    EXPECT_EQ(line["values"]["ply_bytes_per_gaussian"]["mean"], 100.0);
+    EXPECT_EQ(line["values"]["web_bytes_per_gaussian"]["mean"], 48.0);
 
     EXPECT_EQ(program.run("eval out-0 out-0 --skip-render").exit_code, 2);
     EXPECT_EQ(program.run("train -s builtin:glossy --runs 2 -m x").exit_code, 2) << "nothing is held out";

@@ -67,6 +67,8 @@ TEST(AppearanceShareProgram, TrainsExportsAndShowsAMixedModel) {
     const double share = results["run"]["ours_60"]["residual_share"];
     EXPECT_NEAR(share, 0.25, 0.02);
     EXPECT_EQ(results["run"]["ours_60"]["bytes_per_gaussian"], std::llround(12 + 32 * share));
+    EXPECT_EQ(results["run"]["ours_60"]["web_bytes_per_gaussian"], std::llround(16 + 32 * share));
+    EXPECT_EQ(results["run"]["ours_60"]["ply_bytes_per_gaussian"], 100) << "zeros for those without a residual";
     ASSERT_EQ(program.run("eval run").exit_code, 0);
     EXPECT_EQ(parse_json(program.read("run/results.json"))["run"]["ours_60"]["residual_share"], share);
     const Outcome exported = program.run("export run -o web");

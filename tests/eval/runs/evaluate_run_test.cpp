@@ -26,7 +26,7 @@ TEST(EvaluateRun, WritesScoresAndFrameTimes) {
     EvalOptions options;
     options.run_folder = saved.path();
     options.iteration = run.iteration;
-    const EvalResult result = evaluate_run(run, options, 1);
+    const EvalResult result = evaluate_run(run, options, 1, saved.path());
     const auto json = results(saved.path());
     EXPECT_EQ(json["ours_100"]["PSNR"], result.psnr);
     EXPECT_GT(json["timing"]["ours_100"]["frame_seconds"].get<double>(), 0);
@@ -40,13 +40,13 @@ TEST(EvaluateRun, ResultsOfAnotherSceneLieApart) {
 
 TEST(RunFrameTimes, AreAddedToTheResults) {
     const test::TinyRun saved;
-    const FrameTimesLine line = time_run_frames(saved.path(), std::nullopt, Device::kCpu, 1);
+    const FrameTimesLine line = time_run_frames(saved.path(), std::nullopt, {.device = Device::kCpu}, 1);
     EXPECT_EQ(line.run, saved.path());
     EXPECT_EQ(line.scene, "diffuse");
     EXPECT_EQ(line.num_gaussians, 1);
     EXPECT_EQ(line.times.num_views, 8) << "the test views";
     EXPECT_EQ(results(saved.path())["frame_times"]["ours_100"]["mean_seconds"], line.times.mean);
-    EXPECT_THROW(time_run_frames(saved.path(), 7, Device::kCpu, 1), DataError);
+    EXPECT_THROW(time_run_frames(saved.path(), 7, {.device = Device::kCpu}, 1), DataError);
 }
 
 TEST(BenchSubject, IsTheTrainedModelWhereThereIsOne) {

@@ -70,6 +70,32 @@ TEST(Orbit, HasTheRadiusElevationAndTargetThatAreAsked) {
                     .translation.allFinite());
 }
 
+TEST(Orbit, GoesAroundAModelWithoutCameras) {
+    Gaussians model;
+    model.count = 5;
+    model[Group::kMean] = {3, {4, 0, 0, 6, 0, 0, 5, 1, 0, 5, -1, 0, 5, 0, 0}, {}, {}};
+    const Frame frame{{10, 20, 30}, 0.25};
+    OrbitShape shape{.count = 4};
+    const View view = usual_view(model, shape, frame);
+    EXPECT_EQ(view.camera.width, 1280);
+    ASSERT_TRUE(shape.target && shape.up);
+    EXPECT_NEAR((frame.from_scene(*shape.target) - Vector3d(5, 0, 0)).norm(), 0, 1e-9) << "the median";
+    for (const Camera& camera : orbit_path({view}, shape, frame)) {
+        expect_looks_at(camera, {5, 0, 0}, 1e-6);
+        EXPECT_NEAR((camera.center() - Vector3d(5, 0, 0)).norm(), 3, 1e-9) << "the median distance is 1";
+        EXPECT_LT(camera.center().y(), -1) << "-y is up";
+    }
+    OrbitShape other{.count = 2, .elevation = 0.0, .target = Vector3d(10, 20, 34), .up = Vector3d::UnitZ()};
+    const View aside = usual_view(model, other, frame);
+    for (const Camera& camera : orbit_path({aside}, other, frame)) {
+        expect_looks_at(camera, {0, 0, 1}, 1e-6);
+        EXPECT_NEAR(camera.center().z(), 1, 1e-9) << "level";
+    }
+    // "Up" can be chosen where there are cameras, too.
+    const Camera turned = orbit_path(ring(), {.count = 1, .elevation = 90 - 1e-3, .up = -Vector3d::UnitX()}, {})[0];
+    EXPECT_LT(turned.center().x(), -1);
+}
+
 TEST(Orbit, ReadsRadiusAndTarget) {
     EXPECT_EQ(parse_orbit_radius("2.5").value, 2.5);
     EXPECT_FALSE(parse_orbit_radius("2.5").is_factor);
@@ -77,6 +103,10 @@ TEST(Orbit, ReadsRadiusAndTarget) {
     for (const char* text : {"", "x", "0", "-1", "nan", "inf", "1e300", "1x2", "2 ", " 2", "0x"})
         EXPECT_THROW(parse_orbit_radius(text), UsageError) << text;
     EXPECT_EQ(parse_orbit_target("-1,0.5,3e2"), Vector3d(-1, 0.5, 300));
+    EXPECT_EQ(parse_axis("z"), Vector3d(0, 0, 1));
+    EXPECT_EQ(parse_axis("-x"), Vector3d(-1, 0, 0));
+    for (const char* text : {"", "-", "w", "xy", "-yz", "--y", "y "})
+        EXPECT_THROW(parse_axis(text), UsageError) << text;
     for (const char* text : {"", "1,2", "1,2,3,4", "1,2,nan", "inf,0,0", "1;2;3", "1,2,3 ", "1,,3", "1e99,0,0"})
         EXPECT_THROW(parse_orbit_target(text), UsageError) << text;
 }

@@ -4,13 +4,17 @@
 
 #include <gtest/gtest.h>
 
+#include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "lib/core/options.h"
+#include "lib/export/ngsplat.h"
+#include "lib/export/pack_scene.h"
 #include "lib/model/checkpoint.h"
 #include "lib/model/ply.h"
 #include "lib/model/run_folder.h"
 #include "tests/core/temporary_folder.h"
 #include "tests/eval/support/tiny_run.h"
+#include "tests/model/model_helpers.h"
 
 namespace gs {
 namespace {
@@ -97,6 +101,33 @@ TEST(SavedRun, FactsNameModelAndStrategy) {
     EXPECT_EQ(facts.model, "sh (degree 3)");
     EXPECT_EQ(facts.strategy, "mcmc");
     EXPECT_EQ(facts.split_rule, "every 8th");
+}
+
+TEST(SavedRun, FactsHaveTheBytesOfAGaussianInFiles) {
+    const test::TemporaryFolder folder;
+    for (const ModelInfo* model : appearance_models()) {
+        TrainOptions options;
+        options.source = "builtin:glossy";
+        const AppearanceSpec spec{model->name, model->default_max_degree, ColorActivation::kRelu};
+        set_appearance(options, spec);
+        const auto backend = make_cpu_backend(spec);
+        const RunFacts facts = run_facts(options, {}, {0, 0, 0}, *backend);
+        const std::int64_t unit = ngsplat_unit();
+        std::uintmax_t ply[2], web[2];
+        for (const int k : {0, 1}) {
+            Gaussians g = test::random_gaussians((k + 1) * unit, spec);
+            write_ply(folder.path() / "g.ply", g, {});
+            ply[k] = std::filesystem::file_size(folder.path() / "g.ply") - std::to_string(g.count).size();
+            if (!model->packing) continue;
+            write_ngsplat(folder.path() / "g.ngsplat", pack_gaussians(g));
+            web[k] = std::filesystem::file_size(folder.path() / "g.ngsplat");
+        }
+        EXPECT_EQ(ply[1] - ply[0], std::uintmax_t(unit * facts.ply_bytes_per_gaussian)) << model->name;
+        if (model->packing) {
+            EXPECT_EQ(web[1] - web[0], std::uintmax_t(unit * *facts.web_bytes_per_gaussian)) << model->name;
+        }
+        EXPECT_EQ(facts.bytes_per_gaussian, 12 + 4 * model->residual_width(spec.max_degree)) << model->name;
+    }
 }
 
 }  // namespace

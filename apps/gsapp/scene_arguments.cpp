@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads the scene of a point cloud from the command line.
+#include "apps/gsapp/scene_arguments.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+/// What a run may be given, too.
+const std::set<std::string> kOfRuns = {"source", "device"};
+
+std::vector<std::string> keys(DeviceOption device) {
+    std::vector<std::string> all = {"source",    "images",    "resolution",   "eval",       "test-every",
+                                    "test-list", "mask-mode", "invert-masks", "alpha-mode", "background"};
+    if (device == DeviceOption::kDeclared) all.push_back("device");
+    return all;
+}
+
+}  // namespace
+
+SceneArguments::SceneArguments(CLI::App& command, const std::string& source_help, DeviceOption device)
+    : arguments_(command, keys(device), "Views of a .ply file") {
+    command.get_option("--source")->description(source_help)->type_name("SCENE")->group("Options");
+    command.get_option("--eval")->description("Hold out test views (default); --eval=false: all views train");
+    if (device == DeviceOption::kDeclared)
+        command.get_option("--device")
+            ->description("Where it is rendered: auto, cpu or cuda (default: as the run was trained; auto)")
+            ->group("Options");
+}
+
+RunChanges SceneArguments::changes(const std::vector<std::string>& runs) const {
+    TrainOptions options;
+    options.eval = true;
+    arguments_.apply(options);
+    const std::set<std::string> given = arguments_.given();
+    RunChanges changes{.source = options.source, .point_cloud = options};
+    if (given.contains("device")) changes.device = options.device;
+    if (std::any_of(runs.begin(), runs.end(), [](const std::string& run) { return is_point_cloud(run); }))
+        return changes;
+    for (const std::string& key : given)
+        if (!kOfRuns.contains(key))
+            throw UsageError(fmt::format("--{}: goes with a .ply file; a run is seen as its own options say", key));
+    return changes;
+}
+
+}  // namespace gs
