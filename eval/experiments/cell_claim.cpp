@@ -14,10 +14,11 @@
 #include <climits>
 #include <cstring>
 #include <fstream>
+#include <optional>
 #include <sstream>
+#include <string_view>
 
 #include "kernels/core/error.h"
-#include "lib/io/atomic_file.h"
 
 namespace gs {
 namespace {
@@ -28,13 +29,15 @@ using Clock = std::chrono::steady_clock;
 /// The time after which a process that replaced a file looks whether another did so at the same moment.
 constexpr std::chrono::milliseconds kSettle{500};
 
-/// Returns a name of this machine, and of the space that its process numbers belong to: containers may share the first.
+/// Returns a name of what process numbers belong to: machines may share a name, and containers a machine.
 const std::string& machine() {
     static const std::string name = [] {
         char host[HOST_NAME_MAX + 1] = {}, space[64] = {};
         ::gethostname(host, HOST_NAME_MAX);
         const ssize_t size = ::readlink("/proc/self/ns/pid", space, sizeof space - 1);
-        return std::string(host) + "/" + std::string(space, size > 0 ? std::size_t(size) : 0);
+        std::string boot;
+        std::ifstream("/proc/sys/kernel/random/boot_id") >> boot;
+        return fmt::format("{}/{}/{}", host, boot, std::string_view(space, size > 0 ? std::size_t(size) : 0));
     }();
     return name;
 }
@@ -45,10 +48,28 @@ std::string new_owner() {
     return fmt::format("{} {} {}.{}\n", machine(), ::getpid(), Clock::now().time_since_epoch().count(), ++count);
 }
 
-/// Returns the content of a file; empty where there is none.
-std::string content(const fs::path& file) {
-    std::ifstream in(file);
-    return {std::istreambuf_iterator<char>(in), {}};
+/// Returns the content of a file, which is empty where there is none; nothing if it cannot be read now.
+std::optional<std::string> content(const fs::path& file) {
+    const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return errno == ENOENT ? std::optional(std::string()) : std::nullopt;
+    char text[512];
+    const ssize_t size = ::read(fd, text, sizeof text);
+    ::close(fd);
+    return size < 0 ? std::nullopt : std::optional(std::string(text, std::size_t(size)));
+}
+
+/// Writes a file that appears under its name with all of its content. It need not survive a crash of the machine.
+void replace_file(const fs::path& file, const std::string& text) {
+    static std::atomic<int> count{0};
+    const fs::path temporary = fmt::format("{}.{}.{}", file.string(), ::getpid(), ++count);
+    std::error_code error;
+    if (std::ofstream out(temporary); !(out << text).flush())
+        throw DataError(fmt::format("cannot write '{}'", temporary.string()));
+    fs::rename(temporary, file, error);
+    if (!error) return;
+    std::error_code ignored;
+    fs::remove(temporary, ignored);
+    throw DataError(fmt::format("cannot replace '{}': {}", file.string(), error.message()));
 }
 
 /// Returns whether the owner is a process of this machine that has ended.
@@ -83,7 +104,8 @@ bool CellClaim::lost() const {
 void CellClaim::renew() {
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, renew_every_, [this] { return ends_; })) {
-        lost_ = content(file_) != owner_;
+        const std::optional<std::string> owner = content(file_);
+        lost_ = owner && *owner != owner_;
         if (lost_) return;
         ::utimensat(AT_FDCWD, file_.c_str(), nullptr, 0);
     }
@@ -96,12 +118,13 @@ bool CellClaims::held(const fs::path& file) {
         seen_.erase(file);
         return false;
     }
-    const std::string owner = content(file);
+    const std::optional<std::string> owner = content(file);
+    if (!owner) return true;  // looked at again later
     const auto now = Clock::now();
-    const auto [at, is_new] = seen_.try_emplace(file, Seen{owner, time, now});
+    const auto [at, is_new] = seen_.try_emplace(file, Seen{*owner, time, now});
     Seen& seen = at->second;
-    if (!is_new && (seen.owner != owner || seen.time != time)) seen = {owner, time, now};
-    return !has_ended(owner) && now - seen.since < stale_after_;
+    if (!is_new && (seen.owner != *owner || seen.time != time)) seen = {*owner, time, now};
+    return !has_ended(*owner) && now - seen.since < stale_after_;
 }
 
 std::unique_ptr<CellClaim> CellClaims::take(const fs::path& file) {
@@ -112,13 +135,18 @@ std::unique_ptr<CellClaim> CellClaims::take(const fs::path& file) {
     const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd >= 0) {
         const bool written = ::write(fd, owner.data(), owner.size()) == ssize_t(owner.size());
-        if (::close(fd) != 0 || !written) throw DataError(fmt::format("cannot write '{}'", file.string()));
+        const int reason = errno;
+        if (::close(fd) != 0 || !written) {
+            fs::remove(file, error);
+            throw DataError(fmt::format("cannot write '{}': {}", file.string(), std::strerror(reason)));
+        }
     } else if (errno != EEXIST) {
         throw DataError(fmt::format("cannot create '{}': {}", file.string(), std::strerror(errno)));
     } else {
-        if (held(file)) return nullptr;  // created by another a moment ago
+        // Created by another a moment ago, or given back, so that the next look finds none.
+        if (held(file) || !fs::exists(file, error)) return nullptr;
         // Of several that replace the file at the same moment, the last one has it.
-        write_text_atomic(file, owner);
+        replace_file(file, owner);
         std::this_thread::sleep_for(kSettle);
         if (content(file) != owner) return nullptr;
     }

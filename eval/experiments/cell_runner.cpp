@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <exception>
+#include <iterator>
 #include <mutex>
 #include <set>
 #include <sstream>
@@ -20,6 +21,7 @@
 #include "lib/core/options.h"
 #include "lib/core/process.h"
 #include "lib/io/atomic_file.h"
+#include "lib/model/run_folder.h"
 #include "lib/model/run_lock.h"
 #include "lib/train/choose_backend.h"
 
@@ -78,6 +80,7 @@ class CellRunner {
   private:
     void keep_finished() {
         for (std::size_t k = 0; k < cells_.size(); ++k) {
+            first_times_.push_back(result_time(k));
             CellOutcome outcome;
             if (!cells_[k].options.overwrite) outcome.result = finished_cell(cells_[k].options);
             if (outcome.result) {
@@ -107,8 +110,9 @@ class CellRunner {
             } catch (const std::exception& e) {
                 outcome.error = e.what(), outcome.code = ExitCode::kUnexpected;
             }
-            // A run whose own caller was killed may have begun in the same folder at the same moment.
-            if (!outcome.result && (work->claim->lost() || RunLock::is_held(cells_[k].options.model)))
+            // A run whose own caller was killed may still work in the folder.
+            if (!outcome.result && (work->claim->lost() || RunLock::is_held(cells_[k].options.model) ||
+                                    outcome.error.starts_with("another run")))
                 leave_to_others(k);
             else
                 finish(k, outcome);
@@ -127,11 +131,12 @@ class CellRunner {
                                         std::back_inserter(free));
                     if (free.empty()) break;
                     const std::optional<std::size_t> k = hooks_.choose ? hooks_.choose(free) : free.front();
-                    if (!k) return std::nullopt;
+                    if (!k && others_.empty()) return std::nullopt;
+                    if (!k) break;  // what others train may still bring a result
                     std::unique_ptr<CellClaim> claim = claims_.take(claim_file(*k));
                     if (!claim) {
                         others_.insert(*k);
-                    } else if (!done_by_others(*k, cells_[*k].options.overwrite)) {
+                    } else if (!done_by_others(*k)) {
                         pending_.erase(std::find(pending_.begin(), pending_.end(), *k));
                         return Work{*k, std::move(claim)};
                     }
@@ -153,14 +158,14 @@ class CellRunner {
         for (const std::size_t k : std::vector(pending_)) {
             const bool held = claims_.held(claim_file(k)) || RunLock::is_held(cells_[k].options.model);
             if (held && others_.insert(k).second) log_info("{}: another process works on it", name(k));
-            if (!held && others_.erase(k) > 0 && done_by_others(k, false)) remove_old_claim(k);
+            if (!held && others_.erase(k) > 0 && done_by_others(k)) remove_old_claim(k);
         }
     }
 
     /// Takes over the result of a cell that another process finished since the beginning.
-    bool done_by_others(std::size_t k, bool trains_anyway) {
+    bool done_by_others(std::size_t k) {
         CellOutcome outcome;
-        if (!trains_anyway) outcome.result = finished_cell(cells_[k].options);
+        if (result_time(k) != first_times_[k]) outcome.result = finished_cell(cells_[k].options);
         if (!outcome.result) return false;
         pending_.erase(std::find(pending_.begin(), pending_.end(), k));
         log_info("{}: finished by another process", name(k));
@@ -231,6 +236,12 @@ class CellRunner {
         }
     }
 
+    /// Returns when the results of a cell were written; the least time where there are none.
+    fs::file_time_type result_time(std::size_t k) const {
+        std::error_code error;
+        const fs::file_time_type time = fs::last_write_time(RunFolder{cells_[k].options.model}.results(), error);
+        return error ? fs::file_time_type::min() : time;
+    }
     fs::path claim_file(std::size_t k) const { return cells_[k].options.model + ".claim"; }
     bool past_deadline() const { return hooks_.deadline && Clock::now() >= *hooks_.deadline; }
     std::string name(std::size_t k) const { return fmt::format("[{}/{}] {}", k + 1, cells_.size(), cells_[k].name); }
@@ -239,8 +250,9 @@ class CellRunner {
     const CellHooks& hooks_;
     std::mutex mutex_;  ///< guards all below
     CellClaims claims_;
-    std::vector<std::size_t> pending_;  ///< in their order
-    std::set<std::size_t> others_;      ///< those of the pending ones that other processes work on
+    std::vector<std::size_t> pending_;             ///< in their order
+    std::vector<fs::file_time_type> first_times_;  ///< of results that were there at the beginning
+    std::set<std::size_t> others_;                 ///< those of the pending ones that other processes work on
     std::exception_ptr hook_failure_;
     CellsSummary summary_;
 };

@@ -29,7 +29,8 @@ struct CellHooks {
     /// Is told of every cell that has ended, and first of those that were finished before. An exception stops
     /// everything and leaves run_cells.
     std::function<void(std::size_t cell, const CellOutcome&)> done;
-    /// Picks the cell to train next out of the pending ones, which come in their order; nothing = none of them now.
+    /// Picks the cell to train next out of the pending ones that no other process works on, which come in their order;
+    /// nothing = none of them now.
     /// Without it the first is next.
     std::function<std::optional<std::size_t>(const std::vector<std::size_t>& pending)> choose = {};
     /// The time at which runs under way are stopped and from which none is started.

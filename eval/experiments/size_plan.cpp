@@ -49,8 +49,7 @@ SizePlan plan_size(const TrainOptions& options, const Scene& scene) {
             plan.unit = ngsplat_unit();
             plan.per_gaussian = sample.bytes_per_gaussian(false);
             plan.per_residual = sample.bytes_per_gaussian() - plan.per_gaussian;
-            // Where the share is only known at the end, there must be room for all.
-            plan.share = wanted_residual_share(options, appearance).value_or(1);
+            plan.share = wanted_residual_share(options, appearance).value_or(kMostAutoShare);
             break;
         }
         case SizeOf::kPly:

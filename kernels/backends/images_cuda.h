@@ -42,8 +42,8 @@ class CudaImages {
     /// be done. The result stays valid until `slot` is used again.
     DeviceTarget get(const TargetImage& target, int slot, cudaStream_t stream);
 
-    /// While it lives, kept images take about `bytes` less than before, where they took that much. No step may be in
-    /// flight.
+    /// A part of the kept images' memory, about `bytes` where they take that much, which is free while the loan lives.
+    /// No step may be in flight.
     class Loan {
       public:
         Loan(CudaImages& images, std::int64_t bytes);

@@ -218,12 +218,13 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles) {
 
 void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,
                         bool for_backward, cudaStream_t stream) {
-    // The blocks that share a tile add to these.
-    if (for_backward) GS_CUDA(cudaMemsetAsync(trail_.hits, 0, marks_ * sizeof(std::uint32_t), stream));
-    if (for_backward)
+    if (for_backward) {
+        // The blocks that share a tile add to these.
+        GS_CUDA(cudaMemsetAsync(trail_.hits, 0, marks_ * sizeof(std::uint32_t), stream));
         blend_forward<true><<<bins.num_items(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, trail_);
-    else
+    } else {
         blend_forward<false><<<bins.num_items(), kCudaTilePixels, 0, stream>>>(bins, splats, image, control, {});
+    }
     GS_CUDA_LAUNCHED("blend_forward");
 }
 

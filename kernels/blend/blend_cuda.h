@@ -2,9 +2,9 @@
 // Blending on the device: forward per pixel (docs/math/rasterizer.md#blending), backward per chunk of a tile's list
 // (docs/math/rasterizer.md#blend-gradient).
 //
-// A warp owns 8x4 pixels of a tile, the sub-tile. The forward pass tests each splat exactly against it and notes which
-// splats changed a pixel of it; the backward pass visits only those. The backward pass cuts a long list into chunks.
-// Each starts from the state that the forward pass saved there.
+// A warp owns 8x4 pixels of a tile, the sub-tile, or in tiles with long lists a quarter of one. The forward pass tests
+// each splat exactly against it and notes which splats changed a pixel of it; the backward pass visits only those. The
+// backward pass cuts a long list into chunks. Each starts from the state that the forward pass saved there.
 #pragma once
 
 #include "kernels/blend/blend_device.h"

@@ -16,9 +16,6 @@ namespace gs {
 namespace {
 
 constexpr int kNumStages = int(std::size(kResidualStages));
-/// With a tolerance, at most this share keeps a residual: less than 40 % of the bytes of sh or sv for all. What that
-/// costs at once says little of what it costs in the end (docs/math/residuals.md#on-a-gpu).
-constexpr double kMostShare = 0.35;
 /// The part of the tolerance that may be lost at once before the search ends: the stages before have cost something,
 /// too.
 constexpr double kPartAtOnce = 0.25;
@@ -26,8 +23,9 @@ constexpr double kPartAtOnce = 0.25;
 constexpr double kShareStep = 0.9;
 /// The views on which the search measures: enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
-/// The views that say what goes before the last stage: what is worth least shows in few, and later stages look again.
-constexpr std::size_t kMostEarlyViews = 64;
+/// The views that say what goes before the last stage, since later stages look again, and the little that goes at the
+/// end: what is worth least shows in few.
+constexpr std::size_t kFewViews = 64;
 
 /// The rows in the order of what their residuals are worth.
 class Ranking {
@@ -124,12 +122,12 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     // With densification over, what cannot be seen now never will be: it takes no part in the share.
     if (last) change.pruned = backend.prune(InvisibleRows{}).removed;
     change.before = change.after = backend.num_residuals();
-    const double share = std::pow(share_.value_or(kMostShare), double(stage) / kNumStages);
+    const double share = std::pow(share_.value_or(kMostAutoShare), double(stage) / kNumStages);
     std::int64_t kept = std::llround(share * double(backend.count()));
     if (kept >= change.before) return change;
     const std::size_t num_views = scene_.train.size();
     const std::vector<double> errors = searches ? view_errors(backend, num_views, step_on) : std::vector<double>{};
-    ResidualScores scores = scores_by_views(backend, num_views, last ? num_views : kMostEarlyViews, step_on);
+    ResidualScores scores = scores_by_views(backend, num_views, last ? num_views : kFewViews, step_on);
     Ranking ranking(scores.worth, change.before);
     for (;; kept = std::int64_t(double(kept) * kShareStep)) {
         const std::vector<std::uint8_t> marks = ranking.keep(kept);
@@ -142,12 +140,14 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     }
 }
 
+std::size_t ResidualShare::views_at_end() const { return share_ == 1 ? 0 : std::min(scene_.train.size(), kFewViews); }
+
 std::optional<ResidualChange> ResidualShare::at_end(Backend& backend, const StepSource& step_on) const {
     ResidualChange change;
     change.before = backend.num_residuals();
-    change.after = std::llround(share_.value_or(kMostShare) * double(backend.count()));
+    change.after = std::llround(share_.value_or(kMostAutoShare) * double(backend.count()));
     if (share_ == 1 || change.after >= change.before) return std::nullopt;
-    const ResidualScores scores = scores_by_views(backend, scene_.train.size(), scene_.train.size(), step_on);
+    const ResidualScores scores = scores_by_views(backend, scene_.train.size(), kFewViews, step_on);
     backend.keep_residuals(Ranking(scores.worth, change.before).keep(change.after), scores.mean_base);
     return change;
 }

@@ -16,6 +16,10 @@ namespace gs {
 /// place.
 inline constexpr double kResidualStages[] = {15000, 18000, 21000, 25000};
 
+/// With a tolerance, at most this share keeps a residual: less than 40 % of the bytes of sh or sv for all. What that
+/// costs at once says little of what it costs in the end (docs/math/residuals.md#on-a-gpu).
+inline constexpr double kMostAutoShare = 0.35;
+
 /// Returns the share of Gaussians that options.appearance_bytes or appearance_share asks for, 1 for a model without
 /// residuals; nothing where the tolerance decides. Throws UsageError for fewer bytes than a base colour takes.
 std::optional<double> wanted_residual_share(const TrainOptions& options, const AppearanceSpec& appearance);
@@ -35,6 +39,8 @@ class ResidualShare {
     /// Takes residuals away before the step at `moment`, if that is due. With a tolerance the last stage goes on, those
     /// that are worth least first, until the loss at once reaches a quarter of it. Returns nothing if it was not due.
     std::optional<ResidualChange> before_step(Backend& backend, const Moment& moment, const StepSource& step_on) const;
+    /// Returns how many views at_end may look at.
+    std::size_t views_at_end() const;
     /// Takes away what is above the share, now that the last Gaussians went. Returns nothing if nothing was.
     std::optional<ResidualChange> at_end(Backend& backend, const StepSource& step_on) const;
 

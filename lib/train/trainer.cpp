@@ -42,6 +42,8 @@ constexpr std::int64_t kLogInterval = 100;
 constexpr std::int64_t kMaxSkips = 10;
 /// The points that a training begins with at least, however short it is.
 constexpr std::int64_t kLeastPoints = 1000;
+/// How many times as long as rendering a view a look at what its residuals are worth takes.
+constexpr double kWorthPerFrame = 4;
 /// The seconds of a time limit that finishing and writing the controllers may take.
 constexpr double kControllerEnd = 0.05;
 
@@ -132,6 +134,8 @@ class Run {
         const std::int64_t count = backend_->count();
         TimeCosts costs{.saving_per_gaussian = writer_.seconds_per_gaussian(*backend_)};
         costs.at_end = limits_.seconds_to_prune(*backend_);
+        if (const std::size_t views = residuals_.views_at_end(); views > 0)
+            costs.at_end += kWorthPerFrame * double(views) * limits_.view_seconds(*backend_);
         if (options_.target_psnr > 0) {
             const double start = seconds_now();
             hooks_.held_out_psnr(*backend_);
@@ -177,12 +181,19 @@ class Run {
             log_warning("{}", outcome.verdict);
     }
 
+    /// Removes what is not written: Gaussians that cannot be seen or that a limit forbids, and residuals above the
+    /// share.
+    void remove_surplus() {
+        backend_->prune(InvisibleRows{});
+        limits_.prune(*backend_);
+        report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_);
+    }
+
     /// Measures the model as it would be written now.
     TargetSearch::Try measure() {
         timed([&] {
             settle();
-            backend_->prune(InvisibleRows{});
-            limits_.prune(*backend_);
+            remove_surplus();
         });
         const HeldOutPsnr psnr = hooks_.held_out_psnr(*backend_);
         const TargetSearch::Try measured{iteration_, backend_->count(), psnr.mean, psnr.standard_error};
@@ -599,9 +610,7 @@ class Run {
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.
         if (!course_.limits_time()) write_checkpoint();
-        backend_->prune(InvisibleRows{});
-        limits_.prune(*backend_);
-        timed([&] { report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_); });
+        timed([&] { remove_surplus(); });
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");

@@ -46,7 +46,7 @@ NOT_RUN = {
 # Options in the pages that are those of other programs.
 FOREIGN = {"--target", "--rm", "--gpus", "--build", "--preset", "--prefix", "--install", "--checksums", "--check",
            "--colmap", "--array", "--gres", "--cpus-per-task", "--mem", "--time", "--requeue", "--signal", "--job-name",
-           "--orientation-method", "--center-method", "--auto-scale-poses"}
+           "--orientation-method", "--center-method", "--auto-scale-poses", "--logdir"}
 
 FENCE = re.compile(r"^```(\w*)$")
 MARK = re.compile(r"^<!-- test: ?(.*?) ?-->$")

@@ -84,6 +84,25 @@ inline TestScene one_tile_scene(double spread, double raw_opacity) {
     return finished(std::move(s), camera);
 }
 
+/// Returns one tile with a long list that opaque Gaussians begin: four of its columns are finished long before the
+/// others of their sub-tiles.
+inline TestScene half_finished_tile_scene() {
+    constexpr int kColumns = 4, kTileRows = 12, kLayers = 5, kOpaque = kColumns * kTileRows * kLayers;
+    const auto camera = test_camera(30, 22);
+    auto s = random_gaussians(kOpaque + 1500, 1, 33);
+    std::mt19937 rng(34);
+    std::normal_distribution<double> normal;
+    for (std::int64_t i = 0; i < s.count; ++i) {
+        const bool opaque = i < kOpaque;
+        const double x = opaque ? 0.5 + double(i % kColumns) : 8.4 + 1.5 * normal(rng),
+                     y = opaque ? 0.5 + double(i / kColumns % kTileRows) : 5.7 + 1.5 * normal(rng);
+        place(s, i, unproject(camera, x, y, (opaque ? 2 : 3) + 0.0004 * double(i)));
+        for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * i + k] = -3 - 0.5 * k;  // less than a pixel
+        s[Group::kOpacity].param[i] = opaque ? 4 : -4;
+    }
+    return finished(std::move(s), camera);
+}
+
 /// Returns Gaussians behind the camera.
 inline TestScene behind_scene() {
     const auto camera = test_camera(50, 40);
@@ -160,6 +179,7 @@ inline std::vector<NamedScene> test_scenes() {
         {"None", [] { return random_scene(500, 0, 130, 70, -1, 5); }},
         {"OneTile", [] { return one_tile_scene(1.5, -4); }},
         {"OnePixelOfMany", [] { return one_tile_scene(0, -4.8); }},
+        {"HalfFinishedTile", half_finished_tile_scene},
         {"Behind", [] { return behind_scene(); }},
         {"Huge", [] { return huge_scene(); }},
         {"ShortNeedles", [] { return with(needle_scene(240, -2), [](TestScene& s) { s.informative = 0.02; }); }},

@@ -162,6 +162,24 @@ TEST_F(CellRunnerTest, SeveralCallersDivideTheCellsAndEachIsToldOfAll) {
         EXPECT_NE(entry.path().extension(), ".claim") << entry.path();
 }
 
+TEST_F(CellRunnerTest, SeveralCallersThatOverwriteTrainEachCellOnce) {
+    std::vector<Cell> cells = {cell("slow0"), cell("slow1"), cell("slow2")};
+    run_cells(cells, hooks_);
+    fs::remove(tmp_.path() / "calls");
+    for (Cell& c : cells) c.options.overwrite = true;
+    std::vector<std::size_t> told(2);
+    std::vector<std::thread> callers;
+    for (std::size_t& mine : told)
+        callers.emplace_back([&] {
+            CellHooks hooks = hooks_;
+            hooks.done = [&](std::size_t, const CellOutcome& outcome) { mine += outcome.result.has_value(); };
+            run_cells(cells, hooks);
+        });
+    for (std::thread& caller : callers) caller.join();
+    EXPECT_EQ(num_calls(), cells.size());
+    EXPECT_EQ(told, (std::vector<std::size_t>{3, 3}));
+}
+
 TEST_F(CellRunnerTest, ACellWhoseProcessIsGoneIsTakenOver) {
     hooks_.stale_after = std::chrono::milliseconds(300);
     tmp_.write("a.claim", "another-machine/pid:[1] 77 1.1\n");
