@@ -610,7 +610,10 @@ class Run {
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.
         if (!course_.limits_time()) write_checkpoint();
-        timed([&] { remove_surplus(); });
+        if (residuals_.views_at_end() > 0)
+            timed([&] { remove_surplus(); });  // the last choice is training, what limits take away is saving
+        else
+            remove_surplus();
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");
