@@ -54,6 +54,7 @@ std::string page_of(const std::filesystem::path& folder) {
 }
 
 void print_address(const std::string& address) {
+    log_info("open this address in a browser; Ctrl-C ends the server");
     std::fputs((address + "\n").c_str(), stdout);
     std::fflush(stdout);
 }

@@ -95,7 +95,9 @@ std::string cuda_version(int number) {
 }  // namespace
 
 std::string cuda_unavailable_reason() {
-    int count = 0;
+    int count = 0, driver = 0;
+    // Without one, counting says that its version is insufficient.
+    if (cudaDriverGetVersion(&driver) == cudaSuccess && driver == 0) return "no NVIDIA driver";
     const cudaError_t error = cudaGetDeviceCount(&count);
     if (error != cudaSuccess) return cudaGetErrorString(error);
     return count > 0 ? "" : "no device";

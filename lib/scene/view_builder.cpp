@@ -106,9 +106,10 @@ std::vector<std::string> ViewBuilder::notes() const {
             fmt::format("{} images are wider than {} px: resized with a box filter ({}); -r 1 keeps the full size",
                         capped_, kDefaultMaxWidth, resized_example_));
     else if (resized_ > 0)
-        lines.push_back(
-            fmt::format("{} images resized with a box filter ({}); not comparable with ready-made smaller images",
-                        resized_, resized_example_));
+        lines.push_back(fmt::format(
+            "{} images resized with a box filter ({}): their scores do not compare with those on ready-made "
+            "smaller images",
+            resized_, resized_example_));
     if (kept_small_ > 0)
         lines.push_back(
             fmt::format("{} images are narrower than {} px: not enlarged", kept_small_, options_.resolution));

@@ -39,6 +39,7 @@ NOT_RUN = {
     "scripts/setup": "installs packages; CI begins with it",
     "scripts/build-viewer": "needs npm; CI builds the viewer",
     "scripts/download": "fetches gigabytes; tests/scripts/download_test.py runs it on small archives",
+    "export PATH": "is for the shell that follows",
     "cmake": "builds or installs the program; CI does, and tests/install looks at what is installed",
     "cpack": "packs what is built; scripts/check-package looks at the packages",
     "ssh": "needs a second machine",
