@@ -8,7 +8,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <climits>
@@ -17,6 +16,7 @@
 #include <optional>
 #include <sstream>
 #include <string_view>
+#include <system_error>
 
 #include "kernels/core/error.h"
 
@@ -62,12 +62,12 @@ std::optional<std::string> content(const fs::path& file) {
 void replace_file(const fs::path& file, const std::string& text) {
     static std::atomic<int> count{0};
     const fs::path temporary = fmt::format("{}.{}.{}", file.string(), ::getpid(), ++count);
-    std::error_code error;
+    std::error_code error, ignored;
     if (std::ofstream out(temporary); !(out << text).flush())
-        throw DataError(fmt::format("cannot write '{}'", temporary.string()));
-    fs::rename(temporary, file, error);
+        error = std::make_error_code(std::errc::io_error);
+    else
+        fs::rename(temporary, file, error);
     if (!error) return;
-    std::error_code ignored;
     fs::remove(temporary, ignored);
     throw DataError(fmt::format("cannot replace '{}': {}", file.string(), error.message()));
 }

@@ -23,9 +23,8 @@ struct TileItem {
     __device__ bool is_first_of_tile() const { return !is_none() && quarter() == 0; }
 };
 /// A tile with more than this part of a view's instances is worked on in quarters, which also is the most of such
-/// tiles. A quarter takes half as long as the tile, and the four together twice as long: with 320, 450, 640 and 1280
-/// the forward pass took 0.163, 0.155, 0.168 and 0.202 ms on lego (0.175 without) and 0.284, 0.275, 0.280 and 0.307 ms
-/// on bonsai (0.329).
+/// tiles. Quarters are more work together, but end sooner: with 320, 450, 640 and 1280 the forward pass took 0.163,
+/// 0.155, 0.168 and 0.202 ms on lego (0.175 without) and 0.284, 0.275, 0.280 and 0.307 ms on bonsai (0.329).
 inline constexpr int kMostQuartered = 450;
 
 /// The instances of a view in the order of blending. All pointers are on the device.

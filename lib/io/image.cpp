@@ -87,12 +87,6 @@ template <class T> std::vector<T> decoded(ImageFile& file, const ChannelPlan& pl
     return out;
 }
 
-std::uint8_t quantise(float v) {
-    // The negated comparison maps NaN to 0.
-    if (!(v > 0)) return 0;
-    return static_cast<std::uint8_t>(std::min(v, 1.0f) * 255.0f + 0.5f);
-}
-
 bool stores_float(const fs::path& path) {
     std::string extension = path.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -145,7 +139,7 @@ std::vector<unsigned char> encode(const fs::path& path, const Image& image) {
             ok = output->write_image(type, float_samples(image, is_exr).data());
         } else if (image.is_float()) {
             std::vector<std::uint8_t> quantised(image.f32.size());
-            std::transform(image.f32.begin(), image.f32.end(), quantised.begin(), quantise);
+            std::transform(image.f32.begin(), image.f32.end(), quantised.begin(), to_8_bits);
             ok = output->write_image(type, quantised.data());
         } else {
             ok = output->write_image(type, image.u8.data());
@@ -198,7 +192,7 @@ Image read_mask(const fs::path& path) {
         for (int x = 0; x < in.width; ++x) {
             // Rec. 709 luma. For the usual grey masks any weights with sum 1 give the same.
             const float luma = 0.2126f * in.value(x, y, 0) + 0.7152f * in.value(x, y, 1) + 0.0722f * in.value(x, y, 2);
-            mask.u8[std::size_t(y) * in.width + x] = quantise(in.channels == 4 ? in.value(x, y, 3) : luma);
+            mask.u8[std::size_t(y) * in.width + x] = to_8_bits(in.channels == 4 ? in.value(x, y, 3) : luma);
         }
     return mask;
 }

@@ -2,6 +2,7 @@
 // Images in memory and on disk. All decoding and encoding goes through OpenImageIO.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <vector>
@@ -29,6 +30,12 @@ struct ImageInfo {
     bool float_data = false;  ///< read_image would return float
     int orientation = 1;      ///< EXIF tag 1..8, 1 where the file has none; `width` and `height` are those stored
 };
+
+/// Returns the 8-bit value of a channel: clamped to [0,1], *255, +0.5, truncated; 0 for NaN.
+inline std::uint8_t to_8_bits(float value) {
+    if (!(value > 0)) return 0;
+    return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);
+}
 
 /// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors.
 ImageInfo read_image_info(const std::filesystem::path& path);

@@ -82,7 +82,7 @@ void store_row(const std::vector<float>& sums, int y, Image& out) {
         if (out.is_float())
             out.f32[row + i] = v;
         else
-            out.u8[row + i] = static_cast<std::uint8_t>(std::clamp(v, 0.0f, 1.0f) * 255.0f + 0.5f);
+            out.u8[row + i] = to_8_bits(v);
     }
 }
 

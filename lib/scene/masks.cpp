@@ -34,8 +34,6 @@ Image with_channels(const Image& image, int channels) {
     return out;
 }
 
-std::uint8_t to_byte(float v) { return static_cast<std::uint8_t>(std::clamp(v, 0.0f, 1.0f) * 255.0f + 0.5f); }
-
 }  // namespace
 
 std::optional<MaskFile> find_mask(const fs::path& scene, const std::string& image_name, const fs::path& image_path,
@@ -79,7 +77,7 @@ ViewImage combine(Image color, std::optional<Image> mask, AlphaMode alpha_mode, 
         alpha.u8.resize(pixels);
         for (std::size_t p = 0; p < pixels; ++p) {
             const float a = color.is_float() ? color.f32[4 * p + 3] : color.u8[4 * p + 3] / 255.0f;
-            alpha.u8[p] = to_byte(mask ? a * mask->u8[p] / 255.0f : a);
+            alpha.u8[p] = to_8_bits(mask ? a * mask->u8[p] / 255.0f : a);
         }
         mask = std::move(alpha);
         color = with_channels(color, 3);
@@ -91,7 +89,7 @@ ViewImage combine(Image color, std::optional<Image> mask, AlphaMode alpha_mode, 
             if (color.is_float())
                 color.f32[4 * p + 3] *= weight;
             else
-                color.u8[4 * p + 3] = to_byte(color.u8[4 * p + 3] / 255.0f * weight);
+                color.u8[4 * p + 3] = to_8_bits(color.u8[4 * p + 3] / 255.0f * weight);
         }
         mask.reset();
     }

@@ -60,7 +60,7 @@ void store(Image& image, int x, int y, const float* values) {
         if (image.is_float())
             image.f32[i + c] = values[c];
         else
-            image.u8[i + c] = static_cast<std::uint8_t>(std::clamp(values[c], 0.0f, 1.0f) * 255.0f + 0.5f);
+            image.u8[i + c] = to_8_bits(values[c]);
     }
 }
 

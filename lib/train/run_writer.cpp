@@ -129,9 +129,7 @@ Image RunWriter::preview(Backend& backend, const Vec3<float>& background) const 
     const std::size_t pixels = rendered.alpha.size();
     image.u8.resize(3 * pixels);
     for (std::size_t i = 0; i < pixels; ++i)
-        for (std::size_t c = 0; c < 3; ++c)
-            image.u8[3 * i + c] =
-                std::uint8_t(std::min(std::max(0.0f, rendered.rgb[c * pixels + i]), 1.0f) * 255.0f + 0.5f);
+        for (std::size_t c = 0; c < 3; ++c) image.u8[3 * i + c] = to_8_bits(rendered.rgb[c * pixels + i]);
     return image;
 }
 
