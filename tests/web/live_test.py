@@ -59,7 +59,11 @@ def check_training(browser, run):
     wait_for(browser, "(document.querySelector('#live-loss polyline')?.getAttribute('points') ?? '').split(' ').length > 2", "the curve of the loss grows", 60)
     wait_for(browser, "(document.querySelector('#live-psnr polyline')?.getAttribute('points') ?? '').split(' ').length > 1", "and that of the PSNR", 60)
     check("test views" in browser.evaluate("document.querySelector('#live-psnr figcaption').textContent"), "which says of what it is")
-    check(browser.evaluate(MIDDLE) != first, "the picture changes")
+    # A picture comes every few seconds, so the curves may grow for a while before it does.
+    deadline = time.monotonic() + 60
+    while browser.evaluate(MIDDLE) == first:
+        check(time.monotonic() < deadline, "the picture changes")
+        time.sleep(0.2)
     browser.evaluate("document.getElementById('next').click()")
     browser.evaluate("document.getElementById('compare-on').click()")
     check(browser.evaluate("document.getElementById('compare-right').value") == "photograph", "a test view can be compared with its photograph")
