@@ -12,6 +12,8 @@
 
 namespace gs {
 
+class Shard;
+
 /// The measurements that a backend takes of itself. Training does not need them.
 class BackendTimer {
   public:
@@ -33,6 +35,13 @@ class BackendTimer {
 class Backend {
   public:
     virtual ~Backend() = default;
+    /// Returns what the backend does for a training over several ranks; null where it does nothing.
+    virtual Shard* shard() { return nullptr; }
+    /// Returns the most views that a step may have.
+    virtual int views_per_step() const { return 1; }
+    /// Takes one optimizer step on the mean gradient of 1 to views_per_step() views, as `step` does of one. All must
+    /// have the rates of the first.
+    virtual void step_on(const std::vector<StepRequest>& views) { step(views.front()); }
     /// Describes the backend and its device in one line.
     virtual std::string describe() const = 0;
 

@@ -139,6 +139,7 @@ struct AdcParams {
     float min_opacity = 0.005f;
     bool prune_large = false;  ///< remove Gaussians larger than 0.1*E
     std::int64_t cap = 0;      ///< 0 = unlimited; growth stops at the cap
+    bool may_remove_all = false;  ///< whether it is no error if no Gaussian is left: other ranks may have some
 };
 
 /// One densification by the rule of a strategy.

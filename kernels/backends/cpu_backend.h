@@ -3,6 +3,8 @@
 // Gaussian.
 #pragma once
 
+#include <utility>
+
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
 #include "kernels/backends/cpu_rasterizer.h"
@@ -16,7 +18,7 @@
 
 namespace gs {
 
-template <class Model> class CpuBackend final : public Backend, private BackendTimer {
+template <class Model> class CpuBackend final : public Backend, public Shard, private BackendTimer {
   public:
     /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
     explicit CpuBackend(const BackendOptions& options)
@@ -59,16 +61,10 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     }
 
     void render(const RenderRequest& request, RenderedImage& out) override {
-        const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
-        out.width = request.camera.width, out.height = request.camera.height;
-        out.rgb.resize(3 * pixels);
-        out.alpha.resize(pixels);
+        make_room(request.camera, out);
         raster_.forward(ParameterView<float>::of(state_), request.camera, request.background, state_.active_degree,
                         request.mode, out.rgb.data(), out.alpha.data());
-        for (float& t : out.alpha) t = 1 - t;
-        // A residual is not a colour, so it is not corrected.
-        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
-            correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
+        finish_image(request, out);
     }
 
     void step(const StepRequest& r) override {
@@ -77,11 +73,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         ++state_.step;  // skipped steps count too, because a device learns of those too late to leave them out
         if (corrects) ++state_.ppisp.step;
         if (!note_loss(loss)) return;
-        if (corrected) {
-            const StageTimer timer(correction_seconds_);
-            correction_.backward(image_.data(), dL_dimage_.data());
-        }
-        raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+        backward(corrected);
         update(r, ParameterView<float>::of(state_));
         if (corrects) {
             const StageTimer timer(correction_seconds_);
@@ -90,15 +82,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         count_work(transmittance_.size());
     }
 
-    void distill(const StepRequest& r) override {
-        check_distillation(state_.ppisp, r.isp);
-        const LossValues loss = view_loss(r, true);
-        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
-        if (!note_loss(loss) || r.isp_rate <= 0) return;
-        const StageTimer timer(correction_seconds_);
-        correction_.backward(image_.data(), dL_dimage_.data());
-        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) ++stats_.num_nonfinite_gradients;
-    }
+    void distill(const StepRequest& r) override { distill(r, nullptr); }
 
     StepStats take_stats() override {
         const StepStats out = stats_;
@@ -109,6 +93,7 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
 
     void synchronize() override {}
     BackendTimer& timer() override { return *this; }
+    Shard* shard() override { return this; }
 
     MemoryUse memory() override { return {}; }  // the operating system tells the process's memory
 
@@ -131,28 +116,20 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         return {sums.begin(), sums.end()};
     }
     std::int64_t num_residuals() const override { return state_.num_residuals(); }
-    double squared_error(const StepRequest& r) override {
-        const bool corrected = is_corrected(state_.ppisp, r.isp);
-        view_image(r, corrected);
-        return loss_.error((corrected ? corrected_ : image_).data(), r.target, r.background, dL_dimage_.data());
-    }
+    double squared_error(const StepRequest& r) override { return squared_error(r, nullptr); }
     ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override {
         const auto params = ParameterView<float>::of(state_);
         std::vector<ResidualSums> sums(std::size_t(params.num_residuals), ResidualSums{});
         std::vector<Vec3<float>> gradients(sums.size());
         for (std::size_t view = 0; view < num_views; ++view) {
-            const StepRequest r = step_on(view);
-            squared_error(r);
-            if (is_corrected(state_.ppisp, r.isp)) correction_.backward(image_.data(), dL_dimage_.data());
-            raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
-            parallel_for_rows(params.num_residuals, [&](std::int64_t i) { gradients[i] = raster_.color_gradient(i); });
-            loss_.weights(r.target, dL_dimage_.data());
-            raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
-            parallel_for_rows(params.num_residuals, [&](std::int64_t i) {
-                const float weight = raster_.color_gradient(i).x;
-                if (weight > 0)
-                    sums[i].add(weight, gradients[i], raster_.color(i), activate(params.activation, params.base(i)));
-            });
+            residual_sums(
+                step_on(view), nullptr, params.num_residuals,
+                [&](std::int64_t i, const Vec3<float>& gradient) { gradients[i] = gradient; },
+                [&](std::int64_t i, float weight) {
+                    if (weight > 0)
+                        sums[i].add(weight, gradients[i], raster_.color(i),
+                                    activate(params.activation, params.base(i)));
+                });
         }
         return residual_scores_of(sums, params.activation, state_[Group::kBase].param);
     }
@@ -173,7 +150,122 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     }
     void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
+    void project(const CameraParams<float>& camera, RenderMode mode, PackedView& out) override {
+        raster_.project(ParameterView<float>::of(state_), camera, state_.active_degree, mode, out);
+    }
+    void render_splats(const std::vector<PackedSplat>& splats, const RenderRequest& request,
+                       RenderedImage& out) override {
+        make_room(request.camera, out);
+        raster_.forward(splats, request.camera, request.background, out.rgb.data(), out.alpha.data());
+        finish_image(request, out);
+    }
+    ViewLoss loss_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r,
+                            std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override {
+        const bool corrected = is_corrected(state_.ppisp, r.isp);
+        const LossValues loss = view_loss(r, corrected, &splats);
+        sums.resize(splats.size());
+        if (std::isfinite(loss.loss)) {
+            backward(corrected);
+            parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t i) { sums[i] = raster_.sums(i); });
+            if (corrected && r.isp_rate > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
+        }
+        count_work(transmittance_.size());
+        return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
+    }
+    void distill_splats(const std::vector<PackedSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
+    double squared_error_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r) override {
+        return squared_error(r, &splats);
+    }
+    void scores_of_splats(const std::vector<PackedSplat>& splats, const RenderRequest& request,
+                          std::vector<double>& scores) override {
+        const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
+        image_.resize(3 * pixels);
+        transmittance_.resize(pixels);
+        raster_.forward(splats, request.camera, request.background, image_.data(), transmittance_.data());
+        scores.assign(splats.size(), 0.0);
+        raster_.add_scores(image_.data(), transmittance_.data(), scores);
+    }
+    void residuals_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r,
+                             std::vector<ResidualSplatSums>& sums) override {
+        sums.resize(splats.size());
+        residual_sums(
+            r, &splats, std::int64_t(sums.size()),
+            [&](std::int64_t i, const Vec3<float>& gradient) {
+                sums[i] = {0, gradient};
+            },
+            [&](std::int64_t i, float weight) { sums[i].weight = weight; });
+    }
+    void add_residual_sums(const PackedView& packed, const std::vector<ResidualSplatSums>& sums,
+                           std::vector<ResidualSums>& totals) override {
+        const auto params = ParameterView<float>::of(state_);
+        parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
+            const std::uint32_t row = packed.rows[k];
+            if (row >= totals.size() || !(sums[k].weight > 0)) return;
+            const PackedSplat& s = packed.splats[k];
+            totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue},
+                            activate(params.activation, params.base(row)));
+        });
+    }
+    ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override {
+        return residual_scores_of(totals, state_.appearance.activation, state_[Group::kBase].param);
+    }
+
+    std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<PackedView>& packed,
+                                   const std::vector<std::vector<SplatSums<float>>>& sums,
+                                   std::int64_t num_gaussians) override {
+        const auto params = ParameterView<float>::of(state_);
+        const int num_views = int(views.size()), width = state_[Group::kResidual].width;
+        const float mean = 1 / float(num_views);
+        const UpdateArgs args = update_args(views[0], state_.step + num_views, num_gaussians, num_views);
+        update_all(args, views[0].gather_gradient_stats, [&](std::int64_t part, const ModelArrays& arrays) {
+            std::vector<std::size_t> at(views.size()), end(views.size());  // splats of the part's rows not yet taken
+            for (std::size_t v = 0; v < views.size(); ++v)
+                at[v] = part > 0 ? packed[v].part_ends[part - 1] : 0, end[v] = packed[v].part_ends[part];
+            return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
+                total = {};
+                const int used = i < params.num_residuals ? width : 0;
+                bool finite = true;
+                for (std::size_t v = 0; v < views.size(); ++v) {
+                    if (at[v] == end[v] || packed[v].rows[at[v]] != i) continue;
+                    Gradient one{};
+                    gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
+                                             sums[v][at[v]++], static_cast<GaussianGradient<float>&>(one), one.residual,
+                                             dL_dshared);
+                    finite = drop_nonfinite(one, one.residual, used) && finite;
+                    add_gradient_statistic(arrays, views[v].camera.width, views[v].camera.height, i, one);
+                    total.add(one, mean, used);
+                }
+                return finite;
+            };
+        });
+        std::vector<float> shared = sum_shared();
+        for (float& gradient : shared) gradient *= mean;
+        return shared;
+    }
+    void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
+                       std::vector<float>& isp_gradient) override {
+        const int num_views = int(views.size());
+        skip_step(views);  // counts it
+        step_shared(update_args(views[0], state_.step, 1, num_views), shared_gradient);
+        if (!learns_correction(views)) return;
+        const StageTimer timer(correction_seconds_);
+        if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++stats_.num_nonfinite_gradients;
+    }
+    void skip_step(const std::vector<StepRequest>& views) override {
+        state_.step += std::int64_t(views.size());
+        if (learns_correction(views)) state_.ppisp.step += std::int64_t(views.size());
+    }
+    std::int64_t take_nonfinite() override { return std::exchange(stats_.num_nonfinite_gradients, 0); }
+    void keep_rows(const std::vector<std::uint32_t>& rows) override { gather_rows(state_, rows); }
+
   private:
+    using Gradient = typename CpuRasterizer<float, Model>::FullGradient;
+
+    bool learns_correction(const std::vector<StepRequest>& views) const {
+        return std::any_of(views.begin(), views.end(),
+                           [&](const StepRequest& r) { return is_corrected(state_.ppisp, r.isp) && r.isp_rate > 0; });
+    }
+
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override {
         RenderedImage image;
         double seconds = 0;
@@ -230,14 +322,70 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
 
     Ceilings measure_ceilings() override { return cpu_ceilings(); }
 
+    static void make_room(const CameraParams<float>& camera, RenderedImage& out) {
+        const std::size_t pixels = std::size_t(camera.width) * camera.height;
+        out.width = camera.width, out.height = camera.height;
+        out.rgb.resize(3 * pixels);
+        out.alpha.resize(pixels);
+    }
+    void finish_image(const RenderRequest& request, RenderedImage& out) {
+        for (float& t : out.alpha) t = 1 - t;
+        // A residual is not a colour, so it is not corrected.
+        if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
+            correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());
+    }
+
+    /// The splats of the next functions are those of the model where they are null.
+    using Splats = const std::vector<PackedSplat>*;
+
+    void distill(const StepRequest& r, Splats splats) {
+        check_distillation(state_.ppisp, r.isp);
+        const LossValues loss = view_loss(r, true, splats);
+        if (r.isp_rate > 0) ++state_.ppisp.controller_step;
+        if (!note_loss(loss) || r.isp_rate <= 0) return;
+        const StageTimer timer(correction_seconds_);
+        correction_.backward(image_.data(), dL_dimage_.data());
+        if (!correction_.step_controller(state_.ppisp, image_.data(), r.isp_rate)) ++stats_.num_nonfinite_gradients;
+    }
+
+    double squared_error(const StepRequest& r, Splats splats) {
+        const bool corrected = is_corrected(state_.ppisp, r.isp);
+        view_image(r, corrected, splats);
+        return loss_.error((corrected ? corrected_ : image_).data(), r.target, r.background, dL_dimage_.data());
+    }
+
+    /// Calls gradient(i, dE/dcolour) and then weight(i, sum of weights) for the first `count` splats of a view.
+    template <class GradientFn, class WeightFn>
+    void residual_sums(const StepRequest& r, Splats splats, std::int64_t count, GradientFn&& gradient,
+                       WeightFn&& weight) {
+        squared_error(r, splats);
+        backward(is_corrected(state_.ppisp, r.isp));
+        parallel_for_rows(count, [&](std::int64_t i) { gradient(i, raster_.color_gradient(i)); });
+        loss_.weights(r.target, dL_dimage_.data());
+        raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+        parallel_for_rows(count, [&](std::int64_t i) { weight(i, raster_.color_gradient(i).x); });
+    }
+
+    /// Turns dL_dimage_ into the gradient sums of all splats.
+    void backward(bool corrected) {
+        if (corrected) {
+            const StageTimer timer(correction_seconds_);
+            correction_.backward(image_.data(), dL_dimage_.data());
+        }
+        raster_.backward(image_.data(), transmittance_.data(), dL_dimage_.data());
+    }
+
     /// Renders the view into image_ and, if `corrected`, corrects it into corrected_. Makes room in dL_dimage_.
-    void view_image(const StepRequest& r, bool corrected) {
+    void view_image(const StepRequest& r, bool corrected, Splats splats = nullptr) {
         const std::size_t pixels = std::size_t(r.camera.width) * r.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
         dL_dimage_.resize(3 * pixels);
-        raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree,
-                        RenderMode::kFull, image_.data(), transmittance_.data());
+        if (splats)
+            raster_.forward(*splats, r.camera, r.background, image_.data(), transmittance_.data());
+        else
+            raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree,
+                            RenderMode::kFull, image_.data(), transmittance_.data());
         if (corrected) {
             const StageTimer timer(correction_seconds_);
             work_.corrected_pixels += double(pixels);
@@ -247,8 +395,8 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     }
 
     /// Does the same, and leaves the gradient of the loss by the last of these in dL_dimage_.
-    LossValues view_loss(const StepRequest& r, bool corrected) {
-        view_image(r, corrected);
+    LossValues view_loss(const StepRequest& r, bool corrected, Splats splats = nullptr) {
+        view_image(r, corrected, splats);
         const StageTimer timer(loss_seconds_);
         return loss_.compute((corrected ? corrected_ : image_).data(), r.target, r.background, r.lambda_dssim,
                              dL_dimage_.data());
@@ -273,10 +421,26 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
     }
 
     void update(const StepRequest& r, const ParameterView<float>& params) {
-        const StageTimer timer(update_seconds_);
-        const UpdateArgs args = update_args(r, state_.step, state_.count);
         const int width = state_[Group::kResidual].width;
-        if (r.gather_gradient_stats) {
+        const UpdateArgs args = update_args(r, state_.step, state_.count);
+        update_all(args, r.gather_gradient_stats, [&](std::int64_t, const ModelArrays& arrays) {
+            return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared) {
+                raster_.gaussian_gradient(params, i, gradient, dL_dshared);
+                const bool finite = drop_nonfinite(gradient, gradient.residual, i < params.num_residuals ? width : 0);
+                add_gradient_statistic(arrays, r.camera.width, r.camera.height, i, gradient);
+                return finite;
+            };
+        });
+        step_shared(args, sum_shared());
+    }
+
+    /// Takes the step of all rows. gradients_of(part, arrays) returns the function that computes the gradient of each
+    /// row of that part in turn, adds that of the shared weights, and returns false if it had to drop one that was not
+    /// finite.
+    template <class GradientsOf>
+    void update_all(const UpdateArgs& args, bool gather_stats, GradientsOf&& gradients_of) {
+        const StageTimer timer(update_seconds_);
+        if (gather_stats) {
             state_.gradient_sum.resize(state_.count, 0.0f);
             state_.gradient_count.resize(state_.count, 0.0f);
         }
@@ -286,29 +450,40 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
             arrays.param[g] = group.param.data(), arrays.m[g] = group.m.data(), arrays.v[g] = group.v.data(),
             arrays.width[g] = group.width;
         }
-        if (r.gather_gradient_stats)
+        if (gather_stats)
             arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
-        const std::int64_t parts = num_parts(state_.count);
+        const std::int64_t parts = num_parts(state_.count), num_residuals = state_.num_residuals();
         nonfinite_.assign(parts, 0);
         dL_dshared_.assign(parts * kNumSharedOf<Model>, 0.0f);
         parallel_for(parts, [&](std::int64_t part) {
-            typename CpuRasterizer<float, Model>::FullGradient gradient;
+            auto gradient_of = gradients_of(part, arrays);
+            Gradient gradient;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
-                raster_.gaussian_gradient(params, i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>);
-                const bool has_residual = i < params.num_residuals;
-                if (!drop_nonfinite(gradient, gradient.residual, has_residual ? width : 0)) ++nonfinite_[part];
+                if (!gradient_of(i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>)) ++nonfinite_[part];
                 update_gaussian(arrays, args, i, gradient);
-                if (has_residual) update_residual(arrays, args, i, gradient.residual);
+                if (i < num_residuals) update_residual(arrays, args, i, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
-        for (int k = 0; k < kNumSharedOf<Model>; ++k) {
+    }
+
+    /// Returns the gradient of the shared weights after update_all.
+    std::vector<float> sum_shared() const {
+        std::vector<float> sums(kNumSharedOf<Model>);
+        for (std::size_t k = 0; k < sums.size(); ++k) {
             double sum = 0;
-            for (std::int64_t part = 0; part < parts; ++part) sum += dL_dshared_[part * kNumSharedOf<Model> + k];
-            auto& shared = state_.shared;
-            if (!update_shared(shared.param[k], shared.m[k], shared.v[k], float(sum), args.shared_step))
-                ++stats_.num_nonfinite_gradients;
+            for (std::size_t at = k; at < dL_dshared_.size(); at += sums.size()) sum += dL_dshared_[at];
+            sums[k] = float(sum);
         }
+        return sums;
+    }
+
+    void step_shared(const UpdateArgs& args, const std::vector<float>& gradient) {
+        auto& shared = state_.shared;
+        for (std::size_t k = 0; k < gradient.size(); ++k)
+            if (!update_shared(shared.param[k], shared.m[k], shared.v[k], gradient[k], args.shared_step,
+                               args.shared_gains))
+                ++stats_.num_nonfinite_gradients;
     }
 
     /// Takes one step of the residual of Gaussian i.
@@ -316,12 +491,14 @@ template <class Model> class CpuBackend final : public Backend, private BackendT
         const int k = int(Group::kResidual), width = a.width[k];
         float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
         if (u.per_column) {
-            for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c]);
+            for (int c = 0; c < width; ++c)
+                adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c], u.gains);
             return;
         }
         const AdamStep<float> t = u.steps[k];
+        const AdamGains<float> gains = u.gains;
 #pragma omp simd
-        for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], t);
+        for (int c = 0; c < width; ++c) adam_update(p[c], m[c], v[c], dL_dresidual[c], t, gains);
     }
 
     Gaussians state_;

@@ -15,6 +15,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
+#include "kernels/ranks/shard.h"
 #include "kernels/sort/binning.h"
 #include "kernels/splat/depth_key.h"
 
@@ -40,27 +41,61 @@ template <class Real, class Model> class CpuRasterizer {
     /// backward().
     void forward(const ParameterView<Real>& params, const CameraParams<Real>& camera, const Vec3<Real>& background,
                  int degree, RenderMode mode, Real* image, Real* transmittance) {
-        camera_ = camera;
-        depth_key_ = DepthKey::of(float(camera.near_plane), float(camera.far_plane));
-        background_ = background;
-        degree_ = Model::kDirectional ? degree : 0;
-        tiles_x_ = (camera.width + kCpuTile - 1) / kCpuTile;
-        tiles_y_ = (camera.height + kCpuTile - 1) / kCpuTile;
+        begin_view(camera, background, degree);
         {
             const StageTimer timer(seconds.preprocess);
-            preprocess(params, mode);
+            fill_bins(params.count,
+                      [&](std::int64_t i, BinningInput::Part& bin) { preprocess_one(params, i, mode, bin); });
         }
+        sort_and_blend(image, transmittance);
+    }
+
+    /// Renders a view of ready splats in the same way. They take the place of Gaussians in what is kept.
+    void forward(const std::vector<PackedSplat>& splats, const CameraParams<Real>& camera, const Vec3<Real>& background,
+                 Real* image, Real* transmittance) {
+        begin_view(camera, background, 0);
         {
-            const StageTimer timer(seconds.sort);
-            binning_.build(bins_, std::uint32_t(tiles_x_) * tiles_y_, max_instances_);
+            const StageTimer timer(seconds.preprocess);
+            fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, BinningInput::Part& bin) {
+                Splat<Real>& s = splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
+                const PixelBounds bounds = splats[i].bounds(s, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile);
+                if (add_tiles(s, bounds, bin)) add_key(splats[i].depth, i, bin);
+            });
         }
-        const StageTimer timer(seconds.blend);
-        block_masks_.resize(binning_.instances().size());
-        processed_.resize(std::size_t(tiles_x_) * tiles_y_);
-        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
-            processed_[tile] =
-                blend_tile(tile_input(tile), block_masks_.data() + binning_.offsets()[tile], image, transmittance);
+        sort_and_blend(image, transmittance);
+    }
+
+    /// Computes the splats of the Gaussians that touch a tile of a view.
+    void project(const ParameterView<Real>& params, const CameraParams<Real>& camera, int degree, RenderMode mode,
+                 PackedView& out) {
+        begin_view(camera, {}, degree);
+        const StageTimer timer(seconds.preprocess);
+        const std::int64_t parts = num_parts(params.count);
+        packed_parts_.resize(parts);
+        parallel_for(parts, [&](std::int64_t part) {
+            PackedView& p = packed_parts_[part];
+            BinningInput::Part bin;
+            p.splats.clear(), p.rows.clear();
+            for (std::int64_t i = part * kPartSize, end = std::min(params.count, i + kPartSize); i < end; ++i) {
+                Splat<Real> s;
+                PixelBounds bounds;
+                Projection<Real> projection;
+                bin.tiles.clear();
+                if (!make_splat(params.geometry(i), camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, bounds,
+                                projection, cutoffs_) ||
+                    !add_tiles(s, bounds, bin))
+                    continue;
+                s.color = color_of(params, i, mode);
+                p.splats.push_back(PackedSplat::of(s, projection.cov2d, projection.cam.z));
+                p.rows.push_back(std::uint32_t(i));
+            }
         });
+        out.splats.clear(), out.rows.clear(), out.part_ends.clear();
+        for (const PackedView& p : packed_parts_) {
+            out.splats.insert(out.splats.end(), p.splats.begin(), p.splats.end());
+            out.rows.insert(out.rows.end(), p.rows.begin(), p.rows.end());
+            out.part_ends.push_back(out.rows.size());
+        }
     }
 
     /// Computes the blend's gradients of the last forward(), whose mode must be kFull. gaussian_gradient() may be
@@ -76,6 +111,20 @@ template <class Real, class Model> class CpuRasterizer {
 
     struct FullGradient : GaussianGradient<Real> {
         Real residual[Model::kMaxResidual > 0 ? Model::kMaxResidual : 1];
+
+        /// Adds a share of another view's gradient, with `width` values of the residual.
+        void add(const FullGradient& other, Real share, int width) {
+            this->visible |= other.visible;
+            auto& g = this->geometry;
+            const auto& o = other.geometry;
+            g.mean += o.mean * share;
+            g.log_scale += o.log_scale * share;
+            g.rotation.x += share * o.rotation.x, g.rotation.y += share * o.rotation.y;
+            g.rotation.z += share * o.rotation.z, g.rotation.w += share * o.rotation.w;
+            g.raw_opacity += share * o.raw_opacity;
+            this->base += other.base * share;
+            for (int k = 0; k < width; ++k) residual[k] += share * other.residual[k];
+        }
     };
 
     /// Computes the gradients of Gaussian i, and adds those of shared weights. `params` are those of forward().
@@ -84,15 +133,21 @@ template <class Real, class Model> class CpuRasterizer {
                            Real* dL_dshared) const {
         out = {};
         if (bins_.count[i] == 0) return;
+        gaussian_backward<Model>(params, i, camera_, params.degree(i, degree_), sums(i),
+                                 static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
+    }
+
+    /// Returns the sums over pixels of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
+    SplatSums<Real> sums(std::int64_t i) const {
         SplatSums<Real> sum{};
+        if (bins_.count[i] == 0) return sum;
         const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) {
             sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy,
                 sum.hyy += s[k].hyy;
             sum.r += s[k].r, sum.g += s[k].g, sum.b += s[k].b;
         }
-        gaussian_backward<Model>(params, i, camera_, params.degree(i, degree_), sum,
-                                 static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
+        return sum;
     }
 
     /// Returns the sums over pixels of dL/dcolour of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
@@ -138,20 +193,44 @@ template <class Real, class Model> class CpuRasterizer {
     } seconds;
 
   private:
-    void preprocess(const ParameterView<Real>& params, RenderMode mode) {
-        const std::int64_t parts = num_parts(params.count);
+    void begin_view(const CameraParams<Real>& camera, const Vec3<Real>& background, int degree) {
+        camera_ = camera;
+        depth_key_ = DepthKey::of(float(camera.near_plane), float(camera.far_plane));
+        background_ = background;
+        degree_ = Model::kDirectional ? degree : 0;
+        tiles_x_ = (camera.width + kCpuTile - 1) / kCpuTile;
+        tiles_y_ = (camera.height + kCpuTile - 1) / kCpuTile;
+    }
+
+    void sort_and_blend(Real* image, Real* transmittance) {
+        {
+            const StageTimer timer(seconds.sort);
+            binning_.build(bins_, std::uint32_t(tiles_x_) * tiles_y_, max_instances_);
+        }
+        const StageTimer timer(seconds.blend);
+        block_masks_.resize(binning_.instances().size());
+        processed_.resize(std::size_t(tiles_x_) * tiles_y_);
+        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
+            processed_[tile] =
+                blend_tile(tile_input(tile), block_masks_.data() + binning_.offsets()[tile], image, transmittance);
+        });
+    }
+
+    /// Makes splats_ and bins_ of `count` Gaussians; add(i, bin) makes splat i and adds its tiles to those of its part.
+    template <class Add> void fill_bins(std::int64_t count, Add&& add) {
+        const std::int64_t parts = num_parts(count);
         bins_.parts.resize(parts);
-        bins_.first.resize(params.count);
-        bins_.count.resize(params.count);
-        splats_.resize(params.count);
+        bins_.first.resize(count);
+        bins_.count.resize(count);
+        splats_.resize(count);
         std::atomic<std::int64_t> instances{0};
         parallel_for(parts, [&](std::int64_t part) {
             BinningInput::Part& bin = bins_.parts[part];
             bin.depth_keys.clear();
             bin.tiles.clear();
-            for (std::int64_t i = part * kPartSize, end = std::min(params.count, i + kPartSize); i < end; ++i) {
+            for (std::int64_t i = part * kPartSize, end = std::min(count, i + kPartSize); i < end; ++i) {
                 bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
-                preprocess_one(params, i, mode, bin);
+                add(i, bin);
                 bins_.count[i] = static_cast<std::uint32_t>(bin.tiles.size()) - bins_.first[i];
                 // Stops before memory runs out; build() then reports it.
                 if (bins_.count[i] > 0 &&
@@ -168,6 +247,17 @@ template <class Real, class Model> class CpuRasterizer {
         PixelBounds b;
         Real z;
         if (!make_splat(g, camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, b, z, cutoffs_)) return;
+        if (!add_tiles(s, b, bin)) return;
+        s.color = color_of(params, i, mode);
+        add_key(z, i, bin);
+    }
+
+    void add_key(Real depth, std::int64_t i, BinningInput::Part& bin) const {
+        bin.depth_keys.push_back(std::uint64_t(depth_key_(float(depth))) << 32 | std::uint32_t(i));
+    }
+
+    /// Adds the tiles that the splat touches. Returns whether there are any.
+    bool add_tiles(const Splat<Real>& s, const PixelBounds& b, BinningInput::Part& bin) const {
         const std::size_t before = bin.tiles.size();
         for (int ty = b.y_min / kCpuTile; ty * kCpuTile < b.y_max; ++ty)
             for (int tx = b.x_min / kCpuTile; tx * kCpuTile < b.x_max; ++tx) {
@@ -175,12 +265,14 @@ template <class Real, class Model> class CpuRasterizer {
                                                           Real(kCpuTile - 1), Real(kCpuTile - 1));
                 if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
             }
-        if (bin.tiles.size() == before) return;
+        return bin.tiles.size() > before;
+    }
+
+    Vec3<Real> color_of(const ParameterView<Real>& params, std::int64_t i, RenderMode mode) const {
         const Vec3<Real> direction = params.direction(i, camera_.position).unit;
         const int degree = mode == RenderMode::kBaseOnly ? 0 : params.degree(i, degree_);
-        s.color = gaussian_color(params.activation, params.base(i),
-                                 model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
-        bin.depth_keys.push_back(std::uint64_t(depth_key_(float(z))) << 32 | std::uint32_t(i));
+        return gaussian_color(params.activation, params.base(i),
+                              model_residual<Model>(params.shared, params.residual(i), direction, degree), mode);
     }
 
     TileInput<Real> tile_input(std::int64_t tile) const {
@@ -205,6 +297,7 @@ template <class Real, class Model> class CpuRasterizer {
     BinningInput bins_;
     TileBinning binning_;
     std::vector<Splat<Real>> splats_;
+    std::vector<PackedView> packed_parts_;  ///< of project()
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;

@@ -392,6 +392,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
             if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
                 atomicAdd(&control->num_nonfinite, 1u);
         }
+        add_gradient_statistic(arrays, update.width, update.height, i, gradient);
         update_gaussian(arrays, update, i, gradient);
     }
     if (rows) {
@@ -424,7 +425,7 @@ inline constexpr int kSumThreads = 64, kSumWeights = 8;
 template <class Model>
 __global__ void __launch_bounds__(kSumThreads* kSumWeights)
     update_shared_weights(const float* __restrict__ sums, int rows, ModelArrays arrays, AdamStep<float> step,
-                          unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
+                          AdamGains<float> gains, unsigned* __restrict__ prepared, StepControl* __restrict__ control) {
     constexpr int kShared = kNumSharedOf<Model>;
     __shared__ float partial[kSumThreads][kSumWeights];
     if (control->stopped || !isfinite(control->l1 + control->ssim)) return;
@@ -439,7 +440,7 @@ __global__ void __launch_bounds__(kSumThreads* kSumWeights)
     }
     if (threadIdx.y > 0 || k >= kShared) return;
     float p = arrays.shared_param[k], m = arrays.shared_m[k], v = arrays.shared_v[k];
-    if (!update_shared(p, m, v, partial[0][threadIdx.x], step)) atomicAdd(&control->num_nonfinite, 1u);
+    if (!update_shared(p, m, v, partial[0][threadIdx.x], step, gains)) atomicAdd(&control->num_nonfinite, 1u);
     arrays.shared_param[k] = p, arrays.shared_m[k] = m, arrays.shared_v[k] = v;
     WarpAppearance<Model>::prepare(prepared, k, p);
 }
@@ -485,7 +486,8 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
         if (!with_residual) return;  // there is no gradient now, and was none before
         update_shared_weights<Model>
             <<<num_blocks(kNumSharedOf<Model>, kSumWeights), dim3(kSumWeights, kSumThreads), 0, stream>>>(
-                args.shared.sums, int(blocks), arrays, update.shared_step, args.shared.prepared, control);
+                args.shared.sums, int(blocks), arrays, update.shared_step, update.shared_gains, args.shared.prepared,
+                control);
         GS_CUDA_LAUNCHED("update_shared_weights");
     }
 }

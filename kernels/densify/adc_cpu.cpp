@@ -31,6 +31,12 @@ void split(Gaussians& s, std::int64_t parent, std::int64_t iteration, std::uint6
 
 }  // namespace
 
+void throw_nothing_left(const AdcParams& params, std::int64_t iteration, std::int64_t before) {
+    throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
+                       std::to_string(before) + " Gaussians (opacity below " + std::to_string(params.min_opacity) +
+                       " or scale above 0.1 of the scene extent)");
+}
+
 DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
     DensifyStats stats;
     const AdcRule rule = AdcRule::of(params);
@@ -65,10 +71,7 @@ DensifyStats adc_densify(Gaussians& s, const AdcParams& params, std::int64_t ite
         else
             ++stats.pruned;
     }
-    if (keep.empty())
-        throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
-                           std::to_string(s.count) + " Gaussians (opacity below " + std::to_string(params.min_opacity) +
-                           " or scale above 0.1 of the scene extent)");
+    if (keep.empty() && !params.may_remove_all) throw_nothing_left(params, iteration, s.count);
     s.gradient_sum.clear();  // the statistic starts anew
     s.gradient_count.clear();
     gather_rows(s, keep);

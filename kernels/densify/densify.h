@@ -17,8 +17,11 @@ void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order);
 /// the ADC statistic.
 DensifyStats mcmc_densify(Gaussians& state, const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
 
+/// Throws the error of a densification that left none of `before` Gaussians.
+[[noreturn]] void throw_nothing_left(const AdcParams& params, std::int64_t iteration, std::int64_t before);
+
 /// Clones, splits and prunes by the gathered statistic, which is reset (docs/math/densification.md#adc). Throws
-/// NumericError if nothing is left.
+/// NumericError if nothing is left, unless that is allowed.
 DensifyStats adc_densify(Gaussians& state, const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
 
 /// Lowers opacities to 0.01 and zeroes their moments.
@@ -30,6 +33,9 @@ std::int64_t remove_nonfinite(Gaussians& state, std::int64_t by_group[kNumGroups
 
 /// Removes Gaussians that no view can show: opacity < 1/255 or |q|^2 < 1e-8. Returns their number.
 std::int64_t remove_invisible(Gaussians& state);
+
+/// Returns the rows, ascending, that stay when the share `ratio` of lowest scores goes (score_rule.h).
+std::vector<std::uint32_t> rows_of_highest_scores(const std::vector<float>& scores, double ratio);
 
 /// Removes the share `ratio` of lowest scores (score_rule.h). `scores` has one value per row. Returns the number of
 /// removed Gaussians.

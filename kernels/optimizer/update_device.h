@@ -20,9 +20,10 @@ struct UpdateArgs {
     bool per_column;  ///< whether each residual column has its own residual_steps entry
     AdamStep<float> residual_steps[kMaxResidualColumns];
     AdamStep<float> shared_step;  ///< step of the shared weights
-    float opacity_gradient;       ///< lambda_o / N
-    float scale_gradient;         ///< lambda_s / 3N
-    Vec3<float> center;           ///< mean of the cameras; with the next two as in StepRequest
+    AdamGains<float> gains, shared_gains;
+    float opacity_gradient;  ///< lambda_o / N
+    float scale_gradient;    ///< lambda_s / 3N
+    Vec3<float> center;      ///< mean of the cameras; with the next two as in StepRequest
     float extent, far_rate;
     float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
@@ -40,10 +41,10 @@ template <int kWidth> struct Row {
         GS_UNROLL
         for (int c = 0; c < kWidth; ++c) p[c] = a.param[k][at + c], m[c] = a.m[k][at + c], v[c] = a.v[k][at + c];
     }
-    GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) { step(u.steps[int(group)], gradient); }
-    GS_HD void step(const AdamStep<float>& t, const float (&gradient)[kWidth]) {
+    GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) { step(u, u.steps[int(group)], gradient); }
+    GS_HD void step(const UpdateArgs& u, const AdamStep<float>& t, const float (&gradient)[kWidth]) {
         GS_UNROLL
-        for (int c = 0; c < kWidth; ++c) adam_update(p[c], m[c], v[c], gradient[c], t);
+        for (int c = 0; c < kWidth; ++c) adam_update(p[c], m[c], v[c], gradient[c], t, u.gains);
     }
     GS_HD void write(const ModelArrays& a, std::int64_t i) const {
         const std::int64_t at = i * kWidth;
@@ -83,13 +84,17 @@ GS_HD AdamStep<float> mean_step(const UpdateArgs& u, const float (&p)[3]) {
     return step;
 }
 
+/// Adds the gradient of one view to the statistic of ADC. `g` is finite, or zero.
+GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, std::int64_t i,
+                                  const GaussianGradient<float>& g) {
+    if (!g.visible || !a.gradient_sum) return;
+    const float x = 0.5f * width * g.mean2d.x, y = 0.5f * height * g.mean2d.y;
+    a.gradient_sum[i] += gs_sqrt(x * x + y * y);
+    a.gradient_count[i] += 1.0f;
+}
+
 /// Takes one step of Gaussian i except for its residual. `g` is its data gradient (finite; zero where invisible).
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
-    if (g.visible && a.gradient_sum) {
-        const float x = 0.5f * u.width * g.mean2d.x, y = 0.5f * u.height * g.mean2d.y;
-        a.gradient_sum[i] += gs_sqrt(x * x + y * y);
-        a.gradient_count[i] += 1.0f;
-    }
     // The regularisers are means over all Gaussians, visible or not.
     if (u.opacity_gradient > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
@@ -105,7 +110,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
     Row<1> opacity(a, Group::kOpacity, i);
-    mean.step(mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
+    mean.step(u, mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
     scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
     rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
     opacity.step(u, {q.raw_opacity});
@@ -124,21 +129,23 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
 
 /// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
 /// finite, which then counts as 0.
-GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const AdamStep<float>& step) {
+GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const AdamStep<float>& step,
+                         const AdamGains<float>& gains) {
     const bool finite = gs_isfinite(gradient);
-    adam_update(p, m, v, finite ? gradient : 0.0f, step, kAdamBeta2Shared);
+    adam_update(p, m, v, finite ? gradient : 0.0f, step, gains);
     p = gs_clamp(p, -float(kLargestSharedWeight), float(kLargestSharedWeight));
     return finite;
 }
 
-/// Returns the arguments of Adam's step `t` for a request.
-inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians) {
+/// Returns the arguments of Adam's step `t` for a request, of which `views` are taken in one step.
+inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians, int views = 1) {
     UpdateArgs u{};
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);
     u.opacity_gradient = r.opacity_reg / float(num_gaussians);
     u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
     u.center = r.center, u.extent = r.extent, u.far_rate = r.far_rate;
     u.shared_step = AdamStep<float>::at(r.shared_rate, t, kAdamBeta2Shared);
+    u.gains = AdamGains<float>::of(views), u.shared_gains = AdamGains<float>::of(views, kAdamBeta2Shared);
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
     u.per_column = !r.residual_rates.empty();

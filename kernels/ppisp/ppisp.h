@@ -27,7 +27,12 @@ void drop_moments(PpispState& state);
 
 /// Takes one Adam step of n values. If a gradient is not finite, which would stay in the moments for ever, it changes
 /// nothing and returns false.
-bool step_values(float* param, float* m, float* v, const float* gradient, std::int64_t n, double rate, std::int64_t t);
+bool step_values(float* param, float* m, float* v, const float* gradient, std::int64_t n, double rate, std::int64_t t,
+                 int views = 1);
+
+/// Takes step `state.step` of all frames and cameras on `views` views, with the mean `gradient` of these, to which it
+/// adds the regularisers. If a gradient is not finite, it changes nothing and returns false.
+bool step_ppisp(PpispState& state, std::vector<float>& gradient, double rate, int views = 1);
 
 /// The correction of one view. It reuses its buffers from call to call. All results are independent of threads, to the
 /// bit.
@@ -40,8 +45,9 @@ class ViewCorrection {
     /// output of a controller counts as constant.
     void backward(const float* image, float* dL_dimage);
 
-    /// Takes step `state.step` of all frames and cameras, with the view's gradient and the regularisers. If a gradient
-    /// is not finite, it changes nothing and returns false.
+    /// Adds the gradient of the view's frame and camera after backward() to `gradient` (state.size()).
+    void add_gradient(const PpispState& state, std::vector<float>& gradient) const;
+    /// Calls step_ppisp with the view's gradient.
     bool step_parameters(PpispState& state, double rate);
 
     /// Takes step `state.controller_step` of the controller of the view's camera; `image` is that of apply. If a

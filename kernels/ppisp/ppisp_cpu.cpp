@@ -35,11 +35,13 @@ void drop_moments(PpispState& state) {
     for (auto* moments : {&state.m, &state.v, &state.controller_m, &state.controller_v}) moments->clear();
 }
 
-bool step_values(float* param, float* m, float* v, const float* gradient, std::int64_t n, double rate, std::int64_t t) {
+bool step_values(float* param, float* m, float* v, const float* gradient, std::int64_t n, double rate, std::int64_t t,
+                 int views) {
     for (std::int64_t i = 0; i < n; ++i)
         if (!gs_isfinite(gradient[i])) return false;
     const AdamStep<float> step = AdamStep<float>::at(rate, t);
-    parallel_for_rows(n, [&](std::int64_t i) { adam_update(param[i], m[i], v[i], gradient[i], step); });
+    const AdamGains<float> gains = AdamGains<float>::of(views);
+    parallel_for_rows(n, [&](std::int64_t i) { adam_update(param[i], m[i], v[i], gradient[i], step, gains); });
     return true;
 }
 
@@ -88,25 +90,34 @@ void ViewCorrection::backward(const float* image, float* dL_dimage) {
     isp_finish(raw_frame_, raw_camera_, sums, dL_dframe_, dL_dcamera_);
 }
 
-bool ViewCorrection::step_parameters(PpispState& state, double rate) {
-    gradient_.resize(state.size());
+bool step_ppisp(PpispState& state, std::vector<float>& gradient, double rate, int views) {
     double means[kIspFrameValues] = {}, regularizer[kIspFrameValues];
     for (int f = 0; f < state.num_frames; ++f)
         for (int k = 0; k < kIspFrameValues; ++k)
             means[k] += state.param[f * std::size_t(kIspFrameValues) + k] / double(state.num_frames);
     isp_frame_regularizer(means, std::max(state.num_frames, 1), regularizer);
     for (int f = 0; f < state.num_frames; ++f)
-        std::copy_n(regularizer, kIspFrameValues, gradient_.data() + f * std::size_t(kIspFrameValues));
+        for (int k = 0; k < kIspFrameValues; ++k)
+            gradient[f * std::size_t(kIspFrameValues) + k] += float(regularizer[k]);
     for (int c = 0; c < state.num_cameras; ++c)
         for (int k = 0; k < kIspCameraValues; ++k)
-            gradient_[state.camera_offset(c) + k] =
-                isp_camera_regularizer(state.param.data() + state.camera_offset(c), state.num_cameras, k);
+            gradient[state.camera_offset(c) + k] +=
+                float(isp_camera_regularizer(state.param.data() + state.camera_offset(c), state.num_cameras, k));
+    return step_values(state.param.data(), state.m.data(), state.v.data(), gradient.data(), std::int64_t(state.size()),
+                       rate, state.step, views);
+}
+
+void ViewCorrection::add_gradient(const PpispState& state, std::vector<float>& gradient) const {
     if (view_.mode == IspMode::kFrame && view_.frame >= 0)
         for (int k = 0; k < kIspFrameValues; ++k)
-            gradient_[view_.frame * std::size_t(kIspFrameValues) + k] += dL_dframe_[k];
-    for (int k = 0; k < kIspCameraValues; ++k) gradient_[state.camera_offset(view_.camera) + k] += dL_dcamera_[k];
-    return step_values(state.param.data(), state.m.data(), state.v.data(), gradient_.data(), std::int64_t(state.size()),
-                       rate, state.step);
+            gradient[view_.frame * std::size_t(kIspFrameValues) + k] += dL_dframe_[k];
+    for (int k = 0; k < kIspCameraValues; ++k) gradient[state.camera_offset(view_.camera) + k] += dL_dcamera_[k];
+}
+
+bool ViewCorrection::step_parameters(PpispState& state, double rate) {
+    gradient_.assign(state.size(), 0.0f);
+    add_gradient(state, gradient_);
+    return step_ppisp(state, gradient_, rate);
 }
 
 bool ViewCorrection::step_controller(PpispState& state, const float* image, double rate) {

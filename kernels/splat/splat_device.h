@@ -16,6 +16,11 @@ template <class T> struct Splat {
     T threshold;    ///< ln(opacity / cutoff) >= 0: the power at which alpha falls to the cutoff, 1/255
 };
 
+/// Returns the threshold of a splat with this opacity.
+template <class Real> GS_HD Real splat_threshold(Real opacity, Real inverse_alpha) {
+    return gs_max(gs_log(inverse_alpha * opacity), Real(0));
+}
+
 /// Returns the threshold of the touch tests. It is widened by more than the rounding of the power in float, and by too
 /// little to cost time.
 template <class Real> GS_HD Real touch_threshold(const Splat<Real>& s) {

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// Exchanges bytes through Gloo's unbound buffers.
+#include "kernels/ranks/gloo_communicator.h"
+
+#include <gloo/rendezvous/context.h>
+#include <gloo/rendezvous/store.h>
+#include <gloo/transport/tcp/device.h>
+#include <gloo/transport/unbound_buffer.h>
+
+#include <algorithm>
+#include <mutex>
+
+#include "kernels/core/error.h"
+
+namespace gs {
+namespace {
+
+using Buffer = gloo::transport::UnboundBuffer;
+
+/// A rank may compute or write files for long while others wait for it; who finds that one is gone calls abort().
+constexpr std::chrono::hours kPatience{24 * 365};
+
+/// Shows Gloo the meeting place.
+class Store final : public gloo::rendezvous::Store {
+  public:
+    explicit Store(MeetingPlace& place) : place_(place) {}
+    void set(const std::string& key, const std::vector<char>& value) override { place_.set(key, value); }
+    std::vector<char> get(const std::string& key) override { return place_.get(key); }
+    void wait(const std::vector<std::string>& keys) override {
+        for (const std::string& key : keys) place_.get(key);
+    }
+    void wait(const std::vector<std::string>& keys, const std::chrono::milliseconds&) override { wait(keys); }
+
+  private:
+    MeetingPlace& place_;
+};
+
+class GlooCommunicator final : public Communicator {
+  public:
+    GlooCommunicator(std::shared_ptr<gloo::Context> context, int rank, int size)
+        : Communicator(rank, size), context_(std::move(context)) {}
+
+    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+        const auto self = std::size_t(rank());
+        if (!out[self].empty() && !in[self].empty()) std::memcpy(in[self].data(), out[self].data(), in[self].size());
+        std::vector<std::unique_ptr<Buffer>> receives, sends;
+        try {
+            for (std::size_t r = 0; r < in.size(); ++r) {
+                if (r == self || in[r].empty()) continue;
+                receives.push_back(context_->createUnboundBuffer(in[r].data(), in[r].size()));
+                receives.back()->recv(int(r), 0);
+            }
+            for (std::size_t r = 0; r < out.size(); ++r) {
+                if (r == self || out[r].empty()) continue;
+                // Gloo writes to no buffer that it sends.
+                sends.push_back(
+                    context_->createUnboundBuffer(const_cast<std::byte*>(out[r].data()), out[r].size()));
+                sends.back()->send(int(r), 0);
+            }
+            for (auto& buffer : sends)
+                wait_for(*buffer, [](Buffer& b) { return b.waitSend(kPatience); });
+            for (auto& buffer : receives)
+                wait_for(*buffer, [](Buffer& b) { return b.waitRecv(kPatience); });
+        } catch (const gloo::Exception& e) {
+            throw DeviceError(std::string("the connection to another rank broke (") + e.what() + ")");
+        }
+    }
+
+    void abort() override {
+        const std::lock_guard lock(mutex_);
+        aborted_ = true;
+        if (!waits_for_) return;
+        waits_for_->abortWaitSend();
+        waits_for_->abortWaitRecv();
+    }
+
+  private:
+    template <class Wait> void wait_for(Buffer& buffer, Wait&& wait) {
+        set_waits_for(&buffer);
+        const bool done = wait(buffer);
+        set_waits_for(nullptr);
+        if (!done) throw DeviceError("the connection to the other ranks was ended");
+    }
+    void set_waits_for(Buffer* buffer) {
+        const std::lock_guard lock(mutex_);
+        if (aborted_) throw DeviceError("the connection to the other ranks was ended");
+        waits_for_ = buffer;
+    }
+
+    const std::shared_ptr<gloo::Context> context_;
+    std::mutex mutex_;
+    Buffer* waits_for_ = nullptr;
+    bool aborted_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Communicator> connect_with_gloo(MeetingPlace& place, int rank, int size, const std::string& host) {
+    try {
+        auto device = gloo::transport::tcp::CreateDevice(gloo::transport::tcp::attr(host.c_str()));
+        auto context = std::make_shared<gloo::rendezvous::Context>(rank, size);
+        Store store(place);
+        context->connectFullMesh(store, device);
+        context->setTimeout(kPatience);
+        return std::make_unique<GlooCommunicator>(std::move(context), rank, size);
+    } catch (const gloo::Exception& e) {
+        throw DeviceError("rank " + std::to_string(rank) + " cannot reach the other ranks (" + e.what() + ")");
+    }
+}
+
+}  // namespace gs

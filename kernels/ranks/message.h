@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Values in a row of bytes, as one rank sends them to another of the same build.
+#pragma once
+
+#include <string>
+
+#include "kernels/core/error.h"
+#include "kernels/ranks/communicator.h"
+
+namespace gs {
+
+class MessageWriter {
+  public:
+    template <class T> MessageWriter& put(const T& value) {
+        static_assert(std::is_trivially_copyable_v<T>);
+        return append(&value, sizeof value);
+    }
+    template <class T> MessageWriter& put(const std::vector<T>& values) {
+        put(std::uint64_t(values.size()));
+        return append(values.data(), values.size() * sizeof(T));
+    }
+    /// Writes a text.
+    MessageWriter& put(const std::string& text) { return put(std::vector<char>(text.begin(), text.end())); }
+    const std::vector<std::byte>& bytes() const { return bytes_; }
+
+  private:
+    MessageWriter& append(const void* data, std::size_t size) {
+        const std::size_t at = bytes_.size();
+        bytes_.resize(at + size);
+        if (size > 0) std::memcpy(bytes_.data() + at, data, size);
+        return *this;
+    }
+    std::vector<std::byte> bytes_;
+};
+
+/// Reads what a MessageWriter wrote, in the same order. Throws DataError where a message is too short.
+class MessageReader {
+  public:
+    explicit MessageReader(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {}
+
+    template <class T> T get() {
+        T value;
+        take(&value, sizeof value);
+        return value;
+    }
+    template <class T> void get(T& value) { take(&value, sizeof value); }
+    template <class T> void get(std::vector<T>& values) {
+        const auto size = get<std::uint64_t>();
+        if (size > (bytes_.size() - at_) / sizeof(T)) throw DataError("a message between ranks is too short");
+        values.resize(size);
+        take(values.data(), size * sizeof(T));
+    }
+    void get(std::string& text) {
+        std::vector<char> characters;
+        get(characters);
+        text.assign(characters.begin(), characters.end());
+    }
+
+  private:
+    void take(void* to, std::size_t size) {
+        if (size > bytes_.size() - at_) throw DataError("a message between ranks is too short");
+        if (size > 0) std::memcpy(to, bytes_.data() + at_, size);
+        at_ += size;
+    }
+    std::vector<std::byte> bytes_;
+    std::size_t at_ = 0;
+};
+
+}  // namespace gs

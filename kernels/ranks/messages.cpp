@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes and reads messages field by field: visit() lists the fields once for both.
+#include "kernels/ranks/messages.h"
+
+namespace gs {
+namespace {
+
+/// Calls field(x) for every field that is sent.
+template <class Request, class Field> void visit_step(Request& r, Field&& field) {
+    field(r.camera), field(r.background);
+    field(r.target.width), field(r.target.height), field(r.target.channels), field(r.target.id);
+    field(r.iteration), field(r.lambda_dssim), field(r.opacity_reg), field(r.scale_reg), field(r.noise), field(r.seed);
+    field(r.gather_gradient_stats), field(r.rates), field(r.residual_rates), field(r.shared_rate);
+    field(r.center), field(r.extent), field(r.far_rate), field(r.isp), field(r.isp_rate);
+}
+
+template <class State, class Field> void visit_ppisp(State& s, Field&& field) {
+    field(s.num_frames), field(s.num_cameras), field(s.step), field(s.param), field(s.m), field(s.v);
+    field(s.controller_step), field(s.controller), field(s.controller_m), field(s.controller_v);
+}
+
+template <class Model, class Field> void visit_model(Model& s, Field&& field) {
+    field(s.count), field(s.appearance.model), field(s.appearance.max_degree), field(s.appearance.activation);
+    field(s.active_degree), field(s.step);
+    const auto visit_group = [&](auto& group) {
+        field(group.width), field(group.param), field(group.m), field(group.v);
+    };
+    for (auto& group : s.groups) visit_group(group);
+    visit_group(s.shared);
+    field(s.gradient_sum), field(s.gradient_count);
+    visit_ppisp(s.ppisp, field);
+}
+
+auto writes(MessageWriter& to) {
+    return [&to](const auto& value) { to.put(value); };
+}
+auto reads(MessageReader& from) {
+    return [&from](auto& value) { from.get(value); };
+}
+
+}  // namespace
+
+void put(MessageWriter& to, const StepRequest& request) { visit_step(request, writes(to)); }
+StepRequest get_step(MessageReader& from) {
+    StepRequest request;
+    visit_step(request, reads(from));
+    return request;
+}
+
+void put(MessageWriter& to, const std::vector<StepRequest>& requests) {
+    to.put(std::uint64_t(requests.size()));
+    for (const StepRequest& request : requests) put(to, request);
+}
+std::vector<StepRequest> get_steps(MessageReader& from) {
+    std::vector<StepRequest> requests(from.get<std::uint64_t>());
+    for (StepRequest& request : requests) request = get_step(from);
+    return requests;
+}
+
+void put(MessageWriter& to, const Gaussians& model) { visit_model(model, writes(to)); }
+Gaussians get_gaussians(MessageReader& from) {
+    Gaussians model;
+    visit_model(model, reads(from));
+    return model;
+}
+
+void put(MessageWriter& to, const PpispState& state) { visit_ppisp(state, writes(to)); }
+PpispState get_ppisp(MessageReader& from) {
+    PpispState state;
+    visit_ppisp(state, reads(from));
+    return state;
+}
+
+}  // namespace gs

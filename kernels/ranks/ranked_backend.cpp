@@ -1,0 +1,357 @@
+// SPDX-License-Identifier: Apache-2.0
+// The commands of rank 0, and how the other ranks follow them.
+#include "kernels/ranks/ranked_backend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "kernels/core/clock.h"
+#include "kernels/core/error.h"
+#include "kernels/densify/densify.h"
+#include "kernels/densify/mcmc_device.h"
+#include "kernels/ranks/messages.h"
+
+namespace gs {
+namespace {
+
+enum class Call : std::uint32_t {
+    kEnd,
+    kUpload,
+    kDownload,
+    kSetDegree,
+    kUploadPpisp,
+    kRender,
+    kStep,
+    kDistill,
+    kDensify,
+    kResetOpacity,
+    kScores,
+    kResidualScores,
+    kSquaredError,
+    kKeepResiduals,
+    kPruneNonFinite,
+    kPruneInvisible,
+    kPruneLowest,
+    kMortonSort
+};
+
+/// By how much a rank may have more Gaussians than the mean before all are dealt anew. Fair samples of one model stay
+/// far below it; few Gaussians on many ranks do not.
+constexpr double kMostUneven = 1.25;
+
+MessageWriter message_of(Call call) {
+    MessageWriter message;
+    message.put(call);
+    return message;
+}
+
+// What all ranks do of calls that are more than one function of the worker.
+
+struct Counted {
+    std::int64_t numbers[kNumGroups + 1] = {};
+};
+
+/// Removes the rank's Gaussians that `request` selects by themselves. Returns the statistics of all ranks.
+PruneStats prune_rows(Communicator& ranks, RankWorker& worker, const PruneRequest& request) {
+    const PruneStats own = worker.backend().prune(request);
+    Counted counted;
+    counted.numbers[kNumGroups] = own.removed;
+    std::copy(own.by_group.begin(), own.by_group.end(), counted.numbers);
+    PruneStats all;
+    for (const Counted& one : all_gather(ranks, counted)) {
+        all.removed += one.numbers[kNumGroups];
+        for (int g = 0; g < kNumGroups; ++g) all.by_group[g] += one.numbers[g];
+    }
+    worker.count_rows();
+    return all;
+}
+
+DensifyStats densify_rows(Communicator& ranks, RankWorker& worker, const DensifyRequest& request,
+                          const std::vector<std::int64_t>& shares) {
+    DensifyStats all;
+    for (const DensifyStats& one : all_gather(ranks, worker.densify(request, shares))) {
+        all.relocated += one.relocated, all.added += one.added, all.cloned += one.cloned;
+        all.split += one.split, all.pruned += one.pruned, all.count += one.count;
+    }
+    worker.count_rows();
+    return all;
+}
+
+/// Keeps the residuals of marked rows; `marks` and `bases` are those of the whole model on rank 0, empty on the others.
+void keep_residuals_of_rows(RankWorker& worker, const std::vector<std::uint8_t>& marks,
+                            const std::vector<float>& bases, bool with_bases) {
+    const std::vector<std::uint8_t> own_marks = worker.scatter_rows(marks, 1);
+    std::vector<float> own_bases;
+    if (with_bases) own_bases = worker.scatter_rows(bases, 3);
+    worker.backend().keep_residuals(own_marks, own_bases);
+    worker.count_rows();
+}
+
+void keep_rows(RankWorker& worker, const std::vector<std::uint8_t>& marks) {
+    const std::vector<std::uint8_t> own = worker.scatter_rows(marks, 1);
+    std::vector<std::uint32_t> rows;
+    for (std::size_t i = 0; i < own.size(); ++i)
+        if (own[i]) rows.push_back(std::uint32_t(i));
+    worker.backend().shard()->keep_rows(rows);
+    worker.count_rows();
+}
+
+}  // namespace
+
+RankedBackend::RankedBackend(Communicator& ranks, std::unique_ptr<Backend> own, int views_per_step)
+    : ranks_(ranks), own_(std::move(own)), views_per_step_(views_per_step), worker_(ranks, *own_, {}) {}
+
+RankedBackend::~RankedBackend() {
+    try {
+        if (!lost_) send(message_of(Call::kEnd));
+    } catch (const Error&) {  // a rank that is lost ends by itself
+    }
+}
+
+void RankedBackend::send(const MessageWriter& command) {
+    if (lost_) throw DeviceError("a rank of the training was lost");
+    lost_ = true;  // until it has been sent
+    const std::uint64_t size = command.bytes().size();
+    const auto to_others = [&](ConstBytes bytes) {
+        std::vector<ConstBytes> out(std::size_t(ranks_.size()), bytes);
+        out[0] = {};
+        ranks_.exchange(out, std::vector<Bytes>(out.size()));
+    };
+    to_others(std::as_bytes(std::span(&size, 1)));
+    to_others(command.bytes());
+    lost_ = false;
+}
+
+std::string RankedBackend::describe() const {
+    return std::to_string(ranks_.size()) + " ranks, each " + own_->describe();
+}
+
+void RankedBackend::upload(const Gaussians& state) {
+    send(message_of(Call::kUpload));
+    // The parts go one by one, so that no more than two are in memory besides the model.
+    for (int r = 1; r < ranks_.size(); ++r) {
+        MessageWriter message;
+        put(message, dealt_part(state, ranks_.size(), r));
+        const std::uint64_t size = message.bytes().size();
+        std::vector<ConstBytes> out(std::size_t(ranks_.size()));
+        const std::vector<Bytes> in(out.size());
+        out[std::size_t(r)] = std::as_bytes(std::span(&size, 1));
+        ranks_.exchange(out, in);
+        out[std::size_t(r)] = message.bytes();
+        ranks_.exchange(out, in);
+    }
+    worker_.upload(dealt_part(state, ranks_.size(), 0));
+}
+
+Gaussians RankedBackend::download(bool with_moments) {
+    send(message_of(Call::kDownload).put(with_moments));
+    return joined(worker_.download(with_moments));
+}
+
+void RankedBackend::set_active_degree(int degree) {
+    send(message_of(Call::kSetDegree).put(degree));
+    own_->set_active_degree(degree);
+}
+
+void RankedBackend::upload_ppisp(const PpispState& state) {
+    MessageWriter message = message_of(Call::kUploadPpisp);
+    put(message, state);
+    send(message);
+    worker_.upload_ppisp(state);
+}
+
+void RankedBackend::render(const RenderRequest& request, RenderedImage& out) {
+    send(message_of(Call::kRender).put(request));
+    worker_.render(request, out);
+}
+
+void RankedBackend::step_on(const std::vector<StepRequest>& views) {
+    MessageWriter message = message_of(Call::kStep);
+    put(message, views);
+    send(message);
+    const StepStats one = worker_.step(views);
+    stats_.loss = one.loss, stats_.l1 = one.l1, stats_.ssim = one.ssim, stats_.num_instances = one.num_instances;
+    ++stats_.steps;
+    stats_.num_nonfinite_gradients += one.num_nonfinite_gradients;
+    stats_.consecutive_skips = one.consecutive_skips ? stats_.consecutive_skips + 1 : 0;
+}
+
+void RankedBackend::distill(const StepRequest& request) {
+    MessageWriter message = message_of(Call::kDistill);
+    put(message, request);
+    send(message);
+    worker_.distill(request);
+    stats_ = own_->take_stats();
+}
+
+StepStats RankedBackend::take_stats() {
+    const StepStats out = stats_;
+    stats_.steps = 0;
+    stats_.num_nonfinite_gradients = 0;
+    return out;
+}
+
+DensifyStats RankedBackend::densify(const DensifyRequest& request) {
+    const std::int64_t before = count();
+    std::vector<std::int64_t> shares(std::size_t(ranks_.size()), 0);
+    const auto* adc = std::get_if<AdcParams>(&request.rule);
+    if (const auto* mcmc = std::get_if<McmcParams>(&request.rule))
+        shares = even_shares(worker_.rows(), mcmc_target(before, *mcmc));
+    else if (adc->cap > 0)
+        shares = even_shares(worker_.rows(), adc->cap);
+    send(message_of(Call::kDensify).put(request).put(shares));
+    const DensifyStats stats = densify_rows(ranks_, worker_, request, shares);
+    deal_anew_if_uneven();
+    if (adc && stats.count == 0) throw_nothing_left(*adc, request.iteration, before + stats.cloned + 2 * stats.split);
+    return stats;
+}
+
+void RankedBackend::reset_opacity() {
+    send(message_of(Call::kResetOpacity));
+    own_->reset_opacity();
+}
+
+std::vector<float> RankedBackend::scores(const std::vector<RenderRequest>& views) {
+    send(message_of(Call::kScores).put(views));
+    return worker_.gather_rows_of_all(worker_.scores(views), 1);
+}
+
+std::int64_t RankedBackend::num_residuals() const {
+    std::int64_t sum = 0;
+    for (const RankRows& r : worker_.rows()) sum += r.num_residuals;
+    return sum;
+}
+
+ResidualScores RankedBackend::residual_scores(std::size_t num_views, const StepSource& step_on) {
+    ResidualScores all;
+    std::vector<StepRequest> views;
+    for (std::size_t k = 0; k < num_views; ++k) {
+        views.push_back(step_on(k));
+        views.back().target.u8 = nullptr, views.back().target.f32 = nullptr;  // gone with the next call of step_on
+    }
+    MessageWriter message = message_of(Call::kResidualScores);
+    put(message, views);
+    send(message);
+    const ResidualScores own = worker_.residual_scores(views, [&](std::size_t k) { return step_on(k).target; });
+    all.worth = worker_.gather_rows_of_all(own.worth, 1);
+    all.mean_base = worker_.gather_rows_of_all(own.mean_base, 3);
+    return all;
+}
+
+double RankedBackend::squared_error(const StepRequest& view) {
+    MessageWriter message = message_of(Call::kSquaredError);
+    put(message, view);
+    send(message);
+    return worker_.squared_error(view);
+}
+
+void RankedBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
+    send(message_of(Call::kKeepResiduals).put(!bases.empty()));
+    keep_residuals_of_rows(worker_, marks, bases, !bases.empty());
+}
+
+PruneStats RankedBackend::prune(const PruneRequest& request) {
+    if (const auto* lowest = std::get_if<LowestScores>(&request)) {
+        const std::vector<float> values = scores(lowest->views);
+        std::vector<std::uint8_t> marks(values.size(), 0);
+        for (std::uint32_t row : rows_of_highest_scores(values, lowest->ratio)) marks[row] = 1;
+        send(message_of(Call::kPruneLowest));
+        const std::int64_t before = count();
+        keep_rows(worker_, marks);
+        deal_anew_if_uneven();
+        return {before - count(), {}};
+    }
+    const bool non_finite = std::holds_alternative<NonFiniteRows>(request);
+    send(message_of(non_finite ? Call::kPruneNonFinite : Call::kPruneInvisible));
+    const PruneStats stats = prune_rows(ranks_, worker_, request);
+    deal_anew_if_uneven();
+    return stats;
+}
+
+void RankedBackend::deal_anew_if_uneven() {
+    std::int64_t most = 0;
+    for (const RankRows& r : worker_.rows()) most = std::max(most, r.count);
+    if (double(most) > kMostUneven * double(count()) / ranks_.size() + 1) upload(download(true));
+}
+
+void RankedBackend::morton_sort() {
+    send(message_of(Call::kMortonSort));
+    own_->morton_sort();
+}
+
+double RankedBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
+    RenderedImage image;
+    double start = 0;
+    for (int round = 0; round <= repeats; ++round) {
+        if (round == 1) start = seconds_now();
+        for (const RenderRequest& view : views) render(view, image);
+    }
+    return (seconds_now() - start) / (double(repeats) * double(views.size()));
+}
+
+void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) {
+    RankWorker worker(ranks, backend, targets);
+    const auto receive = [&] {
+        std::vector<Bytes> in(std::size_t(ranks.size()));
+        const std::vector<ConstBytes> out(in.size());
+        std::vector<std::uint64_t> size(1);
+        in[0] = room_of(size);
+        ranks.exchange(out, in);
+        std::vector<std::byte> bytes(size[0]);
+        in[0] = bytes;
+        ranks.exchange(out, in);
+        return MessageReader(std::move(bytes));
+    };
+    while (true) {
+        MessageReader message = receive();
+        switch (message.get<Call>()) {
+            case Call::kEnd: return;
+            case Call::kUpload: {
+                MessageReader part = receive();
+                worker.upload(get_gaussians(part));
+                break;
+            }
+            case Call::kDownload: worker.download(message.get<bool>()); break;
+            case Call::kSetDegree: backend.set_active_degree(message.get<int>()); break;
+            case Call::kUploadPpisp: worker.upload_ppisp(get_ppisp(message)); break;
+            case Call::kRender: {
+                RenderedImage nowhere;
+                worker.render(message.get<RenderRequest>(), nowhere);
+                break;
+            }
+            case Call::kStep: worker.step(get_steps(message)); break;
+            case Call::kDistill: worker.distill(get_step(message)); break;
+            case Call::kDensify: {
+                const auto request = message.get<DensifyRequest>();
+                std::vector<std::int64_t> shares;
+                message.get(shares);
+                densify_rows(ranks, worker, request, shares);
+                break;
+            }
+            case Call::kResetOpacity: backend.reset_opacity(); break;
+            case Call::kScores: {
+                std::vector<RenderRequest> views;
+                message.get(views);
+                worker.gather_rows_of_all(worker.scores(views), 1);
+                break;
+            }
+            case Call::kResidualScores: {
+                const std::vector<StepRequest> views = get_steps(message);
+                const ResidualScores own =
+                    worker.residual_scores(views, [&](std::size_t k) { return targets(views[k]); });
+                worker.gather_rows_of_all(own.worth, 1);
+                worker.gather_rows_of_all(own.mean_base, 3);
+                break;
+            }
+            case Call::kSquaredError: worker.squared_error(get_step(message)); break;
+            case Call::kKeepResiduals: keep_residuals_of_rows(worker, {}, {}, message.get<bool>()); break;
+            case Call::kPruneNonFinite: prune_rows(ranks, worker, NonFiniteRows{}); break;
+            case Call::kPruneInvisible: prune_rows(ranks, worker, InvisibleRows{}); break;
+            case Call::kPruneLowest: keep_rows(worker, {}); break;
+            case Call::kMortonSort: backend.morton_sort(); break;
+        }
+    }
+}
+
+}  // namespace gs

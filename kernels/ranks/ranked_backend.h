@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model that several ranks train together, as a Backend on rank 0. Each call is sent to the other ranks, which follow
+// it, and does rank 0's part of it. So everything that decides something runs on rank 0 alone.
+#pragma once
+
+#include <memory>
+
+#include "kernels/backend.h"
+#include "kernels/ranks/message.h"
+#include "kernels/ranks/rank_worker.h"
+
+namespace gs {
+
+class RankedBackend final : public Backend, private BackendTimer {
+  public:
+    /// Takes rank 0's own backend, and trains on `views_per_step` views in a step. `ranks` must outlive the object.
+    RankedBackend(Communicator& ranks, std::unique_ptr<Backend> own, int views_per_step);
+    /// Tells the other ranks that there is nothing more to follow, unless a rank was lost.
+    ~RankedBackend() override;
+
+    std::string describe() const override;
+    int views_per_step() const override { return views_per_step_; }
+    void upload(const Gaussians& state) override;
+    Gaussians download(bool with_moments) override;
+    std::int64_t count() const override { return worker_.num_gaussians(); }
+    void set_active_degree(int degree) override;
+    void upload_ppisp(const PpispState& state) override;
+    PpispState download_ppisp() override { return own_->download_ppisp(); }
+    void render(const RenderRequest& request, RenderedImage& out) override;
+    void step(const StepRequest& request) override { step_on({request}); }
+    void step_on(const std::vector<StepRequest>& views) override;
+    void distill(const StepRequest& request) override;
+    StepStats take_stats() override;
+    void synchronize() override { own_->synchronize(); }
+    MemoryUse memory() override { return own_->memory(); }
+    BackendTimer& timer() override { return *this; }
+    DensifyStats densify(const DensifyRequest& request) override;
+    void reset_opacity() override;
+    std::vector<float> scores(const std::vector<RenderRequest>& views) override;
+    std::int64_t num_residuals() const override;
+    ResidualScores residual_scores(std::size_t num_views, const StepSource& step_on) override;
+    double squared_error(const StepRequest& view) override;
+    void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override;
+    PruneStats prune(const PruneRequest& request) override;
+    void morton_sort() override;
+
+    /// Returns rank 0's costs of the steps since the last call.
+    RankCosts take_costs() { return worker_.take_costs(); }
+
+  private:
+    double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
+    void measure_stages(bool) override {}
+    std::vector<StageCost> take_stage_costs() override { return own_->timer().take_stage_costs(); }
+    Ceilings measure_ceilings() override { return own_->timer().measure_ceilings(); }
+
+    /// Sends a command to the other ranks. After a failure nothing more is sent.
+    void send(const MessageWriter& command);
+    void deal_anew_if_uneven();
+
+    Communicator& ranks_;
+    const std::unique_ptr<Backend> own_;
+    const int views_per_step_;
+    RankWorker worker_;
+    StepStats stats_;
+    bool lost_ = false;
+};
+
+/// Follows the commands of rank 0 with this rank's `backend` until they end. `targets` brings the images of the views
+/// that this rank renders.
+void follow(Communicator& ranks, Backend& backend, const TargetSource& targets);
+
+}  // namespace gs

@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model that several ranks train together does what it does on one. Knows no appearance by name, so that it runs on
+// any registry.
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "appearance/model_info.h"
+#include "kernels/core/error.h"
+#include "kernels/model/adam_device.h"
+#include "tests/kernels/random_scene.h"
+#include "tests/kernels/rank_threads.h"
+
+namespace gs::test {
+namespace {
+
+constexpr int kWidth = 41, kHeight = 30, kViews = 4;
+constexpr std::int64_t kRows = 211;  // no multiple of any number of ranks
+
+/// Views of one random model, with random photographs.
+struct Views {
+    Gaussians model;
+    std::vector<CameraParams<float>> cameras;
+    std::vector<std::vector<float>> photographs;
+
+    explicit Views(const ModelInfo& info, std::int64_t rows = kRows, std::int64_t num_residuals = -1) {
+        model = cast<float>(random_gaussians(rows, 0, 5));
+        model.appearance = {info.name, info.max_degree_limit, ColorActivation::kSigmoid};
+        model.active_degree = info.max_degree_limit;
+        std::mt19937 rng(6);
+        std::normal_distribution<float> normal;
+        auto& residuals = model[Group::kResidual];
+        residuals.width = info.residual_width(info.max_degree_limit);
+        residuals.param.resize(std::size_t(num_residuals < 0 ? rows : num_residuals) * residuals.width);
+        for (float& x : residuals.param) x = 0.3f * normal(rng);
+        model.shared.width = info.num_shared;
+        for (int k = 0; k < info.num_shared; ++k) model.shared.param.push_back(0.3f * normal(rng));
+        for (auto& group : model.groups)
+            group.m.assign(group.param.size(), 0.0f), group.v.assign(group.param.size(), 0.0f);
+        model.shared.m.assign(model.shared.param.size(), 0.0f), model.shared.v = model.shared.m;
+        model.ppisp = identity_ppisp(kViews, 1);
+        model.ppisp.m.assign(model.ppisp.size(), 0.0f), model.ppisp.v = model.ppisp.m;
+        std::uniform_real_distribution<float> uniform;
+        for (int k = 0; k < kViews; ++k) {
+            cameras.push_back(cast<float>(test_camera(kWidth, kHeight)));
+            cameras.back().translation.x += 0.3f * float(k);
+            cameras.back().position = cameras.back().rotation.transposed_times(cameras.back().translation) * -1.0f;
+            photographs.emplace_back(std::size_t(3 * kWidth * kHeight));
+            for (float& x : photographs.back()) x = uniform(rng);
+        }
+    }
+
+    TargetImage target(std::int64_t view) const {
+        return {kWidth, kHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, view};
+    }
+    TargetSource targets() const {
+        return [this](const StepRequest& r) { return target(r.target.id); };
+    }
+    StepRequest step(std::size_t view) const {
+        StepRequest r;
+        r.camera = cameras[view];
+        r.background = {0.2f, 0.1f, 0.3f};
+        r.target = target(std::int64_t(view));
+        r.isp = {IspMode::kFrame, int(view), 0, 0};
+        r.isp_rate = 1e-3;
+        for (double& rate : r.rates) rate = 1e-3;
+        r.shared_rate = 1e-3;
+        return r;
+    }
+    std::vector<StepRequest> steps() const {
+        std::vector<StepRequest> all;
+        for (std::size_t k = 0; k < kViews; ++k) all.push_back(step(k));
+        return all;
+    }
+};
+
+/// Calls fn(a, b, name) for all parameters and moments of two models.
+template <class Fn> void for_arrays(Gaussians& a, Gaussians& b, Fn&& fn) {
+    for (int g = 0; g < kNumGroups; ++g) {
+        const std::string name = kGroupNames[g];
+        fn(a.groups[g].param, b.groups[g].param, name);
+        fn(a.groups[g].m, b.groups[g].m, name + ", first moment");
+        fn(a.groups[g].v, b.groups[g].v, name + ", second moment");
+    }
+    fn(a.shared.param, b.shared.param, "shared");
+    fn(a.shared.m, b.shared.m, "shared, first moment");
+    fn(a.ppisp.param, b.ppisp.param, "PPISP");
+    fn(a.ppisp.m, b.ppisp.m, "PPISP, first moment");
+    fn(a.gradient_sum, b.gradient_sum, "gradient statistic");
+    fn(a.gradient_count, b.gradient_count, "views of the gradient statistic");
+}
+
+void expect_near(const std::vector<float>& a, const std::vector<float>& b, double tolerance, const std::string& what) {
+    ASSERT_EQ(a.size(), b.size()) << what;
+    double largest = 0, difference = 0;
+    for (std::size_t k = 0; k < a.size(); ++k) {
+        largest = std::max(largest, double(std::abs(a[k])));
+        difference = std::max(difference, double(std::abs(a[k] - b[k])));
+    }
+    EXPECT_LE(difference, tolerance * largest) << what;
+}
+
+void expect_equal(Gaussians& a, Gaussians& b) {
+    EXPECT_EQ(a.count, b.count);
+    EXPECT_EQ(a.step, b.step);
+    for_arrays(a, b, [](const auto& x, const auto& y, const std::string& what) { EXPECT_EQ(x, y) << what; });
+}
+
+class EveryModelOnRanks : public ::testing::TestWithParam<std::string> {
+  protected:
+    const ModelInfo& info = appearance_model(GetParam());
+};
+
+TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
+    const Views views(info);
+    // One plain step on each view: the first moments are the gradients.
+    Gaussians mean;
+    for (std::size_t k = 0; k < kViews; ++k) {
+        const auto backend = make_cpu_backend(views.model.appearance);
+        backend->upload(views.model);
+        StepRequest step = views.step(k);
+        step.opacity_reg = step.scale_reg = 0;
+        backend->step(step);
+        Gaussians one = backend->download(true);
+        if (k == 0) {
+            mean = one;
+            continue;
+        }
+        for_arrays(mean, one, [](auto& sum, const auto& x, const std::string&) {
+            for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += x[i];
+        });
+    }
+    const float to_gradient = 1 / float(1 - kAdamBeta1) / kViews;
+    for (const int ranks : {1, 2, 3, 4}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        Gaussians after;
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            auto steps = views.steps();
+            for (StepRequest& step : steps) {
+                step.opacity_reg = step.scale_reg = 0;
+                if (&step != &steps[0]) step.target.f32 = nullptr;  // the other ranks bring it themselves
+            }
+            if (ranks < kViews)  // rank 0 renders more views than the first
+                for (std::size_t k = 0; k < kViews; k += std::size_t(ranks)) steps[k] = views.step(k);
+            for (StepRequest& step : steps) step.opacity_reg = step.scale_reg = 0;
+            backend.step_on(steps);
+            const StepStats stats = backend.take_stats();
+            EXPECT_EQ(stats.steps, 1);
+            EXPECT_EQ(stats.num_nonfinite_gradients, 0);
+            after = backend.download(true);
+        });
+        EXPECT_EQ(after.step, kViews);
+        const float from_moment = 1 / float(1 - std::pow(kAdamBeta1, kViews));
+        for_arrays(mean, after, [&](const auto& x, const auto& y, const std::string& what) {
+            if (what.find("first") == std::string::npos) return;
+            std::vector<float> a = x, b = y;
+            // The regulariser of PPISP is in every step, and so has the same mean.
+            for (float& value : a) value *= to_gradient;
+            for (float& value : b) value *= from_moment;
+            expect_near(a, b, 1e-5, what);
+        });
+    }
+}
+
+TEST_P(EveryModelOnRanks, TrainAsOne) {
+    for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
+        const Views views(info, kRows, num_residuals);
+        Gaussians one;
+        for (const int ranks : {1, 2, 3, 4}) {
+            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
+            with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+                backend.upload(views.model);
+                for (int k = 0; k < 3; ++k) {
+                    auto steps = views.steps();
+                    steps[0].gather_gradient_stats = true;
+                    backend.step_on(steps);
+                }
+                Gaussians after = backend.download(true);
+                if (ranks == 1) {
+                    one = after;
+                    return;
+                }
+                for_arrays(one, after, [](const auto& x, const auto& y, const std::string& what) {
+                    if (what == "PPISP") return;  // steps of the usual length along gradients that are but rounding
+                    expect_near(x, y, what.find("moment") == std::string::npos ? 1e-4 : 1e-3, what);
+                });
+            });
+        }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Models, EveryModelOnRanks, ::testing::ValuesIn([] {
+                             std::vector<std::string> names;
+                             for (const ModelInfo* info : appearance_models()) names.push_back(info->name);
+                             return names;
+                         }()),
+                         [](const auto& info) {
+                             std::string name = info.param;
+                             std::replace_if(name.begin(), name.end(), [](char c) { return !std::isalnum(c); }, '_');
+                             return name;
+                         });
+
+const ModelInfo& some_model() {
+    for (const ModelInfo* info : appearance_models())
+        if (info->residual_width(info->max_degree_limit) > 0 && info->num_shared == 0) return *info;
+    throw std::logic_error("no model with a residual");
+}
+
+TEST(Ranks, GiveBackTheModelThatTheyWereGiven) {
+    for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), std::int64_t(3), kRows}) {
+        for (const std::int64_t num_residuals : {std::int64_t(0), rows / 3, rows}) {
+            Views views(some_model(), rows, num_residuals);
+            for (auto& group : views.model.groups) std::iota(group.m.begin(), group.m.end(), 1.0f);
+            for (const int ranks : {1, 2, 5}) {
+                SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(num_residuals) + " residuals, " +
+                             std::to_string(ranks) + " ranks");
+                with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+                    backend.upload(views.model);
+                    Gaussians after = backend.download(true);
+                    expect_equal(views.model, after);
+                    EXPECT_EQ(backend.count(), rows);
+                    EXPECT_EQ(backend.num_residuals(), num_residuals);
+                });
+            }
+        }
+    }
+}
+
+TEST(Ranks, RenderAndScoreAsOne) {
+    const Views views(some_model(), kRows, 90);
+    const auto plain = make_cpu_backend(views.model.appearance);
+    plain->upload(views.model);
+    std::vector<RenderRequest> requests(kViews);
+    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+    const StepSource step_on = [&](std::size_t view) { return views.step(view); };
+    RenderedImage image;
+    plain->render(requests[1], image);
+    const auto scores = plain->scores(requests);
+    const ResidualScores residuals = plain->residual_scores(kViews, step_on);
+    const double error = plain->squared_error(views.step(2));
+    for (const int ranks : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            RenderedImage other;
+            backend.render(requests[1], other);
+            EXPECT_EQ(image.rgb, other.rgb);
+            EXPECT_EQ(image.alpha, other.alpha);
+            expect_near(scores, backend.scores(requests), 1e-5, "scores");
+            const ResidualScores found = backend.residual_scores(kViews, step_on);
+            expect_near(residuals.worth, found.worth, 1e-4, "worth of residuals");
+            expect_near(residuals.mean_base, found.mean_base, 1e-5, "mean bases");
+            EXPECT_NEAR(backend.squared_error(views.step(2)), error, 1e-5 * error);
+        });
+    }
+}
+
+TEST(Ranks, RemoveTheRowsThatOneWouldRemove) {
+    Views views(some_model(), kRows, 90);
+    for (std::int64_t i = 0; i < kRows; i += 9) views.model[Group::kOpacity].param[i] = -20;
+    views.model[Group::kMean].param[3 * 7] = std::nanf("");
+    std::vector<RenderRequest> requests(kViews);
+    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+    std::vector<std::uint8_t> marks(kRows, 0);
+    for (std::int64_t i = 0; i < kRows; i += 2) marks[i] = 1;
+    const auto remove = [&](Backend& backend) {
+        backend.upload(views.model);
+        backend.keep_residuals(marks, views.model[Group::kBase].param);
+        const PruneStats broken = backend.prune(NonFiniteRows{});
+        EXPECT_EQ(broken.removed, 1);
+        EXPECT_EQ(broken.by_group[0], 1);
+        EXPECT_GT(backend.prune(InvisibleRows{}).removed, kRows / 10);
+        const std::int64_t before = backend.count();
+        const PruneStats lowest = backend.prune(LowestScores{requests, 0.4});
+        EXPECT_EQ(backend.count(), before - lowest.removed);
+        backend.set_active_degree(0);
+        backend.reset_opacity();
+        Gaussians after = backend.download(true);
+        // Ranks lose different numbers of rows, which changes their order but not which there are.
+        std::vector<float> places;
+        for (std::int64_t i = 0; i < after.count; ++i) places.push_back(after[Group::kMean].param[3 * i]);
+        std::sort(places.begin(), places.end());
+        return std::pair(places, after.num_residuals());
+    };
+    const auto plain = make_cpu_backend(views.model.appearance);
+    const auto expected = remove(*plain);
+    EXPECT_GT(expected.second, 0);
+    for (const int ranks : {1, 2, 3})
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(),
+                            [&](RankedBackend& backend) { EXPECT_EQ(remove(backend), expected) << ranks; });
+}
+
+TEST(Ranks, GrowToTheCapTogether) {
+    Views views(some_model(), kRows, 90);
+    for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
+    for (const int ranks : {1, 2, 3, 4}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            McmcParams mcmc;
+            mcmc.cap = kRows + 17;
+            DensifyStats stats = backend.densify({mcmc, 1, 42});
+            EXPECT_EQ(stats.relocated, 22);
+            EXPECT_EQ(stats.added, 10) << "5 % of all, rounded once";
+            EXPECT_EQ(stats.count, backend.count());
+            EXPECT_EQ(backend.count(), kRows + 10);
+            EXPECT_EQ(backend.densify({mcmc, 2, 42}).count, kRows + 17);
+            EXPECT_EQ(backend.densify({mcmc, 3, 42}).count, kRows + 17);
+            Gaussians after = backend.download(true);
+            EXPECT_EQ(after.count, kRows + 17);
+            EXPECT_EQ(std::int64_t(after[Group::kMean].param.size()), 3 * after.count);
+            // What dead rows were relocated to is alive.
+            for (const float opacity : after[Group::kOpacity].param) EXPECT_GT(opacity, -6);
+        });
+    }
+}
+
+TEST(Ranks, CloneAndSplitUpToTheCap) {
+    Views views(some_model(), kRows, 90);
+    views.model.gradient_sum.assign(kRows, 1.0f), views.model.gradient_count.assign(kRows, 1.0f);
+    for (const int ranks : {1, 2, 4}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            AdcParams adc;
+            adc.cap = kRows + 50;
+            adc.min_opacity = 1e-6f;
+            const DensifyStats stats = backend.densify({adc, 1, 42});
+            EXPECT_EQ(stats.cloned + stats.split, 50);
+            EXPECT_EQ(backend.count(), kRows + 50 - stats.pruned);
+            adc.min_opacity = 0.9999f;
+            EXPECT_THROW(backend.densify({adc, 2, 42}), NumericError);
+        });
+    }
+}
+
+TEST(Ranks, TrainWhereSomeHaveNothing) {
+    const Views views(some_model(), 2, 1);
+    Gaussians one;
+    for (const int ranks : {1, 5}) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.step_on(views.steps());
+            backend.densify({McmcParams{}, 1, 42});
+            EXPECT_EQ(backend.count(), 3);
+            backend.step_on({views.step(3)});  // fewer views than ranks
+            backend.morton_sort();
+            EXPECT_TRUE(std::isfinite(backend.take_stats().loss));
+            EXPECT_EQ(backend.download(true).step, kViews + 1);
+        });
+    }
+}
+
+TEST(Ranks, SkipAStepWhoseLossIsNotFinite) {
+    Views views(some_model());
+    views.photographs[2][17] = std::nanf("");
+    for (const int ranks : {1, 3}) {
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.step_on(views.steps());
+            EXPECT_EQ(backend.take_stats().consecutive_skips, 1);
+            Gaussians after = backend.download(true);
+            EXPECT_EQ(after.step, kViews) << "a skipped step counts";
+            after.step = after.ppisp.step = 0;
+            expect_equal(after, views.model);
+        });
+    }
+}
+
+TEST(Ranks, RepeatThemselvesToTheBit) {
+    const Views views(some_model(), kRows, 90);
+    Gaussians first;
+    for (const bool again : {false, true})
+        with_ranked_backend(3, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            for (int k = 0; k < 3; ++k) {
+                auto steps = views.steps();
+                for (StepRequest& step : steps) step.noise = 100, step.iteration = k;
+                backend.step_on(steps);
+                backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
+            }
+            Gaussians after = backend.download(true);
+            if (again)
+                expect_equal(first, after);
+            else
+                first = after;
+        });
+}
+
+}  // namespace
+}  // namespace gs::test
