@@ -39,6 +39,9 @@ class Backend {
     virtual Shard* shard() { return nullptr; }
     /// Returns the most views that a step may have.
     virtual int views_per_step() const { return 1; }
+    /// Returns whether view k of a step needs its pixels here. Those of the others are read elsewhere, by the target's
+    /// id.
+    virtual bool needs_pixels(int) const { return true; }
     /// Takes one optimizer step on the mean gradient of 1 to views_per_step() views, as `step` does of one. All must
     /// have the rates of the first.
     virtual void step_on(const std::vector<StepRequest>& views) { step(views.front()); }

@@ -137,8 +137,8 @@ struct AdcParams {
     float extent = 1;              ///< scene extent E, frame units
     float dense_fraction = 0.01f;  ///< clone below, split above dense_fraction*E
     float min_opacity = 0.005f;
-    bool prune_large = false;  ///< remove Gaussians larger than 0.1*E
-    std::int64_t cap = 0;      ///< 0 = unlimited; growth stops at the cap
+    bool prune_large = false;     ///< remove Gaussians larger than 0.1*E
+    std::int64_t cap = 0;         ///< 0 = unlimited; growth stops at the cap
     bool may_remove_all = false;  ///< whether it is no error if no Gaussian is left: other ranks may have some
 };
 

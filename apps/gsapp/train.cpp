@@ -14,6 +14,7 @@
 #include "kernels/core/error.h"
 #include "lib/core/options_cli.h"
 #include "lib/core/progress.h"
+#include "lib/train/rank_training.h"
 
 namespace gs {
 namespace {
@@ -75,11 +76,16 @@ void add_train_command(CLI::App& app, Command& selected) {
             options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
+            const auto team = RankTeam::join(wanted_ranks(options));
+            if (team && team->rank() > 0) return follow_training(*team, options);
+            if (team) {
+                show_options(*team, options);
+                options.threads = threads_of_rank(*team, options);
+            }
+            const auto train = [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live, team.get()); };
             if (*num_runs > 0)
-                print_table(train_seeds(options, *num_runs,
-                                        [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live); }),
-                            options);
-            else if (const auto row = train_run(options, *frame_rounds, live))
+                print_table(train_seeds(options, *num_runs, train), options);
+            else if (const auto row = train(options))
                 print_table({*row}, options);
         };
     });

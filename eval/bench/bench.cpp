@@ -39,7 +39,7 @@ class Steps {
 
     void step() {
         const std::size_t k = std::size_t(iteration_) % views_.size();
-        backend_.step(composer_.compose({views_[k], images_[k], background_}, Moment{iteration_, double(iteration_)}));
+        backend_.step(composer_.compose({views_[k], &images_[k], background_}, Moment{iteration_, double(iteration_)}));
         ++iteration_;
     }
 

@@ -198,7 +198,8 @@ class CellRunner {
             config,           "--time-frames", std::to_string(cuda ? kFrameRoundsCuda : kFrameRoundsCpu)};
         if (holds_same_run(options))
             command.push_back("--overwrite");  // from the start: the plan counts the time of this call
-        std::vector<std::pair<std::string, std::string>> environment;
+        // However this process was started, the training is no rank of others.
+        std::vector<std::pair<std::string, std::string>> environment = {{"RANK", "0"}, {"WORLD_SIZE", "1"}};
         if (cuda) environment.push_back({"CUDA_VISIBLE_DEVICES", gpu});
         const auto begin = Clock::now();
         const ProcessResult process = run_process(

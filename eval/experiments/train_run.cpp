@@ -30,6 +30,7 @@
 #include "lib/io/atomic_file.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/scene/verify_images.h"
+#include "lib/train/rank_training.h"
 #include "lib/train/residual_share.h"
 #include "lib/train/scene_options.h"
 #include "lib/train/trainer.h"
@@ -206,7 +207,8 @@ std::string free_run_folder(const fs::path& parent, const TrainOptions& options,
     }
 }
 
-std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view) {
+std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view,
+                                  RankTeam* team) {
     setup_log(shown_messages(options));
     if (options.device == Device::kCuda && !cuda_available())
         throw DeviceError("option device: " + cuda_unavailable_reason() + "; use --device cpu");
@@ -261,6 +263,10 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     else if (options.eval)
         log_warning("--eval: there are no test views ({})", scene.split_rule);
     if (live) hooks = watched(std::move(hooks), *live);
+    if (team || options.batch > 1)
+        hooks.make_backend = [&](const AppearanceSpec& appearance, const BackendOptions& backend) {
+            return make_ranked_backend(team, options, scene, appearance, backend);
+        };
     const auto lock = start.lock;
     TrainSummary summary;
     try {

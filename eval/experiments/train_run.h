@@ -11,6 +11,8 @@
 
 namespace gs {
 
+class RankTeam;
+
 /// Returns <parent>/<scene>-<appearance>-<n> with the first n from 1 on for which no folder of that name with `suffix`
 /// behind it exists.
 std::string free_run_folder(const std::filesystem::path& parent, const TrainOptions& options,
@@ -24,8 +26,9 @@ struct LiveView {
 /// Trains one run of checked options in the folder `options.model` (empty: a free one in output/), chooses the
 /// appearance before where the options say auto, and with `options.eval` scores the views held out. `frame_rounds`:
 /// rounds through these in which frames of the trained model are timed; 0 = none. Sets up the log, which also goes to
-/// the folder, catches interrupts, and shows the progress. Returns the row for tables where views were scored. Throws
-/// what load_scene, open_run, find_appearance and train throw.
-std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view = {});
+/// the folder, catches interrupts, and shows the progress. With a `team` this is its rank 0. Returns the row for tables
+/// where views were scored. Throws what load_scene, open_run, find_appearance and train throw.
+std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const std::optional<LiveView>& view = {},
+                                  RankTeam* team = nullptr);
 
 }  // namespace gs

@@ -75,12 +75,15 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.groups[g].width = first.groups[g].width;
         for (int k = 0; k < 3; ++k)
-            join(width, [&](const Gaussians& part) -> const auto& { return *arrays_of(part.groups[g])[k]; },
-                 *arrays_of(model.groups[g])[k]);
+            join(
+                width, [&](const Gaussians& part) -> const auto& { return *arrays_of(part.groups[g])[k]; },
+                *arrays_of(model.groups[g])[k]);
     }
     // A rank that was dealt nothing gathers no statistic; where another does, its part is empty as it should be.
-    join(1, [](const Gaussians& part) -> const auto& { return part.gradient_sum; }, model.gradient_sum);
-    join(1, [](const Gaussians& part) -> const auto& { return part.gradient_count; }, model.gradient_count);
+    join(
+        1, [](const Gaussians& part) -> const auto& { return part.gradient_sum; }, model.gradient_sum);
+    join(
+        1, [](const Gaussians& part) -> const auto& { return part.gradient_count; }, model.gradient_count);
     return model;
 }
 

@@ -53,14 +53,11 @@ class GlooCommunicator final : public Communicator {
             for (std::size_t r = 0; r < out.size(); ++r) {
                 if (r == self || out[r].empty()) continue;
                 // Gloo writes to no buffer that it sends.
-                sends.push_back(
-                    context_->createUnboundBuffer(const_cast<std::byte*>(out[r].data()), out[r].size()));
+                sends.push_back(context_->createUnboundBuffer(const_cast<std::byte*>(out[r].data()), out[r].size()));
                 sends.back()->send(int(r), 0);
             }
-            for (auto& buffer : sends)
-                wait_for(*buffer, [](Buffer& b) { return b.waitSend(kPatience); });
-            for (auto& buffer : receives)
-                wait_for(*buffer, [](Buffer& b) { return b.waitRecv(kPatience); });
+            for (auto& buffer : sends) wait_for(*buffer, [](Buffer& b) { return b.waitSend(kPatience); });
+            for (auto& buffer : receives) wait_for(*buffer, [](Buffer& b) { return b.waitRecv(kPatience); });
         } catch (const gloo::Exception& e) {
             throw DeviceError(std::string("the connection to another rank broke (") + e.what() + ")");
         }

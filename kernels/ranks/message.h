@@ -66,4 +66,10 @@ class MessageReader {
     std::size_t at_ = 0;
 };
 
+/// Sends a message to all other ranks, and receives it from rank 0.
+void send_to_others(Communicator& ranks, const MessageWriter& message);
+MessageReader receive_from_rank_0(Communicator& ranks);
+/// Sends a message to one other rank.
+void send_to(Communicator& ranks, int rank, const MessageWriter& message);
+
 }  // namespace gs

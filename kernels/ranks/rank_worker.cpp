@@ -208,8 +208,7 @@ ResidualScores RankWorker::residual_scores(const std::vector<StepRequest>& views
     const std::size_t batch = std::size_t(ranks_.size());
     std::vector<std::vector<ResidualSplatSums>> sums;
     for (std::size_t first = 0; first < views.size(); first += batch) {
-        std::vector<StepRequest> some(views.begin() + first,
-                                      views.begin() + std::min(views.size(), first + batch));
+        std::vector<StepRequest> some(views.begin() + first, views.begin() + std::min(views.size(), first + batch));
         render_views(cameras_of(some), RenderMode::kFull, sums, [&](std::size_t k, auto& of_view) {
             some[k].target = target(first + k);
             shard_.residuals_of_splats(splats_, some[k], of_view);
@@ -253,27 +252,21 @@ std::vector<float> RankWorker::gather_rows_of_all(const std::vector<float>& valu
     return joined;
 }
 
-template <class T> std::vector<T> RankWorker::scatter_rows(const std::vector<T>& values, int width) {
-    std::vector<std::vector<T>> all(rows_.size());
+std::vector<std::uint8_t> RankWorker::scatter_rows(const std::vector<std::uint8_t>& values) {
+    std::vector<std::vector<std::uint8_t>> all(rows_.size());
     std::vector<ConstBytes> out(rows_.size());
     std::vector<Bytes> in(rows_.size());
     if (ranks_.rank() == 0) {
-        for (std::size_t r = 0; r < all.size(); ++r) all[r].resize(std::size_t(rows_[r].count) * width);
+        for (std::size_t r = 0; r < all.size(); ++r) all[r].resize(std::size_t(rows_[r].count));
         auto from = values.begin();
-        for (const DealtRow& place : row_order(rows_)) {
-            std::copy_n(from, width, all[std::size_t(place.rank)].begin() + std::ptrdiff_t(place.row) * width);
-            from += width;
-        }
+        for (const DealtRow& place : row_order(rows_)) all[std::size_t(place.rank)][place.row] = *from++;
         for (std::size_t r = 0; r < all.size(); ++r) out[r] = bytes_of(all[r]);
     }
-    std::vector<T> own(std::size_t(rows_[std::size_t(ranks_.rank())].count) * width);
+    std::vector<std::uint8_t> own(std::size_t(rows_[std::size_t(ranks_.rank())].count));
     in[0] = room_of(own);
     ranks_.exchange(out, in);
     return own;
 }
-
-template std::vector<std::uint8_t> RankWorker::scatter_rows(const std::vector<std::uint8_t>&, int);
-template std::vector<float> RankWorker::scatter_rows(const std::vector<float>&, int);
 
 RankCosts RankWorker::take_costs() { return std::exchange(costs_, {}); }
 

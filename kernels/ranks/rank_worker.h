@@ -59,15 +59,16 @@ class RankWorker {
     /// Returns the values of all rows in the order of the whole model on rank 0, and nothing on the others. Each rank
     /// gives `width` per row.
     std::vector<float> gather_rows_of_all(const std::vector<float>& values, int width);
-    /// Returns the values of the rank's rows. Rank 0 gives `width` per row of the whole model, others nothing.
-    template <class T> std::vector<T> scatter_rows(const std::vector<T>& values, int width);
+    /// Returns the values of the rank's rows. Rank 0 gives one per row of the whole model, others nothing.
+    std::vector<std::uint8_t> scatter_rows(const std::vector<std::uint8_t>& values);
 
     RankCosts take_costs();
     Backend& backend() { return backend_; }
 
   private:
     /// Projects `cameras` and calls view(k) on the rank that renders view k, when its splats are in splats_. `sums` are
-    /// per view, and view(k) fills sums_of_view for splats_. Afterwards `sums[k]` has those of the splats in packed_[k].
+    /// per view, and view(k) fills sums_of_view for splats_. Afterwards `sums[k]` has those of the splats in
+    /// packed_[k].
     template <class Sum, class Fn>
     void render_views(const std::vector<CameraParams<float>>& cameras, RenderMode mode,
                       std::vector<std::vector<Sum>>& sums, Fn&& view);
@@ -80,9 +81,9 @@ class RankWorker {
     const TargetSource targets_;
     std::vector<RankRows> rows_;
     std::int64_t num_gaussians_ = 0;
-    std::size_t isp_size_ = 0;  ///< values of PPISP
-    std::vector<PackedView> packed_;               ///< per view: the rank's splats
-    std::vector<PackedSplat> splats_;              ///< of the view that is rendered: those of all ranks, by rank
+    std::size_t isp_size_ = 0;                         ///< values of PPISP
+    std::vector<PackedView> packed_;                   ///< per view: the rank's splats
+    std::vector<PackedSplat> splats_;                  ///< of the view that is rendered: those of all ranks, by rank
     std::vector<std::vector<SplatSums<float>>> sums_;  ///< per view: of packed_
     RankCosts costs_;
 };

@@ -3,13 +3,13 @@
 #include "kernels/ranks/ranked_backend.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numeric>
+#include <exception>
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
+#include "kernels/densify/residual_handles.h"
 #include "kernels/ranks/messages.h"
 
 namespace gs {
@@ -29,7 +29,6 @@ enum class Call : std::uint32_t {
     kScores,
     kResidualScores,
     kSquaredError,
-    kKeepResiduals,
     kPruneNonFinite,
     kPruneInvisible,
     kPruneLowest,
@@ -78,18 +77,9 @@ DensifyStats densify_rows(Communicator& ranks, RankWorker& worker, const Densify
     return all;
 }
 
-/// Keeps the residuals of marked rows; `marks` and `bases` are those of the whole model on rank 0, empty on the others.
-void keep_residuals_of_rows(RankWorker& worker, const std::vector<std::uint8_t>& marks,
-                            const std::vector<float>& bases, bool with_bases) {
-    const std::vector<std::uint8_t> own_marks = worker.scatter_rows(marks, 1);
-    std::vector<float> own_bases;
-    if (with_bases) own_bases = worker.scatter_rows(bases, 3);
-    worker.backend().keep_residuals(own_marks, own_bases);
-    worker.count_rows();
-}
-
+/// Keeps the marked rows; `marks` is of the whole model on rank 0, empty on the others.
 void keep_rows(RankWorker& worker, const std::vector<std::uint8_t>& marks) {
-    const std::vector<std::uint8_t> own = worker.scatter_rows(marks, 1);
+    const std::vector<std::uint8_t> own = worker.scatter_rows(marks);
     std::vector<std::uint32_t> rows;
     for (std::size_t i = 0; i < own.size(); ++i)
         if (own[i]) rows.push_back(std::uint32_t(i));
@@ -104,23 +94,23 @@ RankedBackend::RankedBackend(Communicator& ranks, std::unique_ptr<Backend> own, 
 
 RankedBackend::~RankedBackend() {
     try {
-        if (!lost_) send(message_of(Call::kEnd));
+        if (lost_)
+            ranks_.abort();  // nobody knows what the others wait for
+        else
+            send_to_others(ranks_, message_of(Call::kEnd));
     } catch (const Error&) {  // a rank that is lost ends by itself
     }
 }
 
-void RankedBackend::send(const MessageWriter& command) {
+template <class Fn> auto RankedBackend::together(const MessageWriter& command, Fn&& own_part) {
+    const struct Guard {
+        bool& lost;
+        int exceptions = std::uncaught_exceptions();
+        ~Guard() { lost = lost || std::uncaught_exceptions() > exceptions; }
+    } guard{lost_};
     if (lost_) throw DeviceError("a rank of the training was lost");
-    lost_ = true;  // until it has been sent
-    const std::uint64_t size = command.bytes().size();
-    const auto to_others = [&](ConstBytes bytes) {
-        std::vector<ConstBytes> out(std::size_t(ranks_.size()), bytes);
-        out[0] = {};
-        ranks_.exchange(out, std::vector<Bytes>(out.size()));
-    };
-    to_others(std::as_bytes(std::span(&size, 1)));
-    to_others(command.bytes());
-    lost_ = false;
+    send_to_others(ranks_, command);
+    return own_part();
 }
 
 std::string RankedBackend::describe() const {
@@ -128,49 +118,40 @@ std::string RankedBackend::describe() const {
 }
 
 void RankedBackend::upload(const Gaussians& state) {
-    send(message_of(Call::kUpload));
-    // The parts go one by one, so that no more than two are in memory besides the model.
-    for (int r = 1; r < ranks_.size(); ++r) {
-        MessageWriter message;
-        put(message, dealt_part(state, ranks_.size(), r));
-        const std::uint64_t size = message.bytes().size();
-        std::vector<ConstBytes> out(std::size_t(ranks_.size()));
-        const std::vector<Bytes> in(out.size());
-        out[std::size_t(r)] = std::as_bytes(std::span(&size, 1));
-        ranks_.exchange(out, in);
-        out[std::size_t(r)] = message.bytes();
-        ranks_.exchange(out, in);
-    }
-    worker_.upload(dealt_part(state, ranks_.size(), 0));
+    together(message_of(Call::kUpload), [&] {
+        // The parts go one by one, so that no more than two are in memory besides the model.
+        for (int r = 1; r < ranks_.size(); ++r) {
+            MessageWriter message;
+            put(message, dealt_part(state, ranks_.size(), r));
+            send_to(ranks_, r, message);
+        }
+        worker_.upload(dealt_part(state, ranks_.size(), 0));
+    });
 }
 
 Gaussians RankedBackend::download(bool with_moments) {
-    send(message_of(Call::kDownload).put(with_moments));
-    return joined(worker_.download(with_moments));
+    return together(message_of(Call::kDownload).put(with_moments),
+                    [&] { return joined(worker_.download(with_moments)); });
 }
 
 void RankedBackend::set_active_degree(int degree) {
-    send(message_of(Call::kSetDegree).put(degree));
-    own_->set_active_degree(degree);
+    together(message_of(Call::kSetDegree).put(degree), [&] { own_->set_active_degree(degree); });
 }
 
 void RankedBackend::upload_ppisp(const PpispState& state) {
     MessageWriter message = message_of(Call::kUploadPpisp);
     put(message, state);
-    send(message);
-    worker_.upload_ppisp(state);
+    together(message, [&] { worker_.upload_ppisp(state); });
 }
 
 void RankedBackend::render(const RenderRequest& request, RenderedImage& out) {
-    send(message_of(Call::kRender).put(request));
-    worker_.render(request, out);
+    together(message_of(Call::kRender).put(request), [&] { worker_.render(request, out); });
 }
 
 void RankedBackend::step_on(const std::vector<StepRequest>& views) {
     MessageWriter message = message_of(Call::kStep);
     put(message, views);
-    send(message);
-    const StepStats one = worker_.step(views);
+    const StepStats one = together(message, [&] { return worker_.step(views); });
     stats_.loss = one.loss, stats_.l1 = one.l1, stats_.ssim = one.ssim, stats_.num_instances = one.num_instances;
     ++stats_.steps;
     stats_.num_nonfinite_gradients += one.num_nonfinite_gradients;
@@ -180,8 +161,7 @@ void RankedBackend::step_on(const std::vector<StepRequest>& views) {
 void RankedBackend::distill(const StepRequest& request) {
     MessageWriter message = message_of(Call::kDistill);
     put(message, request);
-    send(message);
-    worker_.distill(request);
+    together(message, [&] { worker_.distill(request); });
     stats_ = own_->take_stats();
 }
 
@@ -200,21 +180,20 @@ DensifyStats RankedBackend::densify(const DensifyRequest& request) {
         shares = even_shares(worker_.rows(), mcmc_target(before, *mcmc));
     else if (adc->cap > 0)
         shares = even_shares(worker_.rows(), adc->cap);
-    send(message_of(Call::kDensify).put(request).put(shares));
-    const DensifyStats stats = densify_rows(ranks_, worker_, request, shares);
+    const DensifyStats stats = together(message_of(Call::kDensify).put(request).put(shares),
+                                        [&] { return densify_rows(ranks_, worker_, request, shares); });
     deal_anew_if_uneven();
     if (adc && stats.count == 0) throw_nothing_left(*adc, request.iteration, before + stats.cloned + 2 * stats.split);
     return stats;
 }
 
 void RankedBackend::reset_opacity() {
-    send(message_of(Call::kResetOpacity));
-    own_->reset_opacity();
+    together(message_of(Call::kResetOpacity), [&] { own_->reset_opacity(); });
 }
 
 std::vector<float> RankedBackend::scores(const std::vector<RenderRequest>& views) {
-    send(message_of(Call::kScores).put(views));
-    return worker_.gather_rows_of_all(worker_.scores(views), 1);
+    return together(message_of(Call::kScores).put(views),
+                    [&] { return worker_.gather_rows_of_all(worker_.scores(views), 1); });
 }
 
 std::int64_t RankedBackend::num_residuals() const {
@@ -232,23 +211,27 @@ ResidualScores RankedBackend::residual_scores(std::size_t num_views, const StepS
     }
     MessageWriter message = message_of(Call::kResidualScores);
     put(message, views);
-    send(message);
-    const ResidualScores own = worker_.residual_scores(views, [&](std::size_t k) { return step_on(k).target; });
-    all.worth = worker_.gather_rows_of_all(own.worth, 1);
-    all.mean_base = worker_.gather_rows_of_all(own.mean_base, 3);
+    together(message, [&] {
+        const ResidualScores own = worker_.residual_scores(views, [&](std::size_t k) { return step_on(k).target; });
+        all.worth = worker_.gather_rows_of_all(own.worth, 1);
+        all.mean_base = worker_.gather_rows_of_all(own.mean_base, 3);
+    });
     return all;
 }
 
 double RankedBackend::squared_error(const StepRequest& view) {
     MessageWriter message = message_of(Call::kSquaredError);
     put(message, view);
-    send(message);
-    return worker_.squared_error(view);
+    return together(message, [&] { return worker_.squared_error(view); });
 }
 
 void RankedBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
-    send(message_of(Call::kKeepResiduals).put(!bases.empty()));
-    keep_residuals_of_rows(worker_, marks, bases, !bases.empty());
+    // Rows with a residual come first, each kind in its order: no rank can see that for all.
+    Gaussians all = download(true);
+    ResidualHandles residuals(all, true);
+    residuals.keep(marks, bases);
+    residuals.resolve();
+    upload(all);
 }
 
 PruneStats RankedBackend::prune(const PruneRequest& request) {
@@ -256,15 +239,14 @@ PruneStats RankedBackend::prune(const PruneRequest& request) {
         const std::vector<float> values = scores(lowest->views);
         std::vector<std::uint8_t> marks(values.size(), 0);
         for (std::uint32_t row : rows_of_highest_scores(values, lowest->ratio)) marks[row] = 1;
-        send(message_of(Call::kPruneLowest));
         const std::int64_t before = count();
-        keep_rows(worker_, marks);
+        together(message_of(Call::kPruneLowest), [&] { keep_rows(worker_, marks); });
         deal_anew_if_uneven();
         return {before - count(), {}};
     }
     const bool non_finite = std::holds_alternative<NonFiniteRows>(request);
-    send(message_of(non_finite ? Call::kPruneNonFinite : Call::kPruneInvisible));
-    const PruneStats stats = prune_rows(ranks_, worker_, request);
+    const PruneStats stats = together(message_of(non_finite ? Call::kPruneNonFinite : Call::kPruneInvisible),
+                                      [&] { return prune_rows(ranks_, worker_, request); });
     deal_anew_if_uneven();
     return stats;
 }
@@ -276,8 +258,7 @@ void RankedBackend::deal_anew_if_uneven() {
 }
 
 void RankedBackend::morton_sort() {
-    send(message_of(Call::kMortonSort));
-    own_->morton_sort();
+    together(message_of(Call::kMortonSort), [&] { own_->morton_sort(); });
 }
 
 double RankedBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
@@ -292,36 +273,36 @@ double RankedBackend::time_frames(const std::vector<RenderRequest>& views, int r
 
 void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) {
     RankWorker worker(ranks, backend, targets);
-    const auto receive = [&] {
-        std::vector<Bytes> in(std::size_t(ranks.size()));
-        const std::vector<ConstBytes> out(in.size());
-        std::vector<std::uint64_t> size(1);
-        in[0] = room_of(size);
-        ranks.exchange(out, in);
-        std::vector<std::byte> bytes(size[0]);
-        in[0] = bytes;
-        ranks.exchange(out, in);
-        return MessageReader(std::move(bytes));
-    };
     while (true) {
-        MessageReader message = receive();
+        MessageReader message = receive_from_rank_0(ranks);
         switch (message.get<Call>()) {
-            case Call::kEnd: return;
+            case Call::kEnd:
+                return;
             case Call::kUpload: {
-                MessageReader part = receive();
+                MessageReader part = receive_from_rank_0(ranks);
                 worker.upload(get_gaussians(part));
                 break;
             }
-            case Call::kDownload: worker.download(message.get<bool>()); break;
-            case Call::kSetDegree: backend.set_active_degree(message.get<int>()); break;
-            case Call::kUploadPpisp: worker.upload_ppisp(get_ppisp(message)); break;
+            case Call::kDownload:
+                worker.download(message.get<bool>());
+                break;
+            case Call::kSetDegree:
+                backend.set_active_degree(message.get<int>());
+                break;
+            case Call::kUploadPpisp:
+                worker.upload_ppisp(get_ppisp(message));
+                break;
             case Call::kRender: {
                 RenderedImage nowhere;
                 worker.render(message.get<RenderRequest>(), nowhere);
                 break;
             }
-            case Call::kStep: worker.step(get_steps(message)); break;
-            case Call::kDistill: worker.distill(get_step(message)); break;
+            case Call::kStep:
+                worker.step(get_steps(message));
+                break;
+            case Call::kDistill:
+                worker.distill(get_step(message));
+                break;
             case Call::kDensify: {
                 const auto request = message.get<DensifyRequest>();
                 std::vector<std::int64_t> shares;
@@ -329,7 +310,9 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
                 densify_rows(ranks, worker, request, shares);
                 break;
             }
-            case Call::kResetOpacity: backend.reset_opacity(); break;
+            case Call::kResetOpacity:
+                backend.reset_opacity();
+                break;
             case Call::kScores: {
                 std::vector<RenderRequest> views;
                 message.get(views);
@@ -344,12 +327,21 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
                 worker.gather_rows_of_all(own.mean_base, 3);
                 break;
             }
-            case Call::kSquaredError: worker.squared_error(get_step(message)); break;
-            case Call::kKeepResiduals: keep_residuals_of_rows(worker, {}, {}, message.get<bool>()); break;
-            case Call::kPruneNonFinite: prune_rows(ranks, worker, NonFiniteRows{}); break;
-            case Call::kPruneInvisible: prune_rows(ranks, worker, InvisibleRows{}); break;
-            case Call::kPruneLowest: keep_rows(worker, {}); break;
-            case Call::kMortonSort: backend.morton_sort(); break;
+            case Call::kSquaredError:
+                worker.squared_error(get_step(message));
+                break;
+            case Call::kPruneNonFinite:
+                prune_rows(ranks, worker, NonFiniteRows{});
+                break;
+            case Call::kPruneInvisible:
+                prune_rows(ranks, worker, InvisibleRows{});
+                break;
+            case Call::kPruneLowest:
+                keep_rows(worker, {});
+                break;
+            case Call::kMortonSort:
+                backend.morton_sort();
+                break;
         }
     }
 }

@@ -15,11 +15,12 @@ class RankedBackend final : public Backend, private BackendTimer {
   public:
     /// Takes rank 0's own backend, and trains on `views_per_step` views in a step. `ranks` must outlive the object.
     RankedBackend(Communicator& ranks, std::unique_ptr<Backend> own, int views_per_step);
-    /// Tells the other ranks that there is nothing more to follow, unless a rank was lost.
+    /// Tells the other ranks that there is nothing more to follow, or ends the connection if a call failed halfway.
     ~RankedBackend() override;
 
     std::string describe() const override;
     int views_per_step() const override { return views_per_step_; }
+    bool needs_pixels(int k) const override { return k % ranks_.size() == 0; }
     void upload(const Gaussians& state) override;
     Gaussians download(bool with_moments) override;
     std::int64_t count() const override { return worker_.num_gaussians(); }
@@ -53,8 +54,8 @@ class RankedBackend final : public Backend, private BackendTimer {
     std::vector<StageCost> take_stage_costs() override { return own_->timer().take_stage_costs(); }
     Ceilings measure_ceilings() override { return own_->timer().measure_ceilings(); }
 
-    /// Sends a command to the other ranks. After a failure nothing more is sent.
-    void send(const MessageWriter& command);
+    /// Sends a command to the other ranks and does rank 0's own part of it. After a failure nothing more is sent.
+    template <class Fn> auto together(const MessageWriter& command, Fn&& own_part);
     void deal_anew_if_uneven();
 
     Communicator& ranks_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a backend does for a training over several ranks, each of which holds a part of the Gaussians (docs/math/ranks.md).
+// What a backend does for a training over several ranks, each of which holds a part of the Gaussians
+// (docs/math/ranks.md).
 #pragma once
 
 #include <vector>
@@ -25,8 +26,8 @@ struct ViewLoss {
 
 /// The sums of one splat over the pixels of a view that say what its residual is worth.
 struct ResidualSplatSums {
-    float weight;             ///< of the view's mask
-    Vec3<float> gradient;     ///< of half the squared error by the colour
+    float weight;          ///< of the view's mask
+    Vec3<float> gradient;  ///< of half the squared error by the colour
 };
 
 /// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
@@ -61,8 +62,7 @@ class Shard {
     /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `packed` and `sums` hold the
     /// splats that project() made and what other ranks computed of them. `num_gaussians` counts those of all ranks.
     /// Returns the gradient of the shared weights by the rank's Gaussians.
-    virtual std::vector<float> update_rows(const std::vector<StepRequest>& views,
-                                           const std::vector<PackedView>& packed,
+    virtual std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<PackedView>& packed,
                                            const std::vector<std::vector<SplatSums<float>>>& sums,
                                            std::int64_t num_gaussians) = 0;
     /// Ends the step: takes that of the shared weights and of PPISP, with gradients summed over ranks, and counts it.

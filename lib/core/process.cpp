@@ -12,6 +12,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <optional>
 
 #include "kernels/core/error.h"
 
@@ -43,8 +44,9 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
     return out;
 }
 
-pid_t start(const std::vector<std::string>& arguments, const std::vector<std::string>& environment, int output,
-            bool own_group) {
+/// Starts a program whose stdout and stderr go to `output`; without one, stdout goes nowhere and stderr is shared.
+pid_t start(const std::string& program, const std::vector<std::string>& arguments,
+            const std::vector<std::string>& environment, std::optional<int> output, bool own_group) {
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);  // the default process group, 0, means a new one
     posix_spawnattr_setflags(&attributes, short(POSIX_SPAWN_SETSIGDEF | (own_group ? POSIX_SPAWN_SETPGROUP : 0)));
@@ -56,17 +58,20 @@ pid_t start(const std::vector<std::string>& arguments, const std::vector<std::st
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, output, STDERR_FILENO);
+    if (output) {
+        posix_spawn_file_actions_adddup2(&actions, *output, STDOUT_FILENO);
+        posix_spawn_file_actions_adddup2(&actions, *output, STDERR_FILENO);
+    } else {
+        posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    }
     pid_t pid = 0;
-    const int error = posix_spawnp(&pid, arguments[0].c_str(), &actions, &attributes, pointers(arguments).data(),
+    const int error = posix_spawnp(&pid, program.c_str(), &actions, &attributes, pointers(arguments).data(),
                                    pointers(environment).data());
     posix_spawn_file_actions_destroy(&actions);
     posix_spawnattr_destroy(&attributes);
-    if (error == ENOENT)
-        throw UsageError(fmt::format("the program '{}' is not installed or not on PATH", arguments[0]));
+    if (error == ENOENT) throw UsageError(fmt::format("the program '{}' is not installed or not on PATH", program));
     if (error != 0)
-        throw Error(ExitCode::kUnexpected, fmt::format("cannot start '{}': {}", arguments[0], std::strerror(error)));
+        throw Error(ExitCode::kUnexpected, fmt::format("cannot start '{}': {}", program, std::strerror(error)));
     return pid;
 }
 
@@ -122,6 +127,11 @@ struct Descriptor {
 
 }  // namespace
 
+pid_t start_process(const std::string& program, const std::vector<std::string>& arguments,
+                    const std::vector<std::pair<std::string, std::string>>& environment) {
+    return start(program, arguments, merged_environment(environment), std::nullopt, false);
+}
+
 ProcessResult run_process(const std::vector<std::string>& arguments,
                           const std::vector<std::pair<std::string, std::string>>& environment,
                           const std::function<void(const std::string&)>& on_line, const std::function<bool()>& stop) {
@@ -129,7 +139,7 @@ ProcessResult run_process(const std::vector<std::string>& arguments,
     if (::pipe2(ends, O_CLOEXEC) != 0)
         throw Error(ExitCode::kUnexpected, fmt::format("cannot make a pipe: {}", std::strerror(errno)));
     Descriptor input{ends[0]}, output{ends[1]};
-    const pid_t child = start(arguments, merged_environment(environment), output.fd, bool(stop));
+    const pid_t child = start(arguments[0], arguments, merged_environment(environment), output.fd, bool(stop));
     output.close();
     ProcessResult result;
     try {

@@ -89,7 +89,13 @@ void Course::advance_stretch(std::int64_t count) {
     finished_ = progress >= 1;
 }
 
-void Course::advance(std::int64_t count) {
+void Course::advance(std::int64_t count, std::int64_t views) {
+    const double before = moment_.position;
+    for (std::int64_t k = 0; k < views; ++k) advance_one(count);
+    moment_.before = before;
+}
+
+void Course::advance_one(std::int64_t count) {
     if (stretch_) {
         advance_stretch(count);
         return;

@@ -48,8 +48,8 @@ class Course {
 
     const Moment& moment() const { return moment_; }
     bool finished() const { return finished_; }
-    /// Goes on after a step, with `count` Gaussians.
-    void advance(std::int64_t count);
+    /// Goes on after a step on `views` views, with `count` Gaussians. Each view is an iteration.
+    void advance(std::int64_t count, std::int64_t views = 1);
     /// Returns the number of iterations of the run: an estimate while time decides.
     std::int64_t expected_iterations() const;
 
@@ -64,6 +64,7 @@ class Course {
     const std::optional<TimeBudget>& budget() const { return budget_; }
 
   private:
+    void advance_one(std::int64_t count);
     void advance_stretch(std::int64_t count);
 
     const TrainOptions& options_;

@@ -2,6 +2,8 @@
 // Composes view, rates, regularisers and correction of one training step.
 #include "lib/train/step_composer.h"
 
+#include <cmath>
+
 #include "lib/scene/camera_params.h"
 #include "lib/scene/resized.h"
 #include "lib/train/target_image.h"
@@ -19,11 +21,17 @@ StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& ap
 
 StepRequest StepComposer::request_of(const StepView& view, std::int64_t iteration) const {
     StepRequest request;
-    const Image& color = view.image.color;
-    request.camera = camera_params(resized(scene_.train[view.index].camera, color.width, color.height));
+    const Camera& camera = scene_.train[view.index].camera;
+    const std::int64_t id = std::int64_t(view.index) + view.level * std::int64_t(scene_.train.size());
+    if (view.image) {
+        const Image& color = view.image->color;
+        request.camera = camera_params(resized(camera, color.width, color.height));
+        request.target = target_image(*view.image, id);
+    } else {
+        request.camera = camera_params(view.level > 0 ? reduced(camera, view.level + 1) : camera);
+        request.target.id = id;
+    }
     request.background = view.background;
-    request.target =
-        target_image(view.image, std::int64_t(view.index) + view.level * std::int64_t(scene_.train.size()));
     request.iteration = iteration;
     request.lambda_dssim = float(options_.lambda_dssim);
     request.seed = options_.seed;
@@ -51,6 +59,17 @@ StepRequest StepComposer::compose(const StepView& view, const Moment& moment, co
         request.isp_rate *= rate_factor_;
     }
     return request;
+}
+
+void StepComposer::combine(std::vector<StepRequest>& requests) {
+    StepRequest& first = requests.front();
+    const double factor = std::sqrt(double(requests.size()));
+    for (double& rate : first.rates) rate *= factor;
+    for (double& rate : first.residual_rates) rate *= factor;
+    first.shared_rate *= factor;
+    first.noise *= float(factor);
+    first.isp_rate *= factor;
+    for (StepRequest& other : requests) other.isp_rate = first.isp_rate;
 }
 
 StepRequest StepComposer::compose_distillation(const StepView& view, std::int64_t iteration) const {

@@ -14,7 +14,7 @@ namespace gs {
 /// One training view as a step uses it.
 struct StepView {
     std::size_t index = 0;   ///< index into scene.train
-    const ViewImage& image;  ///< must outlive the backend's call with the request
+    const ViewImage* image;  ///< must outlive the backend's call with the request; null: its pixels are read elsewhere
     Vec3<float> background{};
     int level = 0;  ///< place of the image among those of its view: 0 for the full one, f - 1 if reduced f times
 };
@@ -31,6 +31,10 @@ class StepComposer {
     StepRequest compose(const StepView& view, const Moment& moment) const { return compose(view, moment, moment); }
     /// Returns the same step with the learning rates of another moment.
     StepRequest compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const;
+
+    /// Turns requests of single steps into those of one step on all their views: with the rates of the first, which the
+    /// mean gradient of n views allows to be the root of n times as high (docs/math/ranks.md#batch).
+    static void combine(std::vector<StepRequest>& requests);
 
     /// Returns a step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.
     StepRequest compose_distillation(const StepView& view, std::int64_t iteration) const;

@@ -34,9 +34,6 @@
 namespace gs {
 namespace {
 
-/// The iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is
-/// then below a hundredth of the work.
-constexpr std::int64_t kLogInterval = 100;
 /// A loss that is not finite this often in a row does not recover. Also the iterations between two looks at the
 /// statistics: a device may be behind, and asking it each time would make it wait.
 constexpr std::int64_t kMaxSkips = 10;
@@ -310,10 +307,12 @@ class Run {
     }
     std::string how_to_continue() const { return "continue with --resume latest -m " + writer_.folder().root.string(); }
 
-    std::unique_ptr<Backend> make_backend() const {
+    std::unique_ptr<Backend> make_backend() {
         const BackendOptions options = backend_options(options_);
-        return hooks_.make_backend ? hooks_.make_backend(appearance_, options)
-                                   : choose_backend(options_.device, appearance_, options);
+        auto backend = hooks_.make_backend ? hooks_.make_backend(appearance_, options)
+                                           : choose_backend(options_.device, appearance_, options);
+        views_.deal(backend->views_per_step(), [&](int k) { return backend->needs_pixels(k); });
+        return backend;
     }
 
     void begin(double used_seconds, std::optional<InitialModel> initial) {
@@ -378,7 +377,8 @@ class Run {
 
     void iterate() {
         // First, since it may fail: nothing of this iteration is done yet, and a checkpoint continues before it.
-        const TrainingViews::Step step = views_.at(iteration_, last_iteration(), course_.reduction());
+        const std::vector<TrainingViews::Step> steps = next_steps();
+        const auto num_views = std::int64_t(steps.size());
         const Moment moment = course_.moment();
         decide_photometric(moment);
         const bool hold = multiples_passed(moment.before, moment.position, kDegreeInterval) > 0 &&
@@ -388,23 +388,50 @@ class Run {
                                [&] { return course_.most_gaussians(backend_->count(), limits_.most_now(*backend_)); }),
                            iteration_ + 1);
         report_residuals(residuals_.before_step(*backend_, moment, steps_on_views(moment)), iteration_ + 1);
-        backend_->step(composer_.compose(step.view(), moment));
+        std::vector<StepRequest> requests;
+        for (const TrainingViews::Step& step : steps) requests.push_back(composer_.compose(step.view(), moment));
+        if (num_views > 1) StepComposer::combine(requests);
+        backend_->step_on(requests);
         last_moment_ = moment;
-        writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + 1);
-        ++iteration_;
-        course_.advance(backend_->count());
-        if (iteration_ % kMaxSkips == 0) read_stats();
+        writer_.log_change(schedule_.after_step(*backend_, moment), iteration_ + num_views);
+        iteration_ += num_views;
+        course_.advance(backend_->count(), num_views);
+        if (iteration_ / kMaxSkips > (iteration_ - num_views) / kMaxSkips) read_stats();
         if (iteration_ % kLogInterval == 0) {
             prune_nonfinite();
             keep_time_for_controllers();
         }
     }
 
+    /// Returns the views of the next step: as many as the backend takes, but no more than there are to the next
+    /// iteration at which something may be due.
+    std::vector<TrainingViews::Step> next_steps() {
+        std::int64_t end = (iteration_ / kLogInterval + 1) * kLogInterval;
+        const auto ends_at = [&](std::int64_t iteration) {
+            if (iteration > iteration_) end = std::min(end, iteration);
+        };
+        if (const std::int64_t views = backend_->views_per_step(); views > 1) {
+            ends_at(iteration_ + views);
+            if (ends_by_iterations(options_)) ends_at(options_.iterations);
+            if (options_.preview_every > 0) ends_at((iteration_ / options_.preview_every + 1) * options_.preview_every);
+            for (const auto* list :
+                 {&options_.test_iterations, &options_.save_iterations, &options_.checkpoint_iterations})
+                for (std::int64_t iteration : *list) ends_at(iteration);
+        } else {
+            end = iteration_ + 1;
+        }
+        std::vector<TrainingViews::Step> steps;
+        for (std::int64_t k = 0; iteration_ + k < end; ++k)
+            steps.push_back(
+                views_.at(iteration_ + k, last_iteration(), course_.reduction(), backend_->needs_pixels(int(k))));
+        return steps;
+    }
+
     /// Returns where steps on single views at `moment` come from. Each is valid until the next is asked for.
     StepSource steps_on_views(const Moment& moment) {
         return [this, moment, image = std::shared_ptr<const ViewImage>()](std::size_t view) mutable {
             image = views_.image(view);
-            return composer_.compose(StepView{view, *image, views_.fixed_background()}, moment);
+            return composer_.compose(StepView{view, image.get(), views_.fixed_background()}, moment);
         };
     }
 

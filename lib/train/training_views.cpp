@@ -3,6 +3,7 @@
 #include "lib/train/training_views.h"
 
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <thread>
 
@@ -34,20 +35,44 @@ TrainingViews::TrainingViews(const TrainOptions& options, const Scene& scene)
 
 void TrainingViews::prefetch(std::int64_t first, std::int64_t end, int factor) {
     ImageCache& images = images_of(factor);
-    for (std::int64_t k = first; k < std::min(end, first + prefetch_); ++k) images.prefetch(order_.at(k));
+    for (std::int64_t k = first; k < std::min(end, first + prefetch_); ++k)
+        if (is_read_here(k)) images.prefetch(order_.at(k));
 }
 
-TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, int factor) {
+TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, int factor, bool with_image) {
     Step step;
     ImageCache& images = images_of(factor);
     step.index = order_.at(iteration);
-    const double start = seconds_now();
-    step.image = images.get(step.index);
-    wait_seconds_ += seconds_now() - start;
-    if (iteration + prefetch_ < end) images.prefetch(ahead_.at(iteration + prefetch_));
+    if (with_image) {
+        const double start = seconds_now();
+        step.image = images.get(step.index);
+        wait_seconds_ += seconds_now() - start;
+    }
+    prefetch_ahead(images, iteration, end);
     step.background = background_at(iteration);
     step.level = factor - 1;
     return step;
+}
+
+std::shared_ptr<const ViewImage> TrainingViews::image_of_rank(std::int64_t id, std::int64_t iteration) {
+    const auto count = std::int64_t(scene_.train.size());
+    ImageCache& images = images_of(int(id / count) + 1);
+    auto image = images.get(std::size_t(id % count));
+    for (std::size_t k = 0; k < read_here_.size(); ++k)
+        prefetch_ahead(images, iteration + std::int64_t(k), std::numeric_limits<std::int64_t>::max());
+    return image;
+}
+
+void TrainingViews::deal(int views_per_step, const std::function<bool(int k)>& is_read_here) {
+    read_here_.assign(std::size_t(views_per_step), false);
+    for (int k = 0; k < views_per_step; ++k) read_here_[std::size_t(k)] = is_read_here(k);
+}
+
+void TrainingViews::prefetch_ahead(ImageCache& images, std::int64_t iteration, std::int64_t end) {
+    // As many of one's own views ahead as if all were, but no view twice.
+    const auto own = std::max<std::int64_t>(1, std::count(read_here_.begin(), read_here_.end(), true));
+    const std::int64_t next = iteration + prefetch_ * std::int64_t(read_here_.size()) / own;
+    if (next < end && is_read_here(next)) images.prefetch(ahead_.at(next));
 }
 
 ImageCache& TrainingViews::images_of(int factor) {

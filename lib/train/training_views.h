@@ -3,8 +3,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
+#include <vector>
 
 #include "lib/core/options.h"
 #include "lib/core/train_options.h"
@@ -15,25 +17,36 @@
 
 namespace gs {
 
+/// The iterations between log lines, which are also the scans for non-finite parameters: one pass over the model is
+/// then below a hundredth of the work. Steps on several views end there.
+inline constexpr std::int64_t kLogInterval = 100;
+
 class TrainingViews {
   public:
     /// Both arguments must outlive the object.
     TrainingViews(const TrainOptions& options, const Scene& scene);
 
+    /// Says how many views a step has, and of which of these the images are read here: of those are the images that
+    /// are decoded ahead.
+    void deal(int views_per_step, const std::function<bool(int k)>& is_read_here);
+
     /// The view of one step.
     struct Step {
-        std::size_t index = 0;  ///< index into scene.train
-        std::shared_ptr<const ViewImage> image;
+        std::size_t index = 0;                   ///< index into scene.train
+        std::shared_ptr<const ViewImage> image;  ///< null where the pixels are read elsewhere
         Vec3<float> background;
         int level = 0;  ///< StepView::level
 
-        StepView view() const { return {index, *image, background, level}; }
+        StepView view() const { return {index, image.get(), background, level}; }
     };
 
     /// Starts decoding for the iterations from `first` to before `end`.
     void prefetch(std::int64_t first, std::int64_t end, int factor = 1);
-    /// Returns the step of `iteration` in a stretch that ends before `end`, with images reduced `factor` times.
-    Step at(std::int64_t iteration, std::int64_t end, int factor = 1);
+    /// Returns the step of `iteration` in a stretch that ends before `end`, with images reduced `factor` times, or
+    /// without its image.
+    Step at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
+    /// Returns the image of a view by its index and level, and decodes ahead what this rank needs after `iteration`.
+    std::shared_ptr<const ViewImage> image_of_rank(std::int64_t id, std::int64_t iteration);
 
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
     std::shared_ptr<const ViewImage> image(std::size_t view) { return images_.get(view); }
@@ -50,10 +63,16 @@ class TrainingViews {
             : views(std::move(all)), images(views, budget, threads) {}
     };
     ImageCache& images_of(int factor);
+    void prefetch_ahead(ImageCache& images, std::int64_t iteration, std::int64_t end);
+    /// Returns whether the image of `iteration` is read here, if steps begin at multiples of kLogInterval.
+    bool is_read_here(std::int64_t iteration) const {
+        return read_here_[std::size_t((iteration % kLogInterval) % std::int64_t(read_here_.size()))];
+    }
     Vec3<float> background_at(std::int64_t iteration) const;
 
     const TrainOptions& options_;
     const Scene& scene_;
+    std::vector<bool> read_here_{true};  ///< by view of a step
     const Background background_;
     ViewOrder order_;
     const std::int64_t prefetch_;  ///< number of views prefetched; never the same view twice

@@ -197,7 +197,8 @@ INSTANTIATE_TEST_SUITE_P(Models, EveryModelOnRanks, ::testing::ValuesIn([] {
                          }()),
                          [](const auto& info) {
                              std::string name = info.param;
-                             std::replace_if(name.begin(), name.end(), [](char c) { return !std::isalnum(c); }, '_');
+                             std::replace_if(
+                                 name.begin(), name.end(), [](char c) { return !std::isalnum(c); }, '_');
                              return name;
                          });
 

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+// Watches the ranks in a thread of its own, and breaks off what waits for them when one is lost.
+#include "lib/ranks/rank_team.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <csignal>
+#include <cstdlib>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "kernels/core/clock.h"
+#include "kernels/core/error.h"
+#include "kernels/ranks/gloo_communicator.h"
+#include "kernels/ranks/message.h"
+#include "lib/ranks/local_ranks.h"
+#include "lib/ranks/roster.h"
+
+namespace gs {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// Between two looks at the processes of this machine, and between two reports to rank 0.
+constexpr milliseconds kLook(100), kReport(1000);
+/// A connection may break before the reason is known: how long an error waits for it.
+constexpr double kWaitForReason = 3;
+/// How long a rank whose connection was broken off may go on with what it does.
+constexpr milliseconds kMostDelay(10000);
+
+const char* environment(const char* name) { return std::getenv(name); }
+
+std::string host_name() {
+    char name[256] = {};
+    ::gethostname(name, sizeof name - 1);
+    return name;
+}
+
+/// Says of an error of the connection why it broke.
+class ExplainingCommunicator final : public Communicator {
+  public:
+    ExplainingCommunicator(std::unique_ptr<Communicator> connection, std::function<std::string()> reason)
+        : Communicator(connection->rank(), connection->size()),
+          connection_(std::move(connection)),
+          reason_(std::move(reason)) {}
+    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+        try {
+            connection_->exchange(out, in);
+        } catch (const DeviceError& e) {
+            const std::string reason = reason_();
+            throw DeviceError(reason.empty() ? e.what() : reason);
+        }
+    }
+    void abort() override { connection_->abort(); }
+
+  private:
+    const std::unique_ptr<Communicator> connection_;
+    const std::function<std::string()> reason_;
+};
+
+}  // namespace
+
+struct RankTeam::Implementation final : MeetingPlace {
+    RankPlace place;
+    std::optional<Roster> roster;  ///< on rank 0
+    std::optional<RosterServer> server;
+    std::optional<LocalRanks> processes;
+    std::optional<RosterClient> client;  ///< on the others
+    std::mutex mutex;
+    std::condition_variable ending_changed;
+    bool ending = false;
+    std::string failure;  ///< on other ranks than 0, what rank 0 said or why it cannot be reached
+    std::unique_ptr<Communicator> communicator;
+    std::thread watch;
+
+    std::string reason() {
+        if (roster) return roster->failure();
+        const std::lock_guard lock(mutex);
+        return failure;
+    }
+    /// Waits a little for the reason of an error.
+    std::string awaited_reason() {
+        const double start = seconds_now();
+        while (true) {
+            if (const std::string text = reason(); !text.empty() || seconds_now() - start > kWaitForReason) return text;
+            std::this_thread::sleep_for(milliseconds(20));
+        }
+    }
+
+    void set(const std::string& key, const std::vector<char>& value) override {
+        roster ? roster->set(key, value) : client->set(key, value);
+    }
+    std::vector<char> get(const std::string& key) override {
+        if (client) return client->get(key);
+        while (true) {
+            if (auto value = roster->get(key, 1)) return *value;
+            if (const std::string text = reason(); !text.empty()) throw DeviceError(text);
+        }
+    }
+
+    /// Waits for `time`, or returns true at once when the team ends.
+    bool ends_within(milliseconds time) {
+        std::unique_lock lock(mutex);
+        return ending_changed.wait_for(lock, time, [&] { return ending; });
+    }
+
+    void watch_on_rank_0() {
+        while (!ends_within(kLook)) {
+            if (processes)
+                if (const auto lost = processes->first_lost()) {
+                    // A rank that reports its error does so before it ends; the first that is noted counts.
+                    roster->fail(*lost);
+                }
+            roster->look_for_lost_ranks();
+            if (!roster->failure().empty()) return break_off();
+        }
+    }
+
+    void report_to_rank_0() {
+        const std::string host = host_name();
+        while (!ends_within(kReport)) {
+            std::string text;
+            try {
+                text = client->report(host, kLongestSilence);
+            } catch (const DeviceError& e) {
+                text = e.what();
+            }
+            if (text.empty()) continue;
+            {
+                const std::lock_guard lock(mutex);
+                failure = text;
+            }
+            break_off();
+            // It may be in the middle of a long computation. Nothing that it does is of use any more.
+            if (!ends_within(kMostDelay)) ::_exit(int(ExitCode::kDevice));
+            return;
+        }
+    }
+
+    void break_off() {
+        const std::lock_guard lock(mutex);
+        if (communicator) communicator->abort();
+    }
+
+    void end() {
+        {
+            const std::lock_guard lock(mutex);
+            ending = true;
+        }
+        ending_changed.notify_all();
+        if (watch.joinable()) watch.join();
+    }
+};
+
+std::unique_ptr<RankTeam> RankTeam::join(int local_ranks) {
+    const auto place = rank_place(environment);
+    if (place && local_ranks > 1 && local_ranks != place->size)
+        throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
+                                     local_ranks, place->size));
+    if (!place && local_ranks <= 1) return nullptr;
+    auto team = std::make_unique<Implementation>();
+    if (!place) {
+        team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
+        team->roster.emplace(local_ranks);
+        team->server.emplace(*team->roster, "127.0.0.1", 0);
+        team->processes.emplace(local_ranks, team->server->port());
+    } else {
+        team->place = *place;
+        if (place->rank == 0) {
+            team->roster.emplace(place->size);
+            team->server.emplace(*team->roster, "0.0.0.0", place->port);
+        } else {
+            end_with_rank_0();
+            // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
+            for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
+            team->client.emplace(place->rank, place->master, place->port);
+            const std::string failure = team->client->report(host_name(), kLongestWait);
+            if (!failure.empty()) throw DeviceError(failure);
+        }
+    }
+    Implementation* const watched = team.get();
+    team->watch =
+        std::thread([watched] { watched->roster ? watched->watch_on_rank_0() : watched->report_to_rank_0(); });
+    return std::unique_ptr<RankTeam>(new RankTeam(std::move(team)));
+}
+
+RankTeam::RankTeam(std::unique_ptr<Implementation> implementation) : implementation_(std::move(implementation)) {}
+
+RankTeam::~RankTeam() {
+    Implementation& team = *implementation_;
+    const bool whole = team.reason().empty();
+    team.end();
+    if (!team.roster) return;
+    bool left = false;
+    try {
+        if (whole && team.communicator) {
+            send_to_others(*team.communicator, MessageWriter().put(TeamCall::kLeave));
+            left = true;
+        }
+    } catch (const Error&) {  // the connection was broken off in the middle of something
+    }
+    if (!left) {
+        team.roster->fail("rank 0 has ended");
+        if (team.processes)
+            team.processes->kill();
+        else
+            std::this_thread::sleep_for(2 * kReport);  // so that ranks elsewhere hear of it
+    }
+    team.processes.reset();  // waits for them
+}
+
+int RankTeam::rank() const { return implementation_->place.rank; }
+int RankTeam::size() const { return implementation_->place.size; }
+int RankTeam::local_rank() const { return implementation_->place.local_rank; }
+int RankTeam::local_size() const { return implementation_->place.local_size; }
+
+void RankTeam::set(const std::string& key, const std::string& value) {
+    implementation_->set("gsapp/" + key, {value.begin(), value.end()});
+}
+std::string RankTeam::get(const std::string& key) {
+    const auto value = implementation_->get("gsapp/" + key);
+    return {value.begin(), value.end()};
+}
+
+Communicator& RankTeam::communicator() {
+    Implementation& team = *implementation_;
+    if (team.communicator) return *team.communicator;
+    // Ranks of one machine need no network.
+    const std::string host = team.place.local_size == team.place.size ? "127.0.0.1" : host_name();
+    std::unique_ptr<Communicator> connection;
+    try {
+        connection = connect_with_gloo(team, rank(), size(), host);
+    } catch (const DeviceError& e) {
+        const std::string reason = team.awaited_reason();
+        throw DeviceError(reason.empty() ? e.what() : reason);
+    }
+    auto explaining = std::make_unique<ExplainingCommunicator>(std::move(connection),
+                                                               [&team] { return team.awaited_reason(); });
+    const std::lock_guard lock(team.mutex);
+    team.communicator = std::move(explaining);
+    return *team.communicator;
+}
+
+void RankTeam::fail(const std::string& message) {
+    if (!implementation_->client || !implementation_->reason().empty()) return;
+    try {
+        implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));
+    } catch (const DeviceError&) {  // then rank 0 is lost, too
+    }
+}
+
+}  // namespace gs

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ranks of a training: finds or starts them, connects them, and ends them all when one is lost.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "kernels/ranks/communicator.h"
+#include "lib/ranks/rank_place.h"
+
+namespace gs {
+
+class RankTeam {
+  public:
+    /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside
+    /// this one, which becomes rank 0. They get the same command line. Returns null for a process that trains alone. Throws UsageError if both are
+    /// asked for and differ, DeviceError when rank 0 cannot be reached.
+    static std::unique_ptr<RankTeam> join(int local_ranks);
+    /// Rank 0 tells the others that there is nothing more to do.
+    ~RankTeam();
+
+    int rank() const;
+    int size() const;
+    /// Returns the place among the ranks of this machine, and their number.
+    int local_rank() const;
+    int local_size() const;
+
+    /// Shows all ranks a value, and waits for one. Throws DeviceError when a rank is lost first.
+    void set(const std::string& key, const std::string& value);
+    std::string get(const std::string& key);
+
+    /// Connects all ranks, the first time that it is called; all must call it. Its calls throw DeviceError with what
+    /// went wrong, if it did, within kLongestSilence.
+    Communicator& communicator();
+
+    /// On another rank than 0: tells why this rank ends.
+    void fail(const std::string& message);
+
+  private:
+    struct Implementation;
+    explicit RankTeam(std::unique_ptr<Implementation> implementation);
+    std::unique_ptr<Implementation> implementation_;
+};
+
+/// The messages with which rank 0 begins and ends what the others do.
+enum class TeamCall : std::uint8_t { kTrain, kLeave };
+
+}  // namespace gs

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// Brings ranks to the same views, and follows rank 0 through a training.
+#include "lib/train/rank_training.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "kernels/cuda/cuda_device.h"
+#include "kernels/ranks/message.h"
+#include "kernels/ranks/ranked_backend.h"
+#include "lib/core/options.h"
+#include "lib/core/version.h"
+#include "lib/train/choose_backend.h"
+#include "lib/train/scene_options.h"
+#include "lib/train/target_image.h"
+#include "lib/train/training_views.h"
+
+namespace gs {
+namespace {
+
+constexpr const char* kOptionsKey = "options";
+
+/// Returns the build and all options in which ranks must agree, a line each.
+std::string agreed_text(const TrainOptions& options) {
+    // Each rank may have its own number of threads and say as much as it likes.
+    static const std::set<std::string> own = {"threads", "quiet", "verbose", "log-level"};
+    std::string text = version_text() + "\n";
+    for (const Option& option : train_option_table())
+        if (!own.contains(option.key)) text += "--" + option.key + " " + option_text(option, options) + "\n";
+    return text;
+}
+
+/// Throws UsageError naming the first line in which two such texts differ.
+void require_agreement(const std::string& first, const std::string& own) {
+    std::istringstream a(first), b(own);
+    for (std::string line_a, line_b; std::getline(a, line_a) && std::getline(b, line_b);)
+        if (line_a != line_b)
+            throw UsageError(fmt::format("it was started with '{}', rank 0 with '{}'", line_b, line_a));
+    if (first != own) throw UsageError("its options are not those of rank 0");
+}
+
+/// The views that rank 0 trains on, by name and size.
+void put_views(MessageWriter& message, const Scene& scene) {
+    message.put(std::uint64_t(scene.train.size()));
+    for (const View& view : scene.train) message.put(view.name).put(view.camera.width).put(view.camera.height);
+}
+
+/// Leaves the views that rank 0 trains on, in its order. Throws DataError if one is missing here, or has another size.
+void take_views(MessageReader& message, Scene& scene) {
+    std::map<std::string, View> found;
+    for (View& view : scene.train) found.emplace(view.name, std::move(view));
+    scene.train.clear();
+    for (auto count = message.get<std::uint64_t>(); count > 0; --count) {
+        std::string name;
+        message.get(name);
+        const int width = message.get<int>(), height = message.get<int>();
+        const auto view = found.find(name);
+        if (view == found.end())
+            throw DataError(fmt::format("{}: the image {} is missing, which rank 0 trains on", scene.source, name));
+        const Camera& camera = view->second.camera;
+        if (camera.width != width || camera.height != height)
+            throw DataError(fmt::format("{}: the image {} has {}x{} pixels, and {}x{} for rank 0", scene.source, name,
+                                        camera.width, camera.height, width, height));
+        scene.train.push_back(view->second);
+    }
+}
+
+void train_once(RankTeam& team, const TrainOptions& options, const Scene& loaded, MessageReader begin) {
+    Communicator& ranks = team.communicator();
+    AppearanceSpec appearance;
+    begin.get(appearance.model);
+    begin.get(appearance.max_degree);
+    begin.get(appearance.activation);
+    const auto backend_options = begin.get<BackendOptions>();
+    const auto views_per_step = begin.get<int>();
+    Scene scene = loaded;
+    take_views(begin, scene);
+    TrainingViews views(options, scene);
+    views.deal(views_per_step, [&](int k) { return k % team.size() == team.rank(); });
+    std::shared_ptr<const ViewImage> image;
+    const auto backend = make_backend(options.device, appearance, backend_options);
+    follow(ranks, *backend, [&](const StepRequest& request) {
+        image = views.image_of_rank(request.target.id, request.iteration);
+        const TargetImage target = target_image(*image, request.target.id);
+        if (target.width != request.camera.width || target.height != request.camera.height)
+            throw DataError(fmt::format("the image {} has {}x{} pixels instead of {}x{}",
+                                        scene.train[std::size_t(request.target.id) % scene.train.size()].name,
+                                        target.width, target.height, request.camera.width, request.camera.height));
+        return target;
+    });
+}
+
+}  // namespace
+
+int wanted_ranks(const TrainOptions& options) {
+    constexpr int kMost = 4096;
+    if (options.ranks == "all") {
+        if (!uses_cuda(options.device))
+            throw UsageError("option ranks: 'all' counts GPUs, and none is used here; name a number");
+        return cuda_device_count();
+    }
+    int count = 0;
+    const char *first = options.ranks.data(), *last = first + options.ranks.size();
+    const auto [end, error] = std::from_chars(first, last, count);
+    if (error != std::errc() || end != last || count < 1 || count > kMost)
+        throw UsageError(fmt::format("option ranks: '{}' is neither 'all' nor a number from 1 to {}", options.ranks, kMost));
+    if (uses_cuda(options.device) && count > cuda_device_count())
+        throw UsageError(fmt::format("option ranks: {} is more than the {} GPUs of this machine", count, cuda_device_count()));
+    return count;
+}
+
+void show_options(RankTeam& team, const TrainOptions& options) { team.set(kOptionsKey, agreed_text(options)); }
+
+int threads_of_rank(const RankTeam& team, const TrainOptions& options) {
+    if (options.threads > 0) return options.threads;
+    set_num_threads(0);
+    return std::max(1, num_threads() / team.local_size());
+}
+
+std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
+                                             const AppearanceSpec& appearance, const BackendOptions& backend_options) {
+    const int batch = options.batch > 0 ? options.batch : team ? team->size() : 1;
+    auto own = choose_backend(options.device, appearance, backend_options);
+    if (!team) {
+        static SingleRank single;
+        return std::make_unique<RankedBackend>(single, std::move(own), batch);
+    }
+    Communicator& ranks = team->communicator();
+    MessageWriter message;
+    message.put(TeamCall::kTrain).put(appearance.model).put(appearance.max_degree).put(appearance.activation);
+    message.put(backend_options).put(batch);
+    put_views(message, scene);
+    send_to_others(ranks, message);
+    return std::make_unique<RankedBackend>(ranks, std::move(own), batch);
+}
+
+void follow_training(RankTeam& team, TrainOptions options) {
+    try {
+        require_agreement(team.get(kOptionsKey), agreed_text(options));
+        options.threads = threads_of_rank(team, options);
+        set_num_threads(options.threads);
+        SceneOptions choices = scene_options(options);
+        choices.scores = false;
+        const Scene scene = load_scene(choices);
+        while (true) {
+            MessageReader message = receive_from_rank_0(team.communicator());
+            if (message.get<TeamCall>() == TeamCall::kLeave) return;
+            train_once(team, options, scene, std::move(message));
+        }
+    } catch (const std::bad_alloc&) {
+        team.fail("out of memory");
+        throw;
+    } catch (const std::exception& e) {
+        team.fail(e.what());
+        throw;
+    }
+}
+
+}  // namespace gs

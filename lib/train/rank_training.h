@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// A training over several ranks: what rank 0 trains with, and what the others do.
+#pragma once
+
+#include <memory>
+
+#include "kernels/backend.h"
+#include "lib/core/train_options.h"
+#include "lib/ranks/rank_team.h"
+#include "lib/scene/scene.h"
+
+namespace gs {
+
+/// Returns the number of ranks that options.ranks names, for this machine. Throws UsageError for what is no number, and
+/// for "all" without a GPU.
+int wanted_ranks(const TrainOptions& options);
+
+/// Makes the other ranks tell if their build or their options are not those of this one: they must be given the same.
+/// Must be called by rank 0 before the others call follow_training.
+void show_options(RankTeam& team, const TrainOptions& options);
+
+/// Makes the backend of rank 0, which trains on options.batch views in a step. The other ranks, if there is a team, hold
+/// their parts of the model and read the images of `scene` that they render. All references must outlive the backend.
+std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
+                                             const AppearanceSpec& appearance, const BackendOptions& backend_options);
+
+/// Does the part of a rank other than 0 in one training after another until rank 0 ends. Throws DataError naming file
+/// or view, and UsageError naming the option in which it differs from rank 0.
+void follow_training(RankTeam& team, TrainOptions options);
+
+/// Returns the CPU threads of one rank: as many as named, or its part of the machine.
+int threads_of_rank(const RankTeam& team, const TrainOptions& options);
+
+}  // namespace gs
