@@ -19,6 +19,7 @@ using Buffer = gloo::transport::UnboundBuffer;
 
 /// A rank may compute or write files for long while others wait for it; who finds that one is gone calls abort().
 constexpr std::chrono::hours kPatience{24 * 365};
+constexpr const char* kEnded = "the connection to the other ranks was ended";
 
 /// Shows Gloo the meeting place.
 class Store final : public gloo::rendezvous::Store {
@@ -73,16 +74,26 @@ class GlooCommunicator final : public Communicator {
 
   private:
     template <class Wait> void wait_for(Buffer& buffer, Wait&& wait) {
-        set_waits_for(&buffer);
-        const bool done = wait(buffer);
-        set_waits_for(nullptr);
-        if (!done) throw DeviceError("the connection to the other ranks was ended");
+        const Waiting waiting(*this, buffer);
+        if (!wait(buffer)) throw DeviceError(kEnded);
     }
-    void set_waits_for(Buffer* buffer) {
-        const std::lock_guard lock(mutex_);
-        if (aborted_) throw DeviceError("the connection to the other ranks was ended");
-        waits_for_ = buffer;
-    }
+
+    /// Shows abort() the buffer that is waited for, as long as there is one.
+    class Waiting {
+      public:
+        Waiting(GlooCommunicator& owner, Buffer& buffer) : owner_(owner) {
+            const std::lock_guard lock(owner_.mutex_);
+            if (owner_.aborted_) throw DeviceError(kEnded);
+            owner_.waits_for_ = &buffer;
+        }
+        ~Waiting() {
+            const std::lock_guard lock(owner_.mutex_);
+            owner_.waits_for_ = nullptr;
+        }
+
+      private:
+        GlooCommunicator& owner_;
+    };
 
     const std::shared_ptr<gloo::Context> context_;
     std::mutex mutex_;

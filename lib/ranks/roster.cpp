@@ -109,7 +109,8 @@ RosterServer::RosterServer(Roster& roster, const std::string& address, int port)
     implementation_->port = port == 0 ? server.bind_to_any_port(address) : (server.bind_to_port(address, port) ? port : -1);
     if (implementation_->port <= 0)
         throw DeviceError(fmt::format("rank 0 cannot listen on port {} of {}: it is taken, or not allowed", port, address));
-    implementation_->thread = std::thread([this] { implementation_->server.listen_after_bind(); });
+    implementation_->thread = std::thread([&running = implementation_->server] { running.listen_after_bind(); });
+    while (!server.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));  // or stop() would not stop it
 }
 
 RosterServer::~RosterServer() {

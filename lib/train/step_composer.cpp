@@ -9,6 +9,13 @@
 #include "lib/train/target_image.h"
 
 namespace gs {
+namespace {
+
+/// The power of the number of views by which the rates of a step on several grow. Were the gradients of views
+/// independent it would be 1/2, were they the same 1 (docs/math/ranks.md#batch has the tries).
+constexpr double kBatchRate = 0.6;
+
+}  // namespace
 
 StepComposer::StepComposer(const TrainOptions& options, const AppearanceSpec& appearance, const Scene& scene,
                            const Photometric* photometric, double rate_factor)
@@ -63,7 +70,7 @@ StepRequest StepComposer::compose(const StepView& view, const Moment& moment, co
 
 void StepComposer::combine(std::vector<StepRequest>& requests) {
     StepRequest& first = requests.front();
-    const double factor = std::sqrt(double(requests.size()));
+    const double factor = std::pow(double(requests.size()), kBatchRate);
     for (double& rate : first.rates) rate *= factor;
     for (double& rate : first.residual_rates) rate *= factor;
     first.shared_rate *= factor;

@@ -32,8 +32,8 @@ class StepComposer {
     /// Returns the same step with the learning rates of another moment.
     StepRequest compose(const StepView& view, const Moment& moment, const Moment& rate_moment) const;
 
-    /// Turns requests of single steps into those of one step on all their views: with the rates of the first, which the
-    /// mean gradient of n views allows to be the root of n times as high (docs/math/ranks.md#batch).
+    /// Turns requests of single steps into those of one step on all their views: with the rates of the first, which
+    /// are higher, since a mean gradient is less noisy (docs/math/ranks.md#batch).
     static void combine(std::vector<StepRequest>& requests);
 
     /// Returns a step that trains the controller of the view's camera (Backend::distill). Needs a `photometric`.

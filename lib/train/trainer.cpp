@@ -301,9 +301,18 @@ class Run {
             write_checkpoint();
         } catch (const std::exception& e) {  // the error that brought us here is the one to report
             log_warning("no checkpoint could be written: {}", e.what());
-            return "";
+            return last_checkpoint();
         }
         return ", checkpoint written to " + writer_.folder().checkpoint(iteration_).string() + "; " + how_to_continue();
+    }
+    /// Returns what a message should say about the last checkpoint, if there is one.
+    std::string last_checkpoint() const {
+        try {
+            return "; the last checkpoint is " + latest_checkpoint(writer_.folder().root).string() + "; " +
+                   how_to_continue();
+        } catch (const Error&) {
+            return "";
+        }
     }
     std::string how_to_continue() const { return "continue with --resume latest -m " + writer_.folder().root.string(); }
 

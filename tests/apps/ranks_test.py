@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several ranks train one model with Gloo on the CPU, resume in other numbers, and end together when one is lost.
+
+Usage: ranks_test.py PROGRAM
+"""
+import json
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+SCENE = ["-s", "builtin:diffuse", "-r", "8", "--device", "cpu", "--threads", "1", "--cap-max", "3000", "--seed", "3"]
+ENDLESS = ["--iterations", "1000000", "--checkpoint-iterations", "100"]
+
+
+def train(program, *arguments, **more):
+    command = [program, "train", *SCENE, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **more)
+
+
+def finish(process, seconds=120):
+    out, err = process.communicate(timeout=seconds)
+    return process.returncode, out, err
+
+
+def check(condition, *what):
+    if not condition:
+        print("FAILED:", *what)
+        sys.exit(1)
+
+
+def psnr(folder, iterations):
+    return json.loads((folder / "results.json").read_text())[f"ours_{iterations}"]["PSNR"]
+
+
+def children(pid):
+    return [int(c) for c in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def wait_for(what, condition, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        check(time.monotonic() < deadline, "within", seconds, "s:", what)
+        time.sleep(0.05)
+
+
+def ended(pid):
+    try:
+        return pathlib.Path(f"/proc/{pid}/stat").read_text().split(") ")[1][0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def equal_quality(program, root):
+    """One to four ranks reach the same quality, and resume what others began."""
+    length = 1200
+    found = {}
+    for ranks in (1, 2, 3, 4):
+        run = root / f"of-{ranks}"
+        code, _, err = finish(train(program, "-m", run, "--eval", "--ranks", ranks, "--iterations", length, "--checkpoint-iterations", length // 2))
+        check(code == 0, ranks, "ranks:", err)
+        found[ranks] = psnr(run, length)
+    print("PSNR by ranks:", found)
+    for ranks in (2, 3, 4):
+        check(abs(found[ranks] - found[1]) < 0.15, "PSNR by number of ranks:", found)
+    for begun, ranks in ((2, 3), (3, 1), (1, 2)):
+        run = root / f"of-{begun}-then-{ranks}"
+        subprocess.run(["cp", "-r", root / f"of-{begun}", run], check=True)
+        checkpoint = run / "checkpoints" / f"iteration_{length // 2}.safetensors"
+        check(checkpoint.exists(), sorted((run / "checkpoints").iterdir()))
+        code, _, err = finish(train(program, "-m", run, "--eval", "--ranks", ranks, "--iterations", length, "--resume", checkpoint, "--overwrite"))
+        check(code == 0, f"{begun} then {ranks} ranks:", err)
+        check(abs(psnr(run, length) - found[1]) < 0.15, f"{begun} then {ranks} ranks:", psnr(run, length), found)
+
+
+def lost_rank(program, root, sent, expected):
+    """A rank that dies or hangs ends the others, and the last checkpoint is whole."""
+    run = root / f"lost-{sent}"
+    process = train(program, "-m", run, "--ranks", 3, *ENDLESS)
+    wait_for("a checkpoint", lambda: list(run.glob("checkpoints/*.safetensors")) or process.poll() is not None)
+    check(process.poll() is None, "it trains:", process.poll() is not None and finish(process))
+    ranks = children(process.pid)
+    check(len(ranks) == 2, ranks)
+    os.kill(ranks[1], sent)
+    start = time.monotonic()
+    code, _, err = finish(process, 60)
+    seconds = time.monotonic() - start
+    print(f"signal {sent}: ended after {seconds:.1f} s: {err.strip().splitlines()[-1]}")
+    check(code == 4, code, err)
+    check(seconds < 30, "it took", seconds, "s")
+    check(expected in err and err.count("error:") == 1, err)
+    wait_for("the others end", lambda: all(ended(pid) for pid in ranks), 15)
+    latest = max(int(path.stem.split("_")[-1]) for path in run.glob("checkpoints/*.safetensors"))
+    check(f"iteration_{latest}" in err and "--resume latest" in err, "it says how to go on:", err)
+    to = latest + 50
+    code, _, err = finish(train(program, "-m", run, "--ranks", 2, "--iterations", to, "--resume", "latest"))
+    check(code == 0, "it resumes:", err)
+
+
+def interrupted(program, root):
+    """Ctrl-C, which all processes of a terminal get, is for rank 0."""
+    run = root / "interrupted"
+    process = train(program, "-m", run, "--ranks", 2, *ENDLESS, start_new_session=True)
+    wait_for("a checkpoint", lambda: list(run.glob("checkpoints/*.safetensors")) or process.poll() is not None)
+    ranks = children(process.pid)
+    os.killpg(process.pid, signal.SIGINT)
+    code, _, err = finish(process, 60)
+    check(code == 130, code, err)
+    check("interrupted after" in err, err)
+    wait_for("the other ends", lambda: all(ended(pid) for pid in ranks), 15)
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+def started_by_others(program, root):
+    """The variables of torchrun; ranks that differ are found before the training."""
+    def world(size, *different, master="127.0.0.1", cwd=None):
+        port = str(free_port())
+        processes = []
+        for rank in range(size):
+            environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": str(size), "MASTER_ADDR": master, "MASTER_PORT": port,
+                           "LOCAL_RANK": str(rank), "LOCAL_WORLD_SIZE": str(size)}
+            processes.append(train(program, "-m", root / "world", "--overwrite", *(different if rank == 1 else ()), "--iterations", 60,
+                                   env=environment, cwd=cwd(rank) if cwd else None))
+        return [finish(p) for p in processes]
+
+    results = world(2)
+    check([code for code, _, _ in results] == [0, 0], results)
+    check(results[1][1] == "" and results[1][2] == "", "only rank 0 speaks:", results[1])
+    results = world(2, "--lambda-dssim", "0.3")
+    check(results[0][0] == 4 and "--lambda-dssim 0.3" in results[0][2] and "rank 1" in results[0][2], results)
+    check(results[1][0] != 0, results)
+    code, _, err = finish(train(program, "-m", root / "x", "--ranks", 2, env={**os.environ, "RANK": "0", "WORLD_SIZE": "3", "MASTER_ADDR": "x", "MASTER_PORT": "1"}))
+    check(code == 2 and "option ranks: 2 is not the number of processes" in err, code, err)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        code, _, err = finish(train(program, "-m", root / "x", env={**os.environ, "RANK": "0", "WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1",
+                                                                    "MASTER_PORT": str(taken.getsockname()[1])}))
+    check(code == 4 and "it is taken" in err, code, err)
+    for value in ("0", "two", "-1", "all"):
+        code, _, err = finish(train(program, "-m", root / "x", "--ranks", value))
+        check(code == 2 and "option ranks" in err, value, code, err)
+    check(not (root / "x").exists(), "nothing is written")
+
+
+def main():
+    program = os.path.abspath(sys.argv[1])
+    with tempfile.TemporaryDirectory() as name:
+        root = pathlib.Path(name)
+        started_by_others(program, root)
+        lost_rank(program, root, signal.SIGKILL, "rank 2 was ended by signal 9")
+        lost_rank(program, root, signal.SIGSTOP, "has not been heard of")
+        interrupted(program, root)
+        equal_quality(program, root)
+    print("passed")
+
+
+if __name__ == "__main__":
+    main()
