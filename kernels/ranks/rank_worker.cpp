@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
@@ -140,6 +139,7 @@ void RankWorker::render(const RenderRequest& request, RenderedImage& out) {
 
 StepStats RankWorker::step(std::vector<StepRequest> views) {
     const double start = seconds_now();
+    const RankCosts before = std::exchange(costs_, {});  // without what was exchanged for other calls since
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
     std::vector<float> isp_gradient(isp_size_, 0.0f);
@@ -167,7 +167,10 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         shard_.update_common(views, shared, isp_gradient);
     }
     stats.num_nonfinite_gradients = shard_.take_nonfinite();
+    const RankCosts now = std::exchange(costs_, before);
+    costs_.bytes += now.bytes, costs_.waiting_seconds += now.waiting_seconds;
     costs_.seconds += seconds_now() - start;
+    ++costs_.steps;
     return stats;
 }
 
@@ -267,7 +270,5 @@ std::vector<std::uint8_t> RankWorker::scatter_rows(const std::vector<std::uint8_
     ranks_.exchange(out, in);
     return own;
 }
-
-RankCosts RankWorker::take_costs() { return std::exchange(costs_, {}); }
 
 }  // namespace gs

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <utility>
 
 #include "kernels/backend.h"
 #include "kernels/ranks/communicator.h"
@@ -15,11 +16,12 @@ namespace gs {
 /// Returns the pixels of a step's target. They stay valid until the next call.
 using TargetSource = std::function<TargetImage(const StepRequest& request)>;
 
-/// The time and the bytes of a rank since the last look.
+/// What the steps of a rank have cost since the last look.
 struct RankCosts {
-    double seconds = 0;          ///< in steps
-    double waiting_seconds = 0;  ///< part of these spent in exchanges
-    double bytes = 0;            ///< sent to other ranks in steps
+    std::int64_t steps = 0;
+    double seconds = 0;
+    double waiting_seconds = 0;  ///< part of these spent in exchanges, where a rank also waits for slower ones
+    double bytes = 0;            ///< of splats and of their gradients, sent to other ranks
 };
 
 class RankWorker {
@@ -62,7 +64,7 @@ class RankWorker {
     /// Returns the values of the rank's rows. Rank 0 gives one per row of the whole model, others nothing.
     std::vector<std::uint8_t> scatter_rows(const std::vector<std::uint8_t>& values);
 
-    RankCosts take_costs();
+    RankCosts take_costs() { return std::exchange(costs_, {}); }
     Backend& backend() { return backend_; }
 
   private:

@@ -11,7 +11,7 @@
 
 namespace gs {
 
-class RankedBackend final : public Backend, private BackendTimer {
+class RankedBackend : public Backend, private BackendTimer {
   public:
     /// Takes rank 0's own backend, and trains on `views_per_step` views in a step. `ranks` must outlive the object.
     RankedBackend(Communicator& ranks, std::unique_ptr<Backend> own, int views_per_step);

@@ -22,7 +22,8 @@ std::optional<int> number(const Environment& variable, const char* name, int lea
     const std::string all = text;
     const auto [end, error] = std::from_chars(all.data(), all.data() + all.size(), value);
     if (error != std::errc() || end != all.data() + all.size() || value < least || value > most)
-        throw UsageError(fmt::format("environment variable {}: '{}' is no number from {} to {}", name, all, least, most));
+        throw UsageError(
+            fmt::format("environment variable {}: '{}' is no number from {} to {}", name, all, least, most));
     return value;
 }
 
@@ -33,8 +34,8 @@ int required(const Environment& variable, const char* name, int least, int most,
 
 void check_rank(int rank, int size, const char* rank_name, const char* size_name) {
     if (rank >= size)
-        throw UsageError(fmt::format("environment variable {}: {} is not below {}, which is {}", rank_name, rank,
-                                     size_name, size));
+        throw UsageError(
+            fmt::format("environment variable {}: {} is not below {}, which is {}", rank_name, rank, size_name, size));
 }
 
 /// Returns the tasks on the first machine of "4(x2),1".

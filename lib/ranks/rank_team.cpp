@@ -242,8 +242,8 @@ Communicator& RankTeam::communicator() {
         const std::string reason = team.awaited_reason();
         throw DeviceError(reason.empty() ? e.what() : reason);
     }
-    auto explaining = std::make_unique<ExplainingCommunicator>(std::move(connection),
-                                                               [&team] { return team.awaited_reason(); });
+    auto explaining =
+        std::make_unique<ExplainingCommunicator>(std::move(connection), [&team] { return team.awaited_reason(); });
     const std::lock_guard lock(team.mutex);
     team.communicator = std::move(explaining);
     return *team.communicator;

@@ -13,8 +13,8 @@ namespace gs {
 class RankTeam {
   public:
     /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside
-    /// this one, which becomes rank 0. They get the same command line. Returns null for a process that trains alone. Throws UsageError if both are
-    /// asked for and differ, DeviceError when rank 0 cannot be reached.
+    /// this one, which becomes rank 0. They get the same command line. Returns null for a process that trains alone.
+    /// Throws UsageError if both are asked for and differ, DeviceError when rank 0 cannot be reached.
     static std::unique_ptr<RankTeam> join(int local_ranks);
     /// Rank 0 tells the others that there is nothing more to do.
     ~RankTeam();

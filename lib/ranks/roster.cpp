@@ -105,12 +105,16 @@ RosterServer::RosterServer(Roster& roster, const std::string& address, int port)
         roster.hear_of(std::atoi(request.get_param_value("rank").c_str()), request.get_param_value("host"));
         answer(response);
     });
-    server.Post("/failed", [&roster](const httplib::Request& request, httplib::Response&) { roster.fail(request.body); });
-    implementation_->port = port == 0 ? server.bind_to_any_port(address) : (server.bind_to_port(address, port) ? port : -1);
+    server.Post("/failed",
+                [&roster](const httplib::Request& request, httplib::Response&) { roster.fail(request.body); });
+    implementation_->port =
+        port == 0 ? server.bind_to_any_port(address) : (server.bind_to_port(address, port) ? port : -1);
     if (implementation_->port <= 0)
-        throw DeviceError(fmt::format("rank 0 cannot listen on port {} of {}: it is taken, or not allowed", port, address));
+        throw DeviceError(
+            fmt::format("rank 0 cannot listen on port {} of {}: it is taken, or not allowed", port, address));
     implementation_->thread = std::thread([&running = implementation_->server] { running.listen_after_bind(); });
-    while (!server.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));  // or stop() would not stop it
+    while (!server.is_running())
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // or stop() would not stop it
 }
 
 RosterServer::~RosterServer() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the ranks know of each other: values that all see, who was heard of when, and what went wrong first. Rank 0 keeps
-// it and serves it over HTTP.
+// What the ranks know of each other: values that all see, who was heard of when, and what went wrong first. Rank 0
+// keeps it and serves it over HTTP.
 #pragma once
 
 #include <condition_variable>

@@ -15,6 +15,7 @@
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/message.h"
 #include "kernels/ranks/ranked_backend.h"
+#include "lib/core/log.h"
 #include "lib/core/options.h"
 #include "lib/core/version.h"
 #include "lib/train/choose_backend.h"
@@ -72,6 +73,19 @@ void take_views(MessageReader& message, Scene& scene) {
     }
 }
 
+/// Says at the end what the steps cost.
+class TeamBackend final : public RankedBackend {
+  public:
+    using RankedBackend::RankedBackend;
+    ~TeamBackend() override {
+        constexpr double kMegabyte = 1e6;
+        const RankCosts costs = take_costs();
+        if (costs.steps == 0 || costs.bytes == 0) return;
+        log_info("ranks: rank 0 sent {:.2f} MB in a step and spent {:.0f} % of it in exchanges, waiting included",
+                 costs.bytes / double(costs.steps) / kMegabyte, 100 * costs.waiting_seconds / costs.seconds);
+    }
+};
+
 void train_once(RankTeam& team, const TrainOptions& options, const Scene& loaded, MessageReader begin) {
     Communicator& ranks = team.communicator();
     AppearanceSpec appearance;
@@ -110,9 +124,11 @@ int wanted_ranks(const TrainOptions& options) {
     const char *first = options.ranks.data(), *last = first + options.ranks.size();
     const auto [end, error] = std::from_chars(first, last, count);
     if (error != std::errc() || end != last || count < 1 || count > kMost)
-        throw UsageError(fmt::format("option ranks: '{}' is neither 'all' nor a number from 1 to {}", options.ranks, kMost));
+        throw UsageError(
+            fmt::format("option ranks: '{}' is neither 'all' nor a number from 1 to {}", options.ranks, kMost));
     if (uses_cuda(options.device) && count > cuda_device_count())
-        throw UsageError(fmt::format("option ranks: {} is more than the {} GPUs of this machine", count, cuda_device_count()));
+        throw UsageError(
+            fmt::format("option ranks: {} is more than the {} GPUs of this machine", count, cuda_device_count()));
     return count;
 }
 
@@ -138,7 +154,7 @@ std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions&
     message.put(backend_options).put(batch);
     put_views(message, scene);
     send_to_others(ranks, message);
-    return std::make_unique<RankedBackend>(ranks, std::move(own), batch);
+    return std::make_unique<TeamBackend>(ranks, std::move(own), batch);
 }
 
 void follow_training(RankTeam& team, TrainOptions options) {

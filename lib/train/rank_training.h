@@ -19,8 +19,9 @@ int wanted_ranks(const TrainOptions& options);
 /// Must be called by rank 0 before the others call follow_training.
 void show_options(RankTeam& team, const TrainOptions& options);
 
-/// Makes the backend of rank 0, which trains on options.batch views in a step. The other ranks, if there is a team, hold
-/// their parts of the model and read the images of `scene` that they render. All references must outlive the backend.
+/// Makes the backend of rank 0, which trains on options.batch views in a step. The other ranks, if there is a team,
+/// hold their parts of the model and read the images of `scene` that they render. All references must outlive the
+/// backend.
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options);
 

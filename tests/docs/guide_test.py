@@ -29,7 +29,7 @@ import sys
 import tempfile
 import urllib.request
 
-PAGES = ["docs/guide.md", "docs/faq.md"]
+PAGES = ["docs/guide.md", "docs/faq.md", "docs/ranks.md"]
 
 # What no test of this page runs: the beginning of the command, and why.
 NOT_RUN = {
@@ -43,11 +43,12 @@ NOT_RUN = {
     "cmake": "builds or installs the program; CI does, and tests/install looks at what is installed",
     "cpack": "packs what is built; scripts/check-package looks at the packages",
     "ssh": "needs a second machine",
+    "srun gsapp train": "needs Slurm; tests/apps/ranks_test.py gives ranks their variables",
 }
 # Options in the pages that are those of other programs.
 FOREIGN = {"--target", "--rm", "--gpus", "--build", "--preset", "--prefix", "--install", "--checksums", "--check",
            "--colmap", "--array", "--gres", "--cpus-per-task", "--mem", "--time", "--requeue", "--signal", "--job-name",
-           "--orientation-method", "--center-method", "--auto-scale-poses", "--logdir"}
+           "--nodes", "--ntasks-per-node", "--orientation-method", "--center-method", "--auto-scale-poses", "--logdir"}
 
 FENCE = re.compile(r"^```(\w*)$")
 MARK = re.compile(r"^<!-- test: ?(.*?) ?-->$")

@@ -52,9 +52,12 @@ TEST(RankPlace, IsWhatTorchrunSays) {
 }
 
 TEST(RankPlace, IsWhatSrunSays) {
-    Variables slurm = {{"SLURM_STEP_NUM_TASKS", "6"},      {"SLURM_PROCID", "4"},
-                       {"SLURM_LOCALID", "0"},             {"SLURM_STEP_TASKS_PER_NODE", "4,2"},
-                       {"SLURM_STEP_NODELIST", "gpu[03-04]"}, {"SLURM_JOB_ID", "1234567"}};
+    Variables slurm = {{"SLURM_STEP_NUM_TASKS", "6"},
+                       {"SLURM_PROCID", "4"},
+                       {"SLURM_LOCALID", "0"},
+                       {"SLURM_STEP_TASKS_PER_NODE", "4,2"},
+                       {"SLURM_STEP_NODELIST", "gpu[03-04]"},
+                       {"SLURM_JOB_ID", "1234567"}};
     auto p = place(slurm);
     ASSERT_TRUE(p);
     EXPECT_EQ(p->rank, 4);
