@@ -142,7 +142,7 @@ void require_printed() {
 
 /// The one place where an error leaves the program.
 int report(const std::string& message, ExitCode code) {
-    log_error("{}", message);
+    if (!message.empty()) log_error("{}", message);
     return static_cast<int>(code);
 }
 

@@ -170,7 +170,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
             if (corrected && r.isp_rate > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
         }
         count_work(transmittance_.size());
-        return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
+        return {loss.loss, loss.l1, loss.ssim, raster_.num_instances(), 0};
     }
     void distill_splats(const std::vector<PackedSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
     double squared_error_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r) override {

@@ -146,6 +146,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     render_views(cameras_of(views), RenderMode::kFull, sums_, [&](std::size_t k, auto& sums) {
         bring_target(views[k]);
         losses[k] = shard_.loss_of_splats(splats_, views[k], sums, isp_gradient);
+        losses[k].num_nonfinite = shard_.take_nonfinite();
     });
     const auto all_losses = all_gather(ranks_, losses);
     StepStats stats;
@@ -155,6 +156,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         const ViewLoss& one = all_losses[k % all_losses.size()][k];
         stats.loss += mean * one.loss, stats.l1 += mean * one.l1, stats.ssim += mean * one.ssim;
         stats.num_instances += one.num_instances;
+        stats.num_nonfinite_gradients += one.num_nonfinite;
     }
     stats.consecutive_skips = std::isfinite(stats.loss) ? 0 : 1;
     if (stats.consecutive_skips) {
@@ -166,7 +168,6 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         sum_over_ranks(ranks_, isp_gradient);
         shard_.update_common(views, shared, isp_gradient);
     }
-    stats.num_nonfinite_gradients = shard_.take_nonfinite();
     const RankCosts now = std::exchange(costs_, before);
     costs_.bytes += now.bytes, costs_.waiting_seconds += now.waiting_seconds;
     costs_.seconds += seconds_now() - start;

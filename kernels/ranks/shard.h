@@ -22,6 +22,7 @@ struct PackedView {
 struct ViewLoss {
     double loss = 0, l1 = 0, ssim = 0;
     std::int64_t num_instances = 0;
+    std::int64_t num_nonfinite = 0;  ///< Gaussians whose update the view's rank skipped since its last view
 };
 
 /// The sums of one splat over the pixels of a view that say what its residual is worth.

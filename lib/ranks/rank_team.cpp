@@ -249,11 +249,12 @@ Communicator& RankTeam::communicator() {
     return *team.communicator;
 }
 
-void RankTeam::fail(const std::string& message) {
-    if (!implementation_->client || !implementation_->reason().empty()) return;
+bool RankTeam::fail(const std::string& message) {
     try {
         implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));
-    } catch (const DeviceError&) {  // then rank 0 is lost, too
+        return true;
+    } catch (const DeviceError&) {
+        return false;
     }
 }
 

@@ -33,8 +33,8 @@ class RankTeam {
     /// went wrong, if it did, within kLongestSilence.
     Communicator& communicator();
 
-    /// On another rank than 0: tells why this rank ends.
-    void fail(const std::string& message);
+    /// On another rank than 0: tells why this rank ends. Returns false if rank 0 cannot be told.
+    bool fail(const std::string& message);
 
   private:
     struct Implementation;

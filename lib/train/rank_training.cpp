@@ -171,11 +171,11 @@ void follow_training(RankTeam& team, TrainOptions options) {
             train_once(team, options, scene, std::move(message));
         }
     } catch (const std::bad_alloc&) {
-        team.fail("out of memory");
-        throw;
+        if (!team.fail("out of memory")) throw;
+        throw DeviceError("");
     } catch (const std::exception& e) {
-        team.fail(e.what());
-        throw;
+        if (!team.fail(e.what())) throw;
+        throw DeviceError("");  // rank 0 says it
     }
 }
 

@@ -26,7 +26,7 @@ std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions&
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options);
 
 /// Does the part of a rank other than 0 in one training after another until rank 0 ends. Throws DataError naming file
-/// or view, and UsageError naming the option in which it differs from rank 0.
+/// or view, and UsageError naming the option in which it differs from rank 0; without a message where rank 0 prints it.
 void follow_training(RankTeam& team, TrainOptions options);
 
 /// Returns the CPU threads of one rank: as many as named, or its part of the machine.

@@ -137,7 +137,9 @@ def started_by_others(program, root):
     check(results[1][1] == "" and results[1][2] == "", "only rank 0 speaks:", results[1])
     results = world(2, "--lambda-dssim", "0.3")
     check(results[0][0] == 4 and "--lambda-dssim 0.3" in results[0][2] and "rank 1" in results[0][2], results)
-    check(results[1][0] != 0, results)
+    check(results[1][0] == 4 and results[1][2] == "", "rank 0 says it:", results[1])
+    code, _, err = finish(train(program, "-s", root / "nothing", "-m", root / "x", "--ranks", 2))
+    check(code in (3, 4) and err.count("error:") == 1 and "nothing" in err, code, err)
     code, _, err = finish(train(program, "-m", root / "x", "--ranks", 2, env={**os.environ, "RANK": "0", "WORLD_SIZE": "3", "MASTER_ADDR": "x", "MASTER_PORT": "1"}))
     check(code == 2 and "option ranks: 2 is not the number of processes" in err, code, err)
     with socket.socket() as taken:
