@@ -186,7 +186,7 @@ std::vector<Camera> cameras_of(const ExportRequest& request) {
     if (!is_point_cloud(request.run)) return read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras;
     std::vector<Camera> cameras;
     if (request.changes.source.empty()) return cameras;
-    const Scene scene = open_saved_run(request.run, {}, request.changes).scene;
+    const Scene scene = load_scene(scene_options(saved_options(request.run, request.changes)));
     for (const auto* views : {&scene.test, &scene.train})
         for (const View& view : *views) cameras.push_back(view.camera);
     return cameras;
