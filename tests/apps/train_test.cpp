@@ -77,6 +77,9 @@ TEST(Train, LimitsArePlannedAndReported) {
     const std::string common = "train -s builtin:diffuse --device cpu --eval -r 4 --appearance none ";
     const Outcome outcome = program.run(common + "-m run --time-limit 2s --size-limit 200KB --size-of ply");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_NE(outcome.err.find("at most 100000 Gaussians, as for every built-in scene; --cap-max names another number"),
+              std::string::npos)
+        << outcome.err;
     EXPECT_NE(outcome.err.find("plan: time: 2.0 s"), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find("plan: size: at most 200KB as ply"), std::string::npos) << outcome.err;
     double left = 2;
