@@ -4,7 +4,8 @@
 install(SCRIPT ${CMAKE_SOURCE_DIR}/cmake/bundle_libraries.cmake COMPONENT libraries EXCLUDE_FROM_ALL)
 
 set(CPACK_PACKAGE_NAME gsapp)
-set(CPACK_PACKAGE_CONTACT "the gsapp maintainers <gsapp@localhost>")
+# A name without an address, which apt and dpkg accept: the project has none that could be given.
+set(CPACK_PACKAGE_CONTACT "the gsapp maintainers")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "Trains, evaluates and shows 3D Gaussian splatting scenes")
 set(CPACK_PACKAGE_DESCRIPTION "gsapp makes a 3D Gaussian splatting model of photographs, on the CPU or on an NVIDIA GPU,
 measures it, and shows it in a browser.")

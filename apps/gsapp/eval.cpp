@@ -12,6 +12,7 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/eval.h"
+#include "apps/gsapp/printing.h"
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
@@ -81,7 +82,6 @@ CLI::Option* add_runs_option(CLI::App& command, std::vector<std::string>& runs, 
 }
 
 void run_eval(const EvalArguments& arguments) {
-    if (arguments.quiet) setup_log(LogLevel::kWarn);
     // Mistakes in the words are found before any run is rendered.
     const TableFormat format = format_of(arguments);
     Protocol protocol = find_protocol(arguments.protocol);
@@ -137,7 +137,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
                      "Places that tables mark in each column, 0 to 3: bold, underlined, italic (default: 3 where more "
                      "than three lines compare, otherwise 1)")
         ->check(CLI::Range(0, 3));
-    command->add_flag("-q,--quiet", arguments->quiet, "No messages below warnings");
+    add_quiet_flag(*command);
     CLI::Option* skip = command->add_flag("--skip-render", arguments->skip_render,
                                           "Only print the table of results that are already stored");
     add_metric_options(*command, arguments->metrics);

@@ -26,7 +26,7 @@ struct EvalArguments {
     std::optional<int> marks;
     MetricArguments metrics{"psnr,ssim", ""};
     bool skip_render = false, decompose = false;
-    bool json = false, quiet = false;
+    bool json = false;
 };
 
 /// Adds the folders of runs, which may also stand after -m as in 3DGS's scripts. Returns the option.

@@ -2,11 +2,14 @@
 // gsapp export: a finished run or a point cloud as a page that shows it, or as a file for other programs.
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/export_run.h"
 #include "kernels/core/error.h"
@@ -20,8 +23,21 @@ struct ExportArguments {
     std::shared_ptr<SceneArguments> scene;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     int photographs = 0;          ///< most of them
-    bool sh_projection = false, overwrite = false, compatible = false;
+    bool sh_projection = false, overwrite = false, compatible = false, json = false;
 };
+
+nlohmann::ordered_json json_of(const std::vector<ExportedModel>& exported) {
+    nlohmann::ordered_json json;
+    for (const ExportedModel& model : exported) {
+        nlohmann::ordered_json& one = json["models"].emplace_back();
+        one = {{"file", model.file.string()},
+               {"bytes", std::filesystem::file_size(model.file)},
+               {"num_gaussians", model.num_gaussians}};
+        one["psnr"] = model.loss ? nlohmann::ordered_json(model.loss->psnr) : nlohmann::ordered_json();
+        one["packed_psnr"] = model.loss ? nlohmann::ordered_json(model.loss->packed_psnr) : nlohmann::ordered_json();
+    }
+    return json;
+}
 
 void run_export(const ExportArguments& arguments) {
     if (arguments.sh_projection && arguments.format != "ply") throw UsageError("--sh-projection is for --format ply");
@@ -43,12 +59,14 @@ void run_export(const ExportArguments& arguments) {
         .up = arguments.up,
         .compatible = arguments.compatible,
         .changes = changes};
+    std::vector<ExportedModel> exported;
     if (arguments.format == "web")
-        export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
-                             .photographs = arguments.photographs});
+        exported = export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
+                                        .photographs = arguments.photographs});
     else
-        export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
-                    arguments.sh_projection);
+        exported = {export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
+                                arguments.sh_projection)};
+    if (arguments.json) print_json(json_of(exported));
 }
 
 }  // namespace
@@ -89,6 +107,8 @@ void add_export_command(CLI::App& app, Command& selected) {
         "With web: store a residual for every Gaussian, as the paper's viewer expects it, also where only "
         "some have one");
     command->add_flag("--overwrite", arguments->overwrite, "Replace an earlier export in DIR");
+    add_outcome_flag(*command, arguments->json);
+    add_quiet_flag(*command);
     arguments->scene = std::make_shared<SceneArguments>(*command,
                                                         "With web: the scene, if a run's was moved since the training, "
                                                         "or to measure what packing a .ply file loses and "

@@ -7,6 +7,7 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/eval.h"
+#include "apps/gsapp/printing.h"
 #include "eval/metrics/compare_images.h"
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
@@ -94,6 +95,7 @@ void add_metrics_command(CLI::App& app, Command& selected) {
         ->excludes(runs);
     command->add_flag("--json", arguments->json,
                       "Full numbers as JSON: scores (null = infinite), not_measured, protocol");
+    add_quiet_flag(*command);
     command->callback([arguments, &selected] { selected = [arguments] { run_metrics(*arguments); }; });
 }
 

@@ -6,8 +6,10 @@
 
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
 
@@ -39,12 +41,24 @@ class StageLine {
     bool open_ = false;
 };
 
-void run_prepare(const PrepareOptions& options) {
+nlohmann::ordered_json json_of(const PrepareReport& report, const std::filesystem::path& scene) {
+    nlohmann::ordered_json json = {{"scene", scene.string()},
+                                   {"photographs", report.photographs},
+                                   {"registered", report.registered},
+                                   {"points", report.points}};
+    json["mean_reprojection_error"] = report.error ? nlohmann::ordered_json(*report.error) : nlohmann::ordered_json();
+    json["left_out"] = report.left_out;
+    json["other_models"] = report.other_models;
+    json["log"] = report.log.string();
+    return json;
+}
+
+void run_prepare(const PrepareOptions& options, bool json, bool quiet) {
     catch_interrupts();  // the programs get the signal as well; the temporary folder is then removed
     StageLine line;
     const PrepareReport report =
         prepare_scene(options, [&](int stage, int stages, const std::string& name, const std::string& count) {
-            line.show(stage, stages, name, count);
+            if (!quiet) line.show(stage, stages, name, count);
         });
     line.finish();
     for (const std::string& sentence : describe(report))
@@ -54,6 +68,7 @@ void run_prepare(const PrepareOptions& options) {
                     report.log.string());
     log_info("the scene is in {} (colmap's output: {}); train it with: gsapp train -s {} --eval",
              options.scene.string(), report.log.string(), options.scene.string());
+    if (json) print_json(json_of(report, options.scene));
 }
 
 }  // namespace
@@ -85,7 +100,10 @@ void add_prepare_command(CLI::App& app, Command& selected) {
         "--gpu,!--cpu", [options](std::int64_t count) { options->gpu = count > 0; },
         "Where colmap computes features and matches (default: the GPU where colmap has CUDA)");
     command->add_flag("--overwrite", options->overwrite, "Replace an earlier scene at SCENE");
-    command->callback([options, &selected] { selected = [options] { run_prepare(*options); }; });
+    const auto json = std::make_shared<bool>(false);
+    add_outcome_flag(*command, *json);
+    const CLI::Option* quiet = add_quiet_flag(*command);
+    command->callback([=, &selected] { selected = [=] { run_prepare(*options, *json, quiet->count() > 0); }; });
 }
 
 }  // namespace gs

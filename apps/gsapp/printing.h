@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include "eval/pages/text_table.h"
 
@@ -13,5 +14,14 @@ TableStyle stdout_style();
 
 /// Adds --json, which asks for JSON instead of tables.
 void add_json_flag(CLI::App& command, bool& json);
+
+/// Adds --json to a command that prints nothing without it.
+void add_outcome_flag(CLI::App& command, bool& json);
+
+/// Prints a JSON object to stdout.
+void print_json(const nlohmann::ordered_json& json);
+
+/// Adds --quiet, which leaves out the messages below warnings.
+CLI::Option* add_quiet_flag(CLI::App& command);
 
 }  // namespace gs

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "eval/runs/prune_run.h"
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
@@ -20,6 +21,7 @@ namespace fs = std::filesystem;
 struct PruneArguments {
     std::string run, output;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
+    bool json = false;
 };
 
 void run_prune(const PruneArguments& arguments) {
@@ -28,7 +30,14 @@ void run_prune(const PruneArguments& arguments) {
         throw UsageError(fmt::format("{} is not empty; choose another folder with -o", output.string()));
     SavedRun run =
         open_saved_run(arguments.run, arguments.iteration < 0 ? std::nullopt : std::optional(arguments.iteration));
-    std::fputs(format_prune_report(prune_run(run, output)).c_str(), stdout);
+    const PruneReport report = prune_run(run, output);
+    if (arguments.json) {
+        nlohmann::ordered_json json = prune_report_json(report);
+        json["output"] = output.string();
+        print_json(json);
+    } else {
+        std::fputs(format_prune_report(report).c_str(), stdout);
+    }
     log_info("the pruned run: {}", output.string());
 }
 
@@ -44,6 +53,8 @@ void add_prune_appearance_command(CLI::App& app, Command& selected) {
         ->type_name("FOLDER");
     command->add_option("--iteration", arguments->iteration, "Saved iteration to prune (default: the last)")
         ->check(CLI::NonNegativeNumber);
+    add_json_flag(*command, arguments->json);
+    add_quiet_flag(*command);
     command->callback([arguments, &selected] { selected = [arguments] { run_prune(*arguments); }; });
 }
 

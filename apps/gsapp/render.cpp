@@ -7,10 +7,12 @@
 #include <filesystem>
 #include <list>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
@@ -38,7 +40,7 @@ struct RenderArguments {
     double orbit_elevation = 0, fps = kUsualFps;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     RenderParts parts;
-    bool overwrite = false, has_elevation = false, has_fps = false;
+    bool overwrite = false, has_elevation = false, has_fps = false, json = false;
 };
 
 /// Views that belong into one folder.
@@ -106,7 +108,8 @@ fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const 
     return arguments.views == "all" ? folder / set : folder;
 }
 
-void run_render(const RenderArguments& arguments) {
+/// Writes the pictures, and returns where they are.
+nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     if (!arguments.video.empty() && arguments.views == "all")
         throw UsageError("--video makes a film of one folder: name --views test or --views train");
     if (arguments.show == "appearance" && arguments.parts.decompose)
@@ -143,15 +146,19 @@ void run_render(const RenderArguments& arguments) {
     for (const ViewSet& set : wanted.sets)
         render_views(run, set.views, correction, arguments.parts, (folder++)->path());
     folder = folders.begin();
+    nlohmann::ordered_json written = {{"folders", nlohmann::ordered_json::array()}, {"film", nullptr}};
     for (const ViewSet& set : wanted.sets) {
         folder->commit();
-        log_info("{} pictures in {}", set.views.size(), (folder++)->folder().string());
+        log_info("{} pictures in {}", set.views.size(), folder->folder().string());
+        written["folders"].push_back({{"folder", (folder++)->folder().string()}, {"pictures", set.views.size()}});
     }
-    if (arguments.video.empty()) return;
+    if (arguments.video.empty()) return written;
     const double fps = arguments.has_fps ? arguments.fps : wanted.fps.value_or(kUsualFps);
     make_film(arguments.video, picture_folder(folders.front().folder(), arguments.parts), wanted.sets[0].views.size(),
               fps);
     log_info("film of {:.1f} s in {}", double(wanted.sets[0].views.size()) / fps, arguments.video);
+    written["film"] = arguments.video;
+    return written;
 }
 
 void add_camera_options(CLI::App& command, RenderArguments& arguments) {
@@ -250,7 +257,14 @@ void add_render_command(CLI::App& app, Command& selected) {
         "Scene of the views: of a .ply file, which --orbit and --path show without one; of a run that was moved since "
         "the training",
         DeviceOption::kDeclared);
-    command->callback([arguments, &selected] { selected = [arguments] { run_render(*arguments); }; });
+    add_outcome_flag(*command, arguments->json);
+    add_quiet_flag(*command);
+    command->callback([arguments, &selected] {
+        selected = [arguments] {
+            const nlohmann::ordered_json written = run_render(*arguments);
+            if (arguments->json) print_json(written);
+        };
+    });
 }
 
 }  // namespace gs

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "apps/gsapp/command.h"
+#include "apps/gsapp/printing.h"
 #include "eval/live/saved_page.h"
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
@@ -89,6 +90,7 @@ void add_view_command(CLI::App& app, Command& selected) {
     command->add_option("--port", arguments->port, "Port on 127.0.0.1; 0 takes any free one")
         ->capture_default_str()
         ->check(CLI::Range(0, 65535));
+    add_quiet_flag(*command);
     command->callback([arguments, &selected] { selected = [arguments] { run_view(*arguments); }; });
 }
 

@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <climits>
@@ -17,6 +18,7 @@
 #include <sstream>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "kernels/core/error.h"
 
@@ -52,11 +54,22 @@ std::string new_owner() {
 std::optional<std::string> content(const fs::path& file) {
     const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
     if (fd < 0) return errno == ENOENT ? std::optional(std::string()) : std::nullopt;
-    char text[512];
-    const ssize_t size = ::read(fd, text, sizeof text);
+    std::string text;
+    char part[512];
+    ssize_t size;
+    while ((size = ::read(fd, part, sizeof part)) > 0) text.append(part, std::size_t(size));
     ::close(fd);
-    return size < 0 ? std::nullopt : std::optional(std::string(text, std::size_t(size)));
+    return size < 0 ? std::nullopt : std::optional(text);
 }
+
+/// Splits a file into its first line, which names the owner, and the note below.
+std::pair<std::string, std::string> owner_and_note(const std::string& text) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    return {text.substr(0, end), text.substr(std::min(end + 1, text.size()))};
+}
+
+/// The machine of an owner that has given its claim back and left the file.
+constexpr std::string_view kNobody = "nobody";
 
 /// Writes a file that appears under its name with all of its content. It need not survive a crash of the machine.
 void replace_file(const fs::path& file, const std::string& text) {
@@ -72,18 +85,30 @@ void replace_file(const fs::path& file, const std::string& text) {
     throw DataError(fmt::format("cannot replace '{}': {}", file.string(), error.message()));
 }
 
-/// Returns whether the owner is a process of this machine that has ended.
+/// Returns whether the owner is nobody, or a process of this machine that has ended.
 bool has_ended(const std::string& owner) {
     std::istringstream words(owner);
     std::string where;
     long pid = 0;
-    return words >> where >> pid && where == machine() && pid > 0 && ::kill(pid_t(pid), 0) != 0 && errno == ESRCH;
+    if (!(words >> where >> pid)) return false;
+    return where == kNobody || (where == machine() && pid > 0 && ::kill(pid_t(pid), 0) != 0 && errno == ESRCH);
 }
 
 }  // namespace
 
-CellClaim::CellClaim(fs::path file, std::string owner, std::chrono::milliseconds renew_every)
-    : file_(std::move(file)), owner_(std::move(owner)), renew_every_(renew_every), renewer_([this] { renew(); }) {}
+CellNote read_note(const fs::path& file) {
+    std::error_code error;
+    const fs::file_time_type time = fs::last_write_time(file, error);
+    const std::optional<std::string> text = error ? std::nullopt : content(file);
+    if (!text || text->empty()) return {};
+    auto [owner, note] = owner_and_note(*text);
+    return {std::move(owner), std::move(note), time};
+}
+
+CellClaim::CellClaim(fs::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave)
+    : file_(std::move(file)), owner_(std::move(owner)), renew_every_(renew_every), leave_(leave), renewer_([this] {
+          renew();
+      }) {}
 
 CellClaim::~CellClaim() {
     {
@@ -93,7 +118,15 @@ CellClaim::~CellClaim() {
     wake_.notify_all();
     renewer_.join();
     std::error_code ignored;
-    if (content(file_) == owner_) fs::remove(file_, ignored);
+    if (content(file_) != owner_) return;
+    if (!leave_) {
+        fs::remove(file_, ignored);
+        return;
+    }
+    try {
+        replace_file(file_, fmt::format("{} 0\n{}", kNobody, owner_and_note(owner_).second));
+    } catch (const DataError&) {  // others will find that it is no longer renewed
+    }
 }
 
 bool CellClaim::lost() const {
@@ -152,6 +185,12 @@ std::unique_ptr<CellClaim> CellClaims::take(const fs::path& file) {
     }
     seen_.erase(file);
     return std::make_unique<CellClaim>(file, owner, stale_after_ / 6);
+}
+
+std::unique_ptr<CellClaim> CellClaims::tell(const fs::path& file, const std::string& note) {
+    const std::string text = new_owner() + note;
+    replace_file(file, text);
+    return std::make_unique<CellClaim>(file, text, stale_after_ / 6, true);
 }
 
 }  // namespace gs

@@ -4,6 +4,9 @@
 // Whoever trains a cell holds a file beside its folder, which was created exclusively and whose time is renewed while
 // the process lives. A file that is no longer renewed belongs to a process that is gone, and another takes its place.
 // No clocks are compared: each process judges by its own how long a file has not changed.
+//
+// A process that has seen a cell fail tells the others by a second file, which stays when it ends. They take its word
+// if the file was written or renewed while they were at work; to those that start later it says nothing.
 #pragma once
 
 #include <chrono>
@@ -20,7 +23,8 @@ namespace gs {
 /// A claim that this process holds. It is given back at the end of the object's life.
 class CellClaim {
   public:
-    CellClaim(std::filesystem::path file, std::string owner, std::chrono::milliseconds renew_every);
+    /// With `leave` the file stays, but no longer belongs to anybody.
+    CellClaim(std::filesystem::path file, std::string owner, std::chrono::milliseconds renew_every, bool leave = false);
     ~CellClaim();
     CellClaim(const CellClaim&) = delete;
     CellClaim& operator=(const CellClaim&) = delete;
@@ -34,11 +38,23 @@ class CellClaim {
     const std::filesystem::path file_;
     const std::string owner_;
     const std::chrono::milliseconds renew_every_;
+    const bool leave_;
     mutable std::mutex mutex_;
     std::condition_variable wake_;
     bool ends_ = false, lost_ = false;  ///< guarded by mutex_
     std::thread renewer_;
 };
+
+/// What a file of `tell` says, and when that was last renewed.
+struct CellNote {
+    std::string owner, text;
+    std::filesystem::file_time_type time = std::filesystem::file_time_type::min();
+
+    friend bool operator==(const CellNote&, const CellNote&) = default;
+};
+
+/// Returns what the file says; empty where there is none, or it cannot be read now.
+CellNote read_note(const std::filesystem::path& file);
 
 /// What this process has seen of the claims of others.
 class CellClaims {
@@ -51,6 +67,9 @@ class CellClaims {
     /// Takes the claim; null if another process holds it, or took it at the same moment. Throws DataError naming the
     /// file if it cannot be written.
     std::unique_ptr<CellClaim> take(const std::filesystem::path& file);
+    /// Tells the others something: takes the claim from whoever has it, and adds a note to the file, which stays.
+    /// Throws DataError naming the file if it cannot be written.
+    std::unique_ptr<CellClaim> tell(const std::filesystem::path& file, const std::string& note);
 
   private:
     struct Seen {

@@ -81,6 +81,7 @@ class CellRunner {
     void keep_finished() {
         for (std::size_t k = 0; k < cells_.size(); ++k) {
             first_times_.push_back(result_time(k));
+            first_failures_.push_back(read_note(failure_file(k)));
             CellOutcome outcome;
             if (!cells_[k].options.overwrite) outcome.result = finished_cell(cells_[k].options);
             if (outcome.result) {
@@ -136,7 +137,7 @@ class CellRunner {
                     std::unique_ptr<CellClaim> claim = claims_.take(claim_file(*k));
                     if (!claim) {
                         others_.insert(*k);
-                    } else if (!done_by_others(*k)) {
+                    } else if (!done_by_others(*k) && !failed_by_others(*k)) {
                         pending_.erase(std::find(pending_.begin(), pending_.end(), *k));
                         return Work{*k, std::move(claim)};
                     }
@@ -153,13 +154,34 @@ class CellRunner {
         return pending_.empty() || summary_.interrupted || hook_failure_ || past_deadline();
     }
 
-    /// Looks which of the pending cells others work on, and which of these they have finished.
+    /// Looks which of the pending cells others work on, and which of these they have finished. A process that saw a
+    /// cell fail before this one started, and lives, will tell it by renewing its word.
     void note_others() {
         for (const std::size_t k : std::vector(pending_)) {
-            const bool held = claims_.held(claim_file(k)) || RunLock::is_held(cells_[k].options.model);
+            if (failed_by_others(k)) continue;
+            const bool held = claims_.held(claim_file(k)) || RunLock::is_held(cells_[k].options.model) ||
+                              claims_.held(failure_file(k));
             if (held && others_.insert(k).second) log_info("{}: another process works on it", name(k));
             if (!held && others_.erase(k) > 0 && done_by_others(k)) remove_old_claim(k);
         }
+    }
+
+    /// Takes over the failure of a cell that another process tried since the beginning.
+    bool failed_by_others(std::size_t k) {
+        const CellNote failure = read_note(failure_file(k));
+        if (failure.text.empty() || failure == first_failures_[k]) return false;
+        CellOutcome outcome;
+        int code = 0;
+        std::istringstream words(failure.text);
+        words >> code >> std::ws;
+        std::getline(words, outcome.error, '\0');
+        outcome.code = ExitCode(code);
+        pending_.erase(std::find(pending_.begin(), pending_.end(), k));
+        others_.erase(k);
+        log_error("{}: failed in another process: {}", cells_[k].name, outcome.error);
+        if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
+        hooks_.done(k, outcome);
+        return true;
     }
 
     /// Takes over the result of a cell that another process finished since the beginning.
@@ -221,11 +243,14 @@ class CellRunner {
     void finish(std::size_t k, const CellOutcome& outcome) {
         const std::lock_guard lock(mutex_);
         if (outcome.result) {
+            std::error_code ignored;
+            fs::remove(failure_file(k), ignored);  // of an earlier start
             log_info("{}: PSNR {:.2f}, {} Gaussians, {:.1f} s", name(k), outcome.result->psnr,
                      outcome.result->num_gaussians, outcome.result->train_seconds);
         } else if (!outcome.error.empty()) {
             log_error("{}: {}", cells_[k].name, outcome.error);
             if (summary_.num_failed++ == 0) summary_.first_code = outcome.code;
+            tell_failure(k, outcome);
         } else {
             log_warning("{}: stopped", name(k));
             if (!past_deadline()) summary_.interrupted = true;  // by a signal, if perhaps only to the child
@@ -237,6 +262,15 @@ class CellRunner {
         }
     }
 
+    /// Tells the others that a cell failed. Where that cannot be written they will try it, too.
+    void tell_failure(std::size_t k, const CellOutcome& outcome) {
+        try {
+            failures_.push_back(claims_.tell(failure_file(k), fmt::format("{} {}", int(outcome.code), outcome.error)));
+        } catch (const DataError& e) {
+            log_warning("{}", e.what());
+        }
+    }
+
     /// Returns when the results of a cell were written; the least time where there are none.
     fs::file_time_type result_time(std::size_t k) const {
         std::error_code error;
@@ -244,6 +278,7 @@ class CellRunner {
         return error ? fs::file_time_type::min() : time;
     }
     fs::path claim_file(std::size_t k) const { return cells_[k].options.model + ".claim"; }
+    fs::path failure_file(std::size_t k) const { return cells_[k].options.model + ".failed"; }
     bool past_deadline() const { return hooks_.deadline && Clock::now() >= *hooks_.deadline; }
     std::string name(std::size_t k) const { return fmt::format("[{}/{}] {}", k + 1, cells_.size(), cells_[k].name); }
 
@@ -251,9 +286,11 @@ class CellRunner {
     const CellHooks& hooks_;
     std::mutex mutex_;  ///< guards all below
     CellClaims claims_;
-    std::vector<std::size_t> pending_;             ///< in their order
-    std::vector<fs::file_time_type> first_times_;  ///< of results that were there at the beginning
-    std::set<std::size_t> others_;                 ///< those of the pending ones that other processes work on
+    std::vector<std::size_t> pending_;                  ///< in their order
+    std::vector<fs::file_time_type> first_times_;       ///< of results that were there at the beginning
+    std::vector<CellNote> first_failures_;              ///< what was said of failures at the beginning
+    std::vector<std::unique_ptr<CellClaim>> failures_;  ///< of cells that failed here
+    std::set<std::size_t> others_;                      ///< those of the pending ones that other processes work on
     std::exception_ptr hook_failure_;
     CellsSummary summary_;
 };

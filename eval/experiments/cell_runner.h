@@ -21,7 +21,8 @@ struct CellOutcome {
     std::optional<CellResult> result = {};
     std::string error = {};
     ExitCode code = ExitCode::kOk;
-    std::optional<double> wall_seconds = {};  ///< from start to end of the process; empty: this call trained nothing
+    /// Seconds from start to end of the process; empty if this call did not train the cell.
+    std::optional<double> wall_seconds = {};
 };
 
 /// How the caller takes part. The calls never overlap.
@@ -51,9 +52,9 @@ struct CellsSummary {
 
 /// Trains the cells whose folders do not hold them yet, or all of them with the option `overwrite`. All cells go to the
 /// same device. A cell that another process works on is waited for, and taken over if that process is gone. A run that
-/// fails does not stop the others; another process tries it once more. Once interrupted() is true nothing more is
-/// started, and runs under way write their checkpoint and end. Cells that were not reached are not `done`. Call
-/// catch_interrupts() before. Throws DeviceError for a device that is not there.
+/// fails does not stop the others, and the processes that are at work then do not try it again; later ones do. Once
+/// interrupted() is true nothing more is started, and runs under way write their checkpoint and end. Cells that were
+/// not reached are not `done`. Call catch_interrupts() before. Throws DeviceError for a device that is not there.
 CellsSummary run_cells(const std::vector<Cell>& cells, const CellHooks& hooks);
 
 /// What trains cells: run_cells, or what a test puts in its place.

@@ -25,11 +25,15 @@ std::string megabytes(std::int64_t bytes) { return fmt::format("{:.3g} MB", 1e-6
 /// values.
 constexpr std::int64_t kPixelsPerGaussian = 20;
 
-/// Returns the number of Gaussians of a full run: --cap-max, or fewer where the images could not tell so many.
-std::int64_t count_of_full_run(const TrainOptions& options, const Scene& scene) {
+/// Notes the number of Gaussians of a full run: --cap-max, or fewer where the images could not tell so many.
+void note_full_count(Plan& plan, const TrainOptions& options, const Scene& scene) {
     std::int64_t pixels = 0;
     for (const View& view : scene.train) pixels += std::int64_t(view.camera.width) * view.camera.height;
-    return std::clamp<std::int64_t>(pixels / kPixelsPerGaussian, 1, options.cap_max);
+    const std::int64_t by_images = std::max<std::int64_t>(1, pixels / kPixelsPerGaussian);
+    plan.full_count = std::min(by_images, options.cap_max);
+    plan.full_count_reason = by_images < options.cap_max
+                                 ? fmt::format("one for every {} pixels of the training images", kPixelsPerGaussian)
+                                 : "--cap-max";
 }
 
 /// Returns the loss of a training of so many iterations; empty where the length is found by a search, and where the
@@ -44,7 +48,7 @@ void plan_the_time(Plan& plan, const TrainOptions& options) {
     const bool limited = !options.time_limit.empty();
     const std::int64_t iterations = limited ? wanted_steps(plan.num_views) : options.iterations;
     const std::optional<double> loss = loss_of_iterations(plan, options, iterations);
-    const std::string cost = loss ? ", which cost " + about(*loss) : "";
+    const std::string cost = loss ? fmt::format(", by estimate {} below a training of any length", about(*loss)) : "";
     if (limited) {
         const double seconds = parse_duration(options.time_limit, "option time-limit");
         plan.lines.push_back(fmt::format(
@@ -66,7 +70,9 @@ void plan_the_size(Plan& plan, const TrainOptions& options, const Scene& scene) 
     const std::int64_t most = std::min(size.most_gaussians, options.cap_max);
     const double loss = loss_of_count(most, plan.full_count);
     const std::string cost =
-        loss > 0 ? fmt::format(", which cost {} if the scene has detail for {}", about(loss), plan.full_count) : "";
+        loss > 0 ? fmt::format(", by estimate {} below {} Gaussians ({}) if the scene has detail for so many",
+                               about(loss), plan.full_count, plan.full_count_reason)
+                 : "";
     plan.lines.push_back(fmt::format("size: at most {} as {}: {} Gaussians of {:.4g} bytes with {}{}",
                                      options.size_limit, word(options.size_of), most, size.mean_bytes(),
                                      options.appearance, cost));
@@ -88,10 +94,10 @@ void note_loss(Plan& plan, const TrainOptions& options, const TrainSummary& summ
     const std::optional<double> length = loss_of_iterations(plan, options, summary.iterations);
     if (!length || summary.num_gaussians == 0) return;
     const double count = loss_of_count(summary.num_gaussians, plan.full_count);
-    log_info("estimate: {} iterations instead of all that still help cost {}, {} Gaussians {}", summary.iterations,
-             about(*length), summary.num_gaussians,
-             summary.num_gaussians < plan.full_count ? fmt::format("instead of {} {}", plan.full_count, about(count))
-                                                     : "are as many as help");
+    log_info("estimate: these {} iterations are {} below a training of any length", summary.iterations, about(*length));
+    if (summary.num_gaussians < plan.full_count)
+        log_info("estimate: these {} Gaussians are {} below {} ({})", summary.num_gaussians, about(count),
+                 plan.full_count, plan.full_count_reason);
     plan.json["estimated_loss"]["length"]["final"] = *length;
     plan.json["estimated_loss"]["count"]["final"] = count;
 }
@@ -105,7 +111,7 @@ Plan make_plan(const TrainOptions& options, const Scene& scene, std::size_t held
         return plan;
     plan.json = nlohmann::ordered_json::object();
     plan.num_views = scene.train.size();
-    plan.full_count = count_of_full_run(options, scene);
+    note_full_count(plan, options, scene);
     plan_the_time(plan, options);
     if (!options.size_limit.empty()) plan_the_size(plan, options, scene);
     if (!options.frame_limit.empty()) {

@@ -21,6 +21,7 @@ struct Plan {
     std::optional<SizePlan> size;    ///< with --size-limit
     std::size_t num_views = 0;       ///< views that are trained on
     std::int64_t full_count = 0;     ///< Gaussians of the full run that losses are estimated against
+    std::string full_count_reason;   ///< what keeps a full run from more of them
 };
 
 /// Returns the plan of a run; empty if `options` name neither limit, target nor preset. Throws UsageError for a limit

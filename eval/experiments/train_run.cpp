@@ -245,6 +245,8 @@ std::optional<TableRow> train_run(TrainOptions options, int frame_rounds, const 
     add_log_file(fs::path(options.model) / "gsapp.log");
     log_info("{}, output folder {}", version_text(), options.model);
     describe_scene(scene);
+    if (has_builtin_cap(options))
+        log_info("at most {} Gaussians, as for every built-in scene; --cap-max names another number", options.cap_max);
 
     catch_interrupts();
     if (options.appearance == kAutoAppearance) resolve_auto_appearance(options, scene, start);

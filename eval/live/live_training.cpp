@@ -39,7 +39,8 @@ LivePageFacts facts_of(const TrainOptions& options, const std::vector<View>& vie
 
 LiveTraining::LiveTraining(const TrainOptions& options, const Scene& scene, std::optional<int> port)
     : options_(options), scene_(scene), views_(shown_views(scene)), page_(facts_of(options, views_), port) {
-    page_.tell({{"state", "starting"}, {"iterations", options.iterations}});
+    page_.tell({{"state", "starting"}});
+    if (options.time_limit.empty()) page_.tell({{"iterations", options.iterations}});
 }
 
 LiveTraining::~LiveTraining() {
@@ -62,15 +63,16 @@ void LiveTraining::tell(const char* state, const TrainProgress& now) {
     nlohmann::ordered_json news = {{"state", state},
                                    {"appearance", options_.appearance},
                                    {"iteration", now.iteration},
-                                   {"iterations", now.expected_iterations},
                                    {"num_gaussians", now.num_gaussians},
                                    {"train_seconds", now.train_seconds}};
     news["loss"] =
         now.iteration > 0 && std::isfinite(now.loss) ? nlohmann::ordered_json(now.loss) : nlohmann::ordered_json();
-    if (rate_ > 0) {
-        news["iterations_per_second"] = rate_;
+    if (now.expected_iterations > 0) news["iterations"] = now.expected_iterations;
+    if (rate_ > 0) news["iterations_per_second"] = rate_;
+    if (now.seconds_left)
+        news["eta_seconds"] = *now.seconds_left;
+    else if (rate_ > 0)
         news["eta_seconds"] = double(now.expected_iterations - now.iteration) / rate_;
-    }
     page_.tell(news);
 }
 

@@ -11,7 +11,6 @@
 #include "appearance/model_info.h"
 #include "eval/runs/camera_path.h"
 #include "eval/runs/evaluate.h"
-#include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
@@ -186,7 +185,7 @@ std::vector<Camera> cameras_of(const ExportRequest& request) {
     if (!is_point_cloud(request.run)) return read_camera_path(RunFolder{request.run}.cameras(), Frame{}).cameras;
     std::vector<Camera> cameras;
     if (request.changes.source.empty()) return cameras;
-    const Scene scene = open_saved_run(request.run, {}, request.changes).scene;
+    const Scene scene = load_scene(scene_options(saved_options(request.run, request.changes)));
     for (const auto* views : {&scene.test, &scene.train})
         for (const View& view : *views) cameras.push_back(view.camera);
     return cameras;
@@ -194,7 +193,7 @@ std::vector<Camera> cameras_of(const ExportRequest& request) {
 
 }  // namespace
 
-void export_web(const ExportRequest& request, const SiteOptions& site) {
+std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site) {
     const std::filesystem::path folder = request.output, viewer = viewer_folder();
     require_free(folder,
                  {site_file::kScene, site_file::kSecondScene, site_file::kDescription, site_file::kPhotographs,
@@ -223,15 +222,20 @@ void export_web(const ExportRequest& request, const SiteOptions& site) {
     remove_earlier_site(folder, written);
     if (!viewer.empty()) remove_other_versions(viewer, folder);
 
-    for (std::size_t i = 0; i < packed.size(); ++i)
-        log_packed(folder / (i == 0 ? site_file::kScene : site_file::kSecondScene), packed[i]);
+    std::vector<ExportedModel> exported;
+    for (std::size_t i = 0; i < packed.size(); ++i) {
+        const std::filesystem::path file = folder / (i == 0 ? site_file::kScene : site_file::kSecondScene);
+        log_packed(file, packed[i]);
+        exported.push_back({file, std::int64_t(packed[i].scene.count()), packed[i].loss});
+    }
     if (viewer.empty())
         log_warning("the web viewer is not built, so that only the scene was written; scripts/build-viewer builds it");
     else
         log_info("show it with: gsapp view {}", folder.string());
+    return exported;
 }
 
-void export_file(const ExportRequest& request, SplatFormat format, bool sh_projection) {
+ExportedModel export_file(const ExportRequest& request, SplatFormat format, bool sh_projection) {
     const char* name = format == SplatFormat::kPly ? "point_cloud.ply" : "point_cloud.splat";
     require_free(request.output, {name}, request.overwrite);
     const std::filesystem::path path = request.output / name;
@@ -255,7 +259,7 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
                         path.string(), offset.x(), offset.y(), offset.z());
         log_info("{}: {} Gaussians in their mean colour, {:.2f} dB to their colours over all directions", path.string(),
                  saved.state.count, mean.psnr);
-        return;
+        return {path, saved.state.count};
     }
     PlyOptions options{.iteration = saved.iteration, .frame = frame};
     if (sh_projection && !is_plain_sh(saved.state)) {
@@ -272,6 +276,7 @@ void export_file(const ExportRequest& request, SplatFormat format, bool sh_proje
         log_info(
             "other programs show its base colours; --sh-projection fits spherical harmonics, which show view "
             "dependence");
+    return {path, saved.state.count};
 }
 
 }  // namespace gs

@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
 
 namespace gs {
@@ -30,12 +32,19 @@ struct SiteOptions {
     int photographs = 0;                    ///< write the photographs of at most so many test views, evenly spread
 };
 
+/// A model as it was written.
+struct ExportedModel {
+    std::filesystem::path file;
+    std::int64_t num_gaussians = 0;
+    std::optional<PackingLoss> loss = {};  ///< what packing for the web costs on the test views, where there are any
+};
+
 /// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views and tells
 /// it in the log and in the file. A second run becomes scene-2.ngsplat; site.json names what lies beside scene.ngsplat,
 /// where there is anything. Throws UsageError where the output is taken, the two runs have other cameras, or there are
 /// no test views whose photographs could be written; what open_saved_run throws; NumericError for parameters that are
 /// not finite; DataError where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
-void export_web(const ExportRequest& request, const SiteOptions& site = {});
+std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {
     kPly,    ///< point_cloud.ply as 3DGS writes it
@@ -45,6 +54,6 @@ enum class SplatFormat {
 /// Writes the file. With `sh_projection` a PLY holds spherical harmonics of degree 3 that are fitted to the colours of
 /// any appearance model (project_to_sh). The log says what the file cannot hold. Throws as export_web; to turn
 /// the model it needs the run's cameras.json, or the scene of a point cloud.
-void export_file(const ExportRequest& request, SplatFormat format, bool sh_projection);
+ExportedModel export_file(const ExportRequest& request, SplatFormat format, bool sh_projection);
 
 }  // namespace gs

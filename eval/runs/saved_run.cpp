@@ -52,7 +52,9 @@ SavedModel read_gaussians(const RunFolder& folder, std::optional<std::int64_t> i
     return from_checkpoint(latest_checkpoint(folder.root));
 }
 
-TrainOptions options_of(const fs::path& run_folder, const RunChanges& instead) {
+}  // namespace
+
+TrainOptions saved_options(const fs::path& run_folder, const RunChanges& instead) {
     const bool bare = is_point_cloud(run_folder);
     if (bare && !instead.point_cloud)
         throw UsageError(fmt::format("'{}' is no run folder, which is needed here", run_folder.string()));
@@ -71,8 +73,6 @@ TrainOptions options_of(const fs::path& run_folder, const RunChanges& instead) {
                         run_folder.string()));
     return options;
 }
-
-}  // namespace
 
 bool is_point_cloud(const fs::path& path) {
     std::error_code error;  // what cannot be looked at is named where it is read
@@ -130,7 +130,7 @@ void set_appearance(TrainOptions& options, const AppearanceSpec& appearance) {
 SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> iteration, const RunChanges& instead) {
     SavedRun run;
     run.folder = run_folder;
-    run.options = options_of(run_folder, instead);
+    run.options = saved_options(run_folder, instead);
     SavedModel model = read_saved_model(run_folder, iteration);
     if (is_point_cloud(run_folder)) set_appearance(run.options, model.state.appearance);
     if (run.options.source.empty()) {

@@ -60,6 +60,10 @@ struct RunChanges {
     bool needs_scene = true;  ///< whether a point cloud without a run is refused where no source is named
 };
 
+/// Returns the options of a run with the changes, those of `instead` for a point cloud without a run. Throws UsageError
+/// for a point cloud that `instead` does not allow, and DataError for a run whose scene is not known.
+TrainOptions saved_options(const std::filesystem::path& run_folder, const RunChanges& instead);
+
 /// Opens a model as read_saved_model does, and the scene that the run was trained on, or the one that `instead` names.
 /// A point cloud without a run and without a scene has a scene without views. Throws what read_saved_model and
 /// load_scene throw, and UsageError for a point cloud that `instead` does not allow.

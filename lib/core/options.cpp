@@ -176,6 +176,14 @@ void apply_preset(TrainOptions& options) {
                                                                    : 30000;
 }
 
+void apply_builtin_cap(TrainOptions& options) {
+    if (has_builtin_cap(options)) options.cap_max = kBuiltinCap;
+}
+
+bool has_builtin_cap(const TrainOptions& options) {
+    return options.source.starts_with("builtin:") && !options.named.contains("cap-max");
+}
+
 std::vector<std::string> kept_from_recipe(const TrainOptions& options) {
     std::vector<std::string> kept;
     if (options.recipe != Recipe::kFrontier) return kept;

@@ -84,6 +84,16 @@ void validate(TrainOptions& options);
 /// Puts the iterations of a preset in place, unless they were named. Throws UsageError beside a time limit.
 void apply_preset(TrainOptions& options);
 
+/// The largest number of Gaussians of built-in scenes unless cap-max is named. Their training images have 768,000
+/// pixels together.
+inline constexpr std::int64_t kBuiltinCap = 100000;
+
+/// Puts kBuiltinCap in place of a cap-max that was not named, where the scene is a built-in one.
+void apply_builtin_cap(TrainOptions& options);
+
+/// Returns whether the scene is a built-in one and cap-max was not named.
+bool has_builtin_cap(const TrainOptions& options);
+
 /// Returns the options that recipe frontier leaves at another value because they were named, e.g. "opacity-reg 0.01".
 /// `options` must be validated.
 std::vector<std::string> kept_from_recipe(const TrainOptions& options);

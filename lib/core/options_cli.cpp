@@ -227,6 +227,7 @@ TrainOptions TrainArguments::combine(const ResolveRules& rules) const {
     TrainOptions options = base(rules.stored_run);
     apply_flags(options);
     if (options.source.empty()) options.source = rules.default_source;
+    apply_builtin_cap(options);
     return options;
 }
 

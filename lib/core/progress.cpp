@@ -70,10 +70,21 @@ Progress::Progress(ProgressStyle style, std::ostream& bar, std::ostream& lines, 
 
 void Progress::start(std::int64_t total, std::int64_t done, const std::string& stage) {
     stage_ = stage;
-    total_ = total;
+    expect(total);
     rated_iteration_ = bar_.shown_iteration = lines_.shown_iteration = done;
     rated_time_ = bar_.shown_time = lines_.shown_time = seconds_now();
     rate_ = 0;
+}
+
+void Progress::expect_end_in(double seconds) {
+    total_ = 0;
+    end_ = seconds_now() + seconds;
+}
+
+std::optional<double> Progress::eta_seconds(std::int64_t iteration) const {
+    if (end_) return std::max(0.0, *end_ - seconds_now());
+    if (total_ == 0 || rate_ == 0) return std::nullopt;
+    return double(total_ - iteration) / rate_;
 }
 
 bool Progress::due(const Outlet& outlet, std::int64_t iteration) const {
@@ -112,18 +123,23 @@ void Progress::draw(const std::vector<std::string>& parts) {
 }
 
 void Progress::show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
-    draw({fmt::format("{}{}/{} {:3.0f}%", stage_.empty() ? "" : stage_ + " ", iteration, total_,
-                      100.0 * double(iteration) / double(total_)),
-          fmt::format("ETA {}", rate_ > 0 ? clock_text(eta_seconds(iteration)) : "-"), fmt::format("loss {:.4f}", loss),
-          fmt::format("{} Gaussians", num_gaussians), fmt::format("{:.1f} it/s", rate_)});
+    const std::string count =
+        total_ == 0 ? fmt::format("{} iterations", iteration)
+                    : fmt::format("{}/{} {:3.0f}%", iteration, total_, 100.0 * double(iteration) / double(total_));
+    const std::optional<double> eta = eta_seconds(iteration);
+    draw({(stage_.empty() ? "" : stage_ + " ") + count, fmt::format("ETA {}", eta ? clock_text(*eta) : "-"),
+          fmt::format("loss {:.4f}", loss), fmt::format("{} Gaussians", num_gaussians),
+          fmt::format("{:.1f} it/s", rate_)});
 }
 
 void Progress::show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians) {
-    nlohmann::ordered_json line = {{"event", "progress"}, {"iteration", iteration}, {"iterations", total_}};
+    nlohmann::ordered_json line = {{"event", "progress"}, {"iteration", iteration}, {"iterations", nullptr}};
+    if (total_ > 0) line["iterations"] = total_;
     line["loss"] = finite_or_null(loss);
     line["num_gaussians"] = num_gaussians;
     line["iterations_per_second"] = rate_ > 0 ? finite_or_null(rate_) : nullptr;
-    line["eta_seconds"] = rate_ > 0 ? finite_or_null(eta_seconds(iteration)) : nullptr;
+    const std::optional<double> eta = eta_seconds(iteration);
+    line["eta_seconds"] = eta ? finite_or_null(*eta) : nullptr;
     if (!stage_.empty()) line["stage"] = stage_;
     lines_.stream << json_text(line) << std::endl;
 }

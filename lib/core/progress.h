@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,7 @@ std::string fitting_line(const std::vector<std::string>& parts, int columns);
 /// go to stdout, at most one a second besides the last:
 ///   {"event":"progress","iteration":700,"iterations":30000,"loss":0.0812,"num_gaussians":94477,
 ///    "iterations_per_second":21.4,"eta_seconds":1369.2}
-/// `loss` is null when it is not finite; speed and ETA are null while they are not known.
+/// `loss` is null when it is not finite; the total, speed and ETA are null while they are not known.
 class Progress {
   public:
     explicit Progress(ProgressStyle style);
@@ -42,12 +43,17 @@ class Progress {
 
     ProgressStyle style() const { return style_; }
 
-    /// Begins a count, before its first iteration. `done` iterations of `total` were made by an earlier run. `stage`
-    /// names the count if it is not the training itself; JSON lines then have it as "stage".
+    /// Begins a count, before its first iteration. `done` iterations of `total` were made by an earlier run; a total of
+    /// 0 is not known. `stage` names the count if it is not the training itself; JSON lines then have it as "stage".
     void start(std::int64_t total, std::int64_t done, const std::string& stage = "");
 
-    /// Corrects the total, where it is an estimate.
-    void expect(std::int64_t total) { total_ = total; }
+    /// Corrects the total.
+    void expect(std::int64_t total) {
+        total_ = total;
+        end_.reset();
+    }
+    /// Says that the count ends in `seconds`, after a number of iterations that is not known.
+    void expect_end_in(double seconds);
 
     /// Returns true if `update` would show something now. Ask before fetching the loss from the device.
     bool due(std::int64_t iteration) const;
@@ -78,13 +84,15 @@ class Progress {
     void draw(const std::vector<std::string>& parts);
     void show_bar(std::int64_t iteration, double loss, std::int64_t num_gaussians);
     void show_line(std::int64_t iteration, double loss, std::int64_t num_gaussians);
-    double eta_seconds(std::int64_t iteration) const { return double(total_ - iteration) / rate_; }
+    /// Returns the seconds that are left after `iteration`; empty while they are not known.
+    std::optional<double> eta_seconds(std::int64_t iteration) const;
 
     ProgressStyle style_;
     Outlet bar_, lines_;
     int columns_;  ///< 0 = those of the terminal
     std::string stage_;
-    std::int64_t total_ = 0;
+    std::int64_t total_ = 0;            ///< 0 = not known
+    std::optional<double> end_ = {};    ///< the time at which the count ends, where time decides
     std::int64_t rated_iteration_ = 0;  ///< the last one shown, from which the speed counts
     double rated_time_ = 0;
     double rate_ = 0;        ///< iterations per second, smoothed; 0 = not known yet

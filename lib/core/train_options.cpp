@@ -299,8 +299,10 @@ std::vector<Option> densification_options() {
              "depend on "
              "least; 80 % of them while densification lasts, then 30 %")
             .also("--speedy"),
-        number("cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
-               "largest number of Gaussians; growth stops there, an initial model above it is kept"),
+        number(
+            "cap-max", &O::cap_max, {1, 1e9, "Gaussians"},
+            "largest number of Gaussians; growth stops there, an initial model above it is kept; unless named, 100000 "
+            "for built-in scenes"),
         number("densify-from-iter", &O::densify_from_iter, {-1, kMaxIterations, "iterations"},
                "first iteration that changes the number; -1: 600 of 30000"),
         number("densify-until-iter", &O::densify_until_iter, {-1, kMaxIterations, "iterations"},

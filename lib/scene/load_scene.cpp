@@ -305,6 +305,7 @@ Scene load_scene(const SceneOptions& options) {
     if (source.is_object_in_cube) place_cube(scene);
     bring_into_frame(scene, source.points);
     for (std::string& line : builder.notes()) scene.notes.push_back(std::move(line));
+    for (std::string& line : builder.facts()) scene.facts.push_back(std::move(line));
     number_cameras(scene);
     if (options.exif) add_exposures(source.views, test, scene);
     scene.has_alpha = builder.has_alpha();

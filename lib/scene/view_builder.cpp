@@ -105,15 +105,17 @@ std::vector<std::string> ViewBuilder::notes() const {
         lines.push_back(
             fmt::format("{} images are wider than {} px: resized with a box filter ({}); -r 1 keeps the full size",
                         capped_, kDefaultMaxWidth, resized_example_));
-    else if (resized_ > 0)
-        lines.push_back(fmt::format(
-            "{} images resized with a box filter ({}): their scores do not compare with those on ready-made "
-            "smaller images",
-            resized_, resized_example_));
     if (kept_small_ > 0)
         lines.push_back(
             fmt::format("{} images are narrower than {} px: not enlarged", kept_small_, options_.resolution));
     return lines;
+}
+
+std::vector<std::string> ViewBuilder::facts() const {
+    if (resized_ == 0 || capped_ > 0) return {};
+    return {fmt::format(
+        "{} images resized with a box filter ({}): their scores do not compare with those on ready-made smaller images",
+        resized_, resized_example_)};
 }
 
 }  // namespace gs

@@ -17,8 +17,10 @@ class ViewBuilder {
     /// Builds one view. Throws DataError for lenses that no pinhole can replace.
     View build(const SourceView& source);
 
-    /// Returns one line each about undistortion and resizing.
+    /// Returns one line each about undistortion, and about sizes that the options did not ask for.
     std::vector<std::string> notes() const;
+    /// Returns a line about images that were resized as the options ask, where there are any.
+    std::vector<std::string> facts() const;
     bool has_alpha() const { return has_alpha_; }
 
   private:

@@ -114,11 +114,13 @@ void Course::advance_one(std::int64_t count) {
 }
 
 std::int64_t Course::expected_iterations() const {
-    if (stretch_) return stretch_iteration_ + stretch_->steps;
-    if (!limits_time()) return options_.iterations;
-    if (finished_ || moment_.position <= 0) return std::max<std::int64_t>(1, moment_.iteration);
-    return std::max<std::int64_t>(moment_.iteration,
-                                  std::llround(double(moment_.iteration) * kReferenceIterations / moment_.position));
+    if (limits_time()) return finished_ ? moment_.iteration : 0;
+    return stretch_ ? stretch_iteration_ + stretch_->steps : options_.iterations;
+}
+
+std::optional<double> Course::seconds_left() const {
+    if (!limits_time()) return std::nullopt;
+    return budget_ ? std::max(0.0, budget_->limit() - budget_->elapsed()) : limit_;
 }
 
 int Course::reduction() const {

@@ -50,8 +50,10 @@ class Course {
     bool finished() const { return finished_; }
     /// Goes on after a step on `views` views, with `count` Gaussians. Each view is an iteration.
     void advance(std::int64_t count, std::int64_t views = 1);
-    /// Returns the number of iterations of the run: an estimate while time decides.
+    /// Returns the number of iterations of the run, or to the end of the stretch; 0 while time decides.
     std::int64_t expected_iterations() const;
+    /// Returns the seconds of the time limit that are left, also for what follows the steps; empty without a limit.
+    std::optional<double> seconds_left() const;
 
     /// Returns how many times images are reduced in the next step.
     int reduction() const;

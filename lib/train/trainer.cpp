@@ -90,6 +90,7 @@ class Run {
     TrainSummary run() {
         if (course_.limits_time()) begin_time();
         progress_.start(course_.expected_iterations(), iteration_);
+        expect_end();
         views_.prefetch(iteration_, last_iteration(), course_.reduction());
         const std::int64_t first = iteration_;
         try {
@@ -217,7 +218,7 @@ class Run {
                 interval_start = seconds_now();
             }
             if (report) {
-                progress_.expect(course_.expected_iterations());
+                expect_end();
                 progress_.update(iteration_, last_.loss, backend_->count());
             }
             save_what_is_due();
@@ -233,6 +234,14 @@ class Run {
         }
     }
 
+    /// Tells the progress line when the training ends.
+    void expect_end() {
+        if (const std::optional<double> left = course_.seconds_left())
+            progress_.expect_end_in(*left);
+        else
+            progress_.expect(course_.expected_iterations());
+    }
+
     /// Shows the training to whoever watches it, and does what they ask for but the end.
     Wish watch() {
         const Wish wish = ask(iteration_ % kLogInterval == 0);
@@ -245,9 +254,14 @@ class Run {
         Wish wish = Wish::kNone;
         if (!hooks_.between) return wish;
         untimed([&] {
-            wish = hooks_.between(
-                {iteration_, course_.expected_iterations(), backend_->count(), last_.loss, train_seconds_, current},
-                *backend_);
+            wish = hooks_.between({.iteration = iteration_,
+                                   .num_gaussians = backend_->count(),
+                                   .expected_iterations = course_.expected_iterations(),
+                                   .seconds_left = course_.seconds_left(),
+                                   .loss = last_.loss,
+                                   .train_seconds = train_seconds_,
+                                   .rows_current = current},
+                                  *backend_);
         });
         return wish;
     }
@@ -484,7 +498,10 @@ class Run {
             if (k > 0 && budget && budget->elapsed() >= budget->limit() - kControllerEnd) return false;
             return by_time || k < options_.controller_iterations;
         };
-        progress_.start(std::max<std::int64_t>(options_.controller_iterations, 1), 0, "controller");
+        const auto expect_controllers_end = [&] {
+            if (by_time) progress_.expect_end_in(budget->limit() - kControllerEnd - budget->elapsed());
+        };
+        progress_.start(std::max<std::int64_t>(options_.controller_iterations, 0), 0, "controller");
         std::int64_t k = 0;
         for (; due(k); ++k) {
             if (interrupted() || ask(false) == Wish::kStop) {
@@ -499,11 +516,13 @@ class Run {
             if ((k + 1) % kMaxSkips == 0) read_stats();
             if (progress_.due(k + 1)) {
                 settle();
-                if (by_time) progress_.expect(k + 1);
+                expect_controllers_end();
                 progress_.update(k + 1, last_.loss, backend_->count());
             }
         }
         settle();
+        progress_.expect(k);
+        progress_.update(k, last_.loss, backend_->count());
         progress_.finish();
         controller_iterations_ = k;
     }

@@ -37,7 +37,9 @@ enum class Wish {
 
 /// What a watcher of a training is told between two iterations. The loss is that of a step a little earlier.
 struct TrainProgress {
-    std::int64_t iteration = 0, expected_iterations = 0, num_gaussians = 0;
+    std::int64_t iteration = 0, num_gaussians = 0;
+    std::int64_t expected_iterations = 0;  ///< of the whole run; 0 while time decides
+    std::optional<double> seconds_left;    ///< of a time limit
     double loss = 0, train_seconds = 0;
     /// Reading the model now changes nothing of what follows: all its rows are up to date.
     bool rows_current = false;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Four `gsapp tradeoff` processes train one set of configurations; one of them is killed.
+"""Four `gsapp tradeoff` processes train one set of configurations; one of them is killed. Three more share one that fails.
 
 Usage: cooperation_test.py PROGRAM
 """
@@ -13,9 +13,9 @@ import time
 CELLS = 6
 
 
-def start(program, folder):
+def start(program, folder, *axes):
     command = [program, "tradeoff", "-s", "builtin:diffuse", "-r", "8", "--iterations", "300", "--device", "cpu",
-               "--threads", "1", "--axes", "appearance=none,sh,nasg", "iterations=200,300", "-m", folder]
+               "--threads", "1", "--axes", *axes, "-m", folder]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -33,11 +33,28 @@ def claims(folder):
     return found
 
 
+def share_a_failure(program, root):
+    """The second configuration keeps all of them at work while they learn of the first, which fails at once."""
+    folder = os.path.join(root, "failing")
+    os.mkdir(folder)
+    with open(os.path.join(folder, "iterations-2"), "w") as file:
+        file.write("a file where the run's folder should be")
+    processes = [start(program, folder, "iterations=2,500") for _ in range(3)]
+    messages = []
+    for process in processes:
+        out, err = process.communicate(timeout=120)
+        assert process.returncode == 3, (process.returncode, err)
+        assert "- iterations 2: failed: " in out, out
+        messages.append(err)
+    told = sum("iterations 2: failed in another process: " in err for err in messages)
+    assert told == 2, (told, *messages)
+
+
 def main():
     program = os.path.abspath(sys.argv[1])
     with tempfile.TemporaryDirectory() as root:
         folder = os.path.join(root, "cells")
-        processes = [start(program, folder) for _ in range(4)]
+        processes = [start(program, folder, "appearance=none,sh,nasg", "iterations=200,300") for _ in range(4)]
         victim = None
         deadline = time.monotonic() + 60
         while victim is None:
@@ -63,7 +80,9 @@ def main():
         assert len(folders) == CELLS, folders
         for name in folders:
             assert os.path.exists(os.path.join(folder, name, "results.json")), name
-    print(f"{CELLS} configurations trained by four processes, of which one was killed; three equal tables")
+        share_a_failure(program, root)
+    print(f"{CELLS} configurations trained by four processes, of which one was killed; three equal tables; "
+          "a failure was tried once by three")
 
 
 if __name__ == "__main__":

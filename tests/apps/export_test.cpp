@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
+#include <nlohmann/json.hpp>
 
 #include "lib/core/json_text.h"
 #include "lib/export/ngsplat.h"
@@ -47,6 +48,20 @@ TEST(Export, WritesPackedSceneWithWhatItLost) {
     for (const char* key :
          {"\"appearance\":\"sv\"", "\"background\":[", "\"packed_psnr\":", "\"photometric\":\"controller\""})
         EXPECT_NE(scene.trailer.find(key), std::string::npos) << key << " in " << scene.trailer;
+
+    const Outcome told = program.run("export run -o told --json --quiet");
+    ASSERT_EQ(told.exit_code, 0) << told.err;
+    EXPECT_EQ(told.err, "");
+    const nlohmann::json model = parse_json(told.out).at("models").at(0);
+    EXPECT_EQ(model["file"], "told/scene.ngsplat");
+    EXPECT_EQ(model["bytes"], fs::file_size(program.path("told/scene.ngsplat")));
+    EXPECT_EQ(model["num_gaussians"], scene.count());
+    const nlohmann::json measured = parse_json(scene.trailer).at("test_views");
+    EXPECT_EQ(model["psnr"], measured["psnr"]);
+    EXPECT_EQ(model["packed_psnr"], measured["packed_psnr"]);
+    const Outcome ply = program.run("export run -o told --format ply --json --quiet");
+    ASSERT_EQ(ply.exit_code, 0) << ply.err;
+    EXPECT_TRUE(parse_json(ply.out)["models"][0]["psnr"].is_null()) << ply.out;
 
     const Outcome again = program.run("export run -o 'my site'");
     EXPECT_EQ(again.exit_code, 2);

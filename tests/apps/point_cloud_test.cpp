@@ -142,6 +142,17 @@ TEST(PointCloud, IsExportedWithAndWithoutAScene) {
     expect_run(program, "export model.ply -o turned --format splat --up y -s builtin:glossy");
     expect_run(program, "export run -o turned-run --format splat --up y");
     EXPECT_EQ(program.read("turned/point_cloud.splat"), program.read("turned-run/point_cloud.splat"));
+    // A reader of this file warns each time.
+    std::string text = program.read("model.ply");
+    text.insert(text.find("end_header\n"), "comment SplatRenderMode: mip\n");
+    program.folder().write("mip.ply", text);
+    const std::string messages = expect_run(program,
+                                            "export mip.ply -o mip --format ply --up y -s builtin:glossy "
+                                            "--sh-projection")
+                                     .err;
+    const auto warning = messages.find("SplatRenderMode: mip");
+    EXPECT_NE(warning, std::string::npos) << messages;
+    EXPECT_EQ(messages.find("SplatRenderMode: mip", warning + 1), std::string::npos) << "read once\n" << messages;
     expect_wrong(program, "export model.ply -o x --format splat --up y", 2, "--source");
     expect_wrong(program, "export model.ply -o x --photographs", 2, "--source");
     EXPECT_FALSE(fs::exists(program.path("x")));

@@ -2,6 +2,9 @@
 // gsapp prepare with a stand-in for colmap: what the user reads.
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
+#include "lib/core/json_text.h"
 #include "tests/apps/program.h"
 #include "tests/scene/fake_programs.h"
 #include "tests/scene/scene_fixture.h"
@@ -14,7 +17,8 @@ using test::Outcome;
 using test::Program;
 
 /// Writes ten photographs and a colmap that registers the first `registered` of them.
-Outcome prepare_ten(const Program& program, std::size_t registered, const std::string& before = "") {
+Outcome prepare_ten(const Program& program, std::size_t registered, const std::string& before = "",
+                    const std::string& options = "") {
     std::vector<std::string> names;
     for (int i = 0; i < 10; ++i) {
         names.push_back("p" + std::to_string(i) + ".png");
@@ -23,7 +27,7 @@ Outcome prepare_ten(const Program& program, std::size_t registered, const std::s
     names.resize(registered);
     test::write_model(program.path("model"), {test::TestCamera{}}, test::row_of_images(names), {{1}, {2}});
     fs::permissions(program.folder().write("colmap", test::kFakeColmap), fs::perms::owner_all);
-    return program.run("prepare photos -o scene",
+    return program.run("prepare photos -o scene " + options,
                        before + " PATH=\"$PWD:$PATH\" COLMAP_CALLS=\"$PWD/calls\" COLMAP_MODEL=\"$PWD/model\"");
 }
 
@@ -54,6 +58,22 @@ TEST(PrepareCommand, WarnsOfMissingPhotographsAndNamesTheLogOfAFailure) {
     EXPECT_EQ(failed.exit_code, 3);
     EXPECT_NE(failed.err.find("colmap mapper ended with exit code 3"), std::string::npos) << failed.err;
     EXPECT_NE(failed.err.find("all that was printed is in scene/colmap-failed.log"), std::string::npos) << failed.err;
+}
+
+TEST(PrepareCommand, TellsProgramsWhatCameOfThePhotographs) {
+    const Program program;
+    const Outcome outcome = prepare_ten(program, 9, "", "--json --quiet");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_EQ(outcome.err, "");
+    const nlohmann::json report = parse_json(outcome.out);
+    EXPECT_EQ(report["scene"], "scene");
+    EXPECT_EQ(report["photographs"], 10);
+    EXPECT_EQ(report["registered"], 9);
+    EXPECT_EQ(report["points"], 2);
+    EXPECT_NEAR(report["mean_reprojection_error"], 0.48, 0.005);
+    EXPECT_EQ(report["left_out"], nlohmann::json({"p9.png"}));
+    EXPECT_EQ(report["other_models"], nlohmann::json({1}));
+    EXPECT_TRUE(fs::exists(program.path(report["log"]))) << report["log"];
 }
 
 TEST(PrepareCommand, OptionsAreChecked) {

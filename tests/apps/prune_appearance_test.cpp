@@ -30,6 +30,12 @@ TEST(PruneAppearanceProgram, WritesARunThatLooksTheSame) {
     EXPECT_EQ(outcome.out.find(std::to_string(pruned) + " of " + std::to_string(count) + " Gaussians"), 0u)
         << outcome.out;
 
+    const Outcome told = program.run("prune-appearance run -o again --json --quiet");
+    ASSERT_EQ(told.exit_code, 0) << told.err;
+    EXPECT_EQ(told.err, "");
+    EXPECT_EQ(parse_json(told.out)["pruned"], pruned);
+    EXPECT_EQ(parse_json(told.out)["output"], "again");
+
     ASSERT_EQ(program.run("eval run run-pruned").exit_code, 0);
     const auto psnr = [&](const std::string& run) {
         return parse_json(program.read(run + "/results.json"))["ours_10"]["PSNR"].get<double>();

@@ -4,7 +4,9 @@
 #include <sys/stat.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
+#include "lib/core/json_text.h"
 #include "lib/io/image.h"
 #include "tests/apps/program.h"
 
@@ -81,6 +83,17 @@ TEST_F(RenderCommand, EveryKindOfCamerasHasItsFolder) {
     // cameras.json has the test views first.
     EXPECT_EQ(program.read("run/renders/iteration_2/path/00003.png"), program.read("both/test/00003.png"));
     EXPECT_EQ(program.read("run/renders/iteration_2/path/00010.png"), program.read("both/train/00002.png"));
+}
+
+TEST_F(RenderCommand, TellsProgramsWhereThePicturesAre) {
+    const Outcome outcome = program.run("render run --views all -o told --json --quiet");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_EQ(outcome.err, "");
+    const nlohmann::json written = parse_json(outcome.out);
+    ASSERT_EQ(written["folders"].size(), 2u) << outcome.out;
+    EXPECT_EQ(written["folders"][0], parse_json(R"({"folder": "told/test", "pictures": 8})"));
+    EXPECT_EQ(written["folders"][1], parse_json(R"({"folder": "told/train", "pictures": 40})"));
+    EXPECT_TRUE(written["film"].is_null());
 }
 
 TEST_F(RenderCommand, FramesOfTwoCallsAreNeverMixed) {

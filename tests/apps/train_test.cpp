@@ -77,8 +77,21 @@ TEST(Train, LimitsArePlannedAndReported) {
     const std::string common = "train -s builtin:diffuse --device cpu --eval -r 4 --appearance none ";
     const Outcome outcome = program.run(common + "-m run --time-limit 2s --size-limit 200KB --size-of ply");
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_NE(outcome.err.find("at most 100000 Gaussians, as for every built-in scene; --cap-max names another number"),
+              std::string::npos)
+        << outcome.err;
     EXPECT_NE(outcome.err.find("plan: time: 2.0 s"), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find("plan: size: at most 200KB as ply"), std::string::npos) << outcome.err;
+    double left = 2;
+    std::istringstream lines(outcome.out);
+    for (std::string line; std::getline(lines, line);) {
+        const auto event = parse_json(line);
+        if (event["event"] != "progress") continue;
+        EXPECT_LE(event["eta_seconds"], left) << "the time that is left";
+        EXPECT_TRUE(event["iterations"].is_null() || event["iterations"] == event["iteration"]) << line;
+        left = event["eta_seconds"];
+    }
+    EXPECT_LT(left, 2) << outcome.out;
     const auto results = parse_json(program.read("run/results.json"));
     const auto plan = results["plan"].begin().value();
     EXPECT_EQ(plan["time"]["limit_seconds"], 2.0);
@@ -102,10 +115,12 @@ TEST(Train, TheEstimateComparesWithMoreGaussiansOnly) {
     const std::string common = "train -s builtin:diffuse --device cpu --eval --preset fast --iterations 20 ";
     const Outcome enough = program.run(common + "-r 8 --cap-max 100 -m enough");
     ASSERT_EQ(enough.exit_code, 0) << enough.err;
-    EXPECT_NE(enough.err.find("Gaussians are as many as help\n"), std::string::npos) << enough.err;
+    EXPECT_NE(enough.err.find("iterations are more than 10 dB below a training of any length"), std::string::npos)
+        << enough.err;
+    EXPECT_EQ(enough.err.find("Gaussians are "), std::string::npos) << "no number is below itself\n" << enough.err;
     const Outcome few = program.run(common + "-r 2 --cap-max 9000 -m few");
     ASSERT_EQ(few.exit_code, 0) << few.err;
-    EXPECT_NE(few.err.find("Gaussians instead of 9000 "), std::string::npos) << few.err;
+    EXPECT_NE(few.err.find(" dB below 9000 (--cap-max)"), std::string::npos) << few.err;
 }
 
 TEST(Render, DecomposeWritesFullBaseAndResidual) {

@@ -39,6 +39,17 @@ TEST(OptionsCli, CommandLineBeatsFileBeatsDefault) {
     EXPECT_FALSE(parse({"-c", file, "--eval=false"}).eval);
 }
 
+TEST(OptionsCli, BuiltInScenesHaveACapOfTheirOwnUnlessItIsNamed) {
+    TemporaryFolder folder;
+    const std::string file = folder.write("run.yaml", "cap-max: 1000000\nsource: builtin:glossy\n").string();
+    EXPECT_EQ(parse({"-s", "scene"}).cap_max, 1000000);
+    EXPECT_EQ(parse({"-s", "builtin:glossy"}).cap_max, 100000);
+    EXPECT_EQ(parse({"-s", "builtin:glossy", "--cap-max", "1000000"}).cap_max, 1000000);
+    EXPECT_EQ(parse({"-s", "builtin:glossy", "--cap-max", "7"}).cap_max, 7);
+    EXPECT_EQ(parse({"-c", file}).cap_max, 1000000) << "as a run of another version was begun";
+    EXPECT_EQ(parse({"-c", file, "-s", "scene"}).cap_max, 1000000);
+}
+
 TEST(OptionsCli, ShortLongAndForeignSpellingsMeanTheSame) {
     for (const char* flag : {"-s", "--source", "--source_path", "--source-path", "--data-path"})
         EXPECT_EQ(parse({flag, "here"}).source, "here") << flag;

@@ -79,6 +79,35 @@ TEST(Progress, BarIsOneLineThatFinishEnds) {
     EXPECT_EQ(out.lines.str(), "");
 }
 
+TEST(Progress, WhereTimeDecidesTheEtaIsWhatIsLeftOfIt) {
+    Recorder out;
+    Progress progress(ProgressStyle::kBarAndJsonLines, out.bar, out.lines, 0);
+    progress.start(0, 0);
+    progress.expect_end_in(600);
+    progress.update(1000000, 0.25, 7);
+    progress.expect_end_in(-1);
+    progress.update(1000001, 0.25, 7);
+    progress.expect(1000002);
+    progress.update(1000002, 0.25, 7);
+    EXPECT_NE(out.bar.str().find("K1000000 iterations  ETA 10:00  loss"), std::string::npos) << out.bar.str();
+    EXPECT_NE(out.bar.str().find("1000002/1000002 100%  ETA 0:00"), std::string::npos) << out.bar.str();
+    const auto lines = out.parsed();
+    ASSERT_EQ(lines.size(), 3u);
+    EXPECT_TRUE(lines[0]["iterations"].is_null());
+    EXPECT_NEAR(double(lines[0]["eta_seconds"]), 600, 5);
+    EXPECT_EQ(lines[1]["eta_seconds"], 0);
+    EXPECT_EQ(lines[2]["iterations"], 1000002);
+}
+
+TEST(Progress, AnEtaThatIsNotKnownIsNoNumber) {
+    Recorder out;
+    Progress progress(ProgressStyle::kBarAndJsonLines, out.bar, out.lines, 0);
+    progress.start(0, 0);
+    progress.update(1, 0.25, 7);
+    EXPECT_NE(out.bar.str().find("1 iterations  ETA -"), std::string::npos) << out.bar.str();
+    EXPECT_TRUE(out.parsed().at(0)["eta_seconds"].is_null());
+}
+
 TEST(Progress, TheBarNeverWraps) {
     for (const int columns : {20, 40, 60, 80, 120}) {
         Recorder out;

@@ -188,7 +188,8 @@ TEST(LoadScene, PreScaledFolderIsPreferredToResizing) {
     EXPECT_EQ(resized.train[0].camera.height, 6);
     EXPECT_EQ(resized.train[0].camera.fx, 10);
     EXPECT_EQ(resized.train[0].load().color.u8, resize_image(gradient_image(16, 12), 8, 6).u8);
-    EXPECT_TRUE(mentions(resized.notes, "box filter"));
+    EXPECT_TRUE(mentions(resized.facts, "box filter"));
+    EXPECT_FALSE(mentions(resized.notes, "box filter")) << "no warning of what was asked for";
 
     // Sizes as published rarely divide evenly, extensions may differ.
     write_png(folder / "images_2/a.tif", 7, 6);
@@ -242,6 +243,7 @@ TEST(LoadScene, WidthRuleAndCap) {
     EXPECT_EQ(scene.train[0].camera.height, 10);
     EXPECT_EQ(scene.train[0].load().color.width, 1600);
     EXPECT_TRUE(mentions(scene.notes, "wider than 1600 px"));
+    EXPECT_FALSE(mentions(scene.facts, "box filter")) << "said once";
     options.resolution = 1;
     EXPECT_EQ(load_scene(options).train[0].camera.width, 3200);
     options.resolution = 100;

@@ -226,22 +226,28 @@ TEST(Course, RunsThroughIterations) {
     EXPECT_EQ(reductions, (std::vector<int>{2, 2, 1}));
     EXPECT_EQ(course.moment().iteration, 3);
     EXPECT_EQ(course.expected_iterations(), 3);
+    EXPECT_FALSE(course.seconds_left());
     EXPECT_EQ(course.most_gaussians(7, 50), 50);
 }
 
 TEST(Course, RunsThroughTime) {
     const TrainOptions o = limited("0.4s");
     Course course(o, 10);
+    EXPECT_EQ(course.seconds_left(), 0.4);
     course.start({}, 100);
     const double start = seconds_now();
-    double position = -1;
+    double position = -1, left = 0.4;
     while (!course.finished()) {
+        EXPECT_EQ(course.expected_iterations(), 0) << "nobody knows";
+        EXPECT_LE(course.seconds_left(), left);
+        left = *course.seconds_left();
         EXPECT_GE(course.moment().position, position);
         position = course.moment().position;
         course.advance(100);
     }
     const double seconds = seconds_now() - start;
     EXPECT_GT(seconds, 0.3);
+    EXPECT_LT(left, 0.1);
     EXPECT_GT(course.moment().iteration, 100);
     EXPECT_EQ(course.expected_iterations(), course.moment().iteration);
     const double pace = kReferenceIterations / double(course.moment().iteration);

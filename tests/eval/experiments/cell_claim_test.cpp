@@ -104,6 +104,28 @@ TEST(CellClaim, ThatAnotherTookIsLostAndLeftAlone) {
     EXPECT_EQ(text_of(file), other);
 }
 
+TEST(CellClaim, WhatItTellsStaysWhenItEnds) {
+    const test::TemporaryFolder tmp;
+    const fs::path file = tmp.write("a.failed", "another-machine/pid:[1] 77 1.1\n3 of another time");
+    EXPECT_EQ(read_note(tmp.path() / "none").text, "");
+    const CellNote before = read_note(file);
+    EXPECT_EQ(before.text, "3 of another time");
+    const std::string long_note = "3 " + std::string(2000, 'x') + "\nand a second line";
+    CellClaims mine(300ms), theirs(300ms);
+    auto claim = mine.tell(file, long_note);
+    const CellNote told = read_note(file);
+    EXPECT_EQ(told.text, long_note);
+    EXPECT_NE(told, before);
+    std::this_thread::sleep_for(200ms);
+    EXPECT_FALSE(claim->lost());
+    EXPECT_NE(read_note(file), told) << "renewed while its process is at work";
+    EXPECT_EQ(read_note(file).text, long_note);
+    EXPECT_TRUE(theirs.held(file));
+    claim.reset();
+    EXPECT_EQ(read_note(file).text, long_note);
+    EXPECT_FALSE(theirs.held(file));
+}
+
 TEST(CellClaim, AFolderThatCannotBeWrittenIsAnErrorThatNamesTheFile) {
     const test::TemporaryFolder tmp;
     const fs::path no_folder = tmp.write("file", "");

@@ -27,6 +27,7 @@ test "$1 $2 $4 $5" = "train --config --time-frames 1" || exit 1
 model=$(sed -n 's/^model: *//p' "$3")
 echo "called: $*" >> "${0%/*}/calls"
 case "$model" in *slow*) sleep 0.2;; esac
+case "$model" in *late*) sleep 1;; esac
 case "$model" in *broken) echo "an error: the disk is full"; exit 3;; esac
 mkdir -p "$model/point_cloud/iteration_20"
 cp "$3" "$model/config.yaml"
@@ -160,6 +161,52 @@ TEST_F(CellRunnerTest, SeveralCallersDivideTheCellsAndEachIsToldOfAll) {
     EXPECT_EQ(trained, 6);
     for (const auto& entry : fs::directory_iterator(tmp_.path()))
         EXPECT_NE(entry.path().extension(), ".claim") << entry.path();
+}
+
+TEST_F(CellRunnerTest, AFailedCellIsTriedOnceByAllAndAgainByALaterStart) {
+    // Fast failures, which others meet while they train or wait, and one for which all wait.
+    const std::vector<Cell> cells = {cell("0broken"), cell("slow1"), cell("2broken"), cell("slow3"),
+                                     cell("late_broken")};
+    std::vector<std::map<std::size_t, CellOutcome>> told(3);
+    std::vector<CellsSummary> summaries(3);
+    const auto call_all = [&] {
+        std::vector<std::thread> callers;
+        for (std::size_t n = 0; n < told.size(); ++n)
+            callers.emplace_back([&, n] {
+                CellHooks hooks = hooks_;
+                hooks.stale_after = std::chrono::seconds(3);  // renewed twice a second
+                hooks.done = [&, n](std::size_t k, const CellOutcome& outcome) { told[n][k] = outcome; };
+                // One that comes later is told, too, of what failed before it came.
+                if (n == 2) std::this_thread::sleep_for(std::chrono::milliseconds(500));
+                summaries[n] = run_cells(cells, hooks);
+            });
+        for (std::thread& caller : callers) caller.join();
+    };
+    call_all();
+    EXPECT_EQ(num_calls(), cells.size());
+    for (std::size_t n = 0; n < told.size(); ++n) {
+        ASSERT_EQ(told[n].size(), cells.size());
+        EXPECT_EQ(summaries[n].num_failed, 3);
+        EXPECT_EQ(summaries[n].first_code, ExitCode::kDataset);
+        for (const std::size_t k : {0, 2, 4}) EXPECT_EQ(told[n][k].error, "the disk is full") << k;
+        for (const std::size_t k : {1, 3}) EXPECT_TRUE(told[n][k].result) << k;
+    }
+    fs::remove(tmp_.path() / "calls");
+    call_all();
+    EXPECT_EQ(num_calls(), 3u) << "each failed cell is tried once more, by one of them";
+    fs::remove(tmp_.path() / "calls");
+
+    // What made them fail is mended.
+    fs::permissions(
+        tmp_.write("program", std::string(kProgram).replace(std::string(kProgram).find("*broken)"), 8, "*never)")),
+        fs::perms::owner_all);
+    call_all();
+    EXPECT_EQ(num_calls(), 3u);
+    for (const auto& mine : told) EXPECT_TRUE(mine.at(4).result) << mine.at(4).error;
+    for (const auto& entry : fs::directory_iterator(tmp_.path())) {
+        EXPECT_NE(entry.path().extension(), ".claim") << entry.path();
+        EXPECT_NE(entry.path().extension(), ".failed") << entry.path();
+    }
 }
 
 TEST_F(CellRunnerTest, SeveralCallersThatOverwriteTrainEachCellOnce) {

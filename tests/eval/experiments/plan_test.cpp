@@ -44,9 +44,11 @@ TEST(Plan, SaysWhatIsLimitedAndWhatCameOfIt) {
     Plan plan = make_plan(o, scene_of_the_plan());
     ASSERT_EQ(plan.lines.size(), 3u);
     EXPECT_NE(plan.lines[0].find("20.0 s from the first step to the saved model"), std::string::npos);
-    EXPECT_NE(plan.lines[0].find("which cost about 0.8 dB"), std::string::npos) << plan.lines[0];
-    EXPECT_NE(plan.lines[1].find("at most 3MB as ply: 12080 Gaussians of 248 bytes with sh, which cost about 0.3 dB if "
-                                 "the scene has detail for 24160"),
+    EXPECT_NE(plan.lines[0].find("iterations, by estimate about 0.8 dB below a training of any length"),
+              std::string::npos)
+        << plan.lines[0];
+    EXPECT_NE(plan.lines[1].find("at most 3MB as ply: 12080 Gaussians of 248 bytes with sh, by estimate about 0.3 dB "
+                                 "below 24160 Gaussians (--cap-max) if the scene has detail for so many"),
               std::string::npos)
         << plan.lines[1];
     TrainSummary summary;
@@ -69,7 +71,12 @@ TEST(Plan, ComparesWithNoMoreGaussiansThanTheImagesTell) {
     validate(o);
     std::int64_t pixels = 0;
     for (const View& view : scene_of_the_plan().train) pixels += view.camera.width * view.camera.height;
-    EXPECT_EQ(make_plan(o, scene_of_the_plan()).full_count, pixels / 20);
+    const Plan plan = make_plan(o, scene_of_the_plan());
+    EXPECT_EQ(plan.full_count, pixels / 20);
+    EXPECT_NE(
+        plan.lines[1].find(std::to_string(pixels / 20) + " Gaussians (one for every 20 pixels of the training images)"),
+        std::string::npos)
+        << plan.lines[1];
     Scene small = scene_of_the_plan();
     small.train.resize(1), small.train[0].camera.width = small.train[0].camera.height = 1;
     EXPECT_EQ(make_plan(o, small).full_count, 1);
