@@ -15,6 +15,8 @@
 #include "lib/core/median.h"
 #include "lib/export/base_range.h"
 #include "lib/export/ellipsoid_axes.h"
+#include "lib/export/mean_area.h"
+#include "lib/export/selected_rows.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/center.h"
 
@@ -37,12 +39,6 @@ PackedColorActivation packed_activation_of(ColorActivation activation) {
 
 /// All activations but the sigmoid add a half; it is stored with the base colour.
 double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
-
-/// Returns the mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
-double mean_area(const std::array<double, 3>& s) {
-    const auto pair = [&](int i, int j) { return std::pow(s[std::size_t(i)] * s[std::size_t(j)], 1.6); };
-    return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
-}
 
 /// Compensates the rounding of scales, whose steps are 8.6 %. The opacity takes back half of the change in area; this
 /// gives the smallest squared error of a single Gaussian's picture. Scales outside the range of the codes are left
@@ -120,25 +116,14 @@ void require_finite(const Gaussians& g) {
 }
 
 Gaussians visible_gaussians(const Gaussians& g) {
-    Gaussians out;
-    out.appearance = g.appearance, out.active_degree = g.active_degree, out.step = g.step, out.shared = g.shared,
-    out.ppisp = g.ppisp;
-    for (int k = 0; k < kNumGroups; ++k) out.groups[k].width = g.groups[k].width;
+    std::vector<std::int64_t> rows;
     for (std::int64_t i = 0; i < g.count; ++i) {
         const float* q = g[Group::kRotation].param.data() + 4 * i;
         const double norm2 = double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3];
-        if (!(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha) ||
-            !(norm2 >= kMinQuaternionNorm2))
-            continue;
-        ++out.count;
-        for (int k = 0; k < kNumGroups; ++k) {
-            if (i >= g.num_rows(Group(k))) continue;
-            const auto& group = g.groups[k];
-            const auto first = group.param.begin() + i * group.width;
-            out.groups[k].param.insert(out.groups[k].param.end(), first, first + group.width);
-        }
+        if (sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha && norm2 >= kMinQuaternionNorm2)
+            rows.push_back(i);
     }
-    return out;
+    return selected_rows(g, rows);
 }
 
 void order_by_importance(Gaussians& g) {
@@ -147,17 +132,7 @@ void order_by_importance(Gaussians& g) {
     const std::int64_t with_residual = g.is_mixed() ? g.num_residuals() : 0;
     order_part(g, order, 0, with_residual);
     order_part(g, order, with_residual, g.count);
-    for (int k = 0; k < kNumGroups; ++k) {
-        GroupArrays<float>& group = g.groups[k];
-        std::vector<float> param;
-        param.reserve(group.param.size());
-        for (std::int64_t row = 0; group.width > 0 && row < g.num_rows(Group(k)); ++row) {
-            const auto from = group.param.begin() + order[std::size_t(row)] * group.width;
-            param.insert(param.end(), from, from + group.width);
-        }
-        group.m.clear(), group.v.clear();
-        group.param = std::move(param);
-    }
+    g = selected_rows(g, order);
 }
 
 void complete_residuals(Gaussians& g) {
