@@ -8,14 +8,16 @@ import { Navigator } from './camera/navigator';
 import { turntable, type CameraPath } from './camera/path';
 import type { View } from './camera/view';
 import { Comparison } from './compare/comparison';
-import { fetchSite, SITE_FILE, type Site } from './compare/site';
+import { fetchSite, FIRST_MODEL, SITE_FILE, type Site } from './compare/site';
 import { FormatError } from './format/cursor';
-import type { Source } from './format/load';
+import { fetchSource, type Source } from './format/load';
 import type { Scene } from './format/ngsplat';
 import { readModel } from './format/read_model';
-import type { Plane, SceneSink } from './format/reader';
+import { planeBytes, planesOf, type Plane, type SceneSink } from './format/reader';
+import { Levels } from './levels/levels';
+import { memoryHere, memoryOf } from './levels/memory';
 import type { Mode } from './render/prepass';
-import { Renderer, type Picture } from './render/renderer';
+import { Renderer, RenderError, type Picture } from './render/renderer';
 import { DEFAULTS, type Settings } from './settings';
 import { SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
@@ -53,6 +55,9 @@ const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: V
 /** Something else needs the model as it is. */
 class Busy extends Error {}
 
+/** A coarser level of the model suits better, if there is one. */
+class Unsuitable extends Error {}
+
 export class App {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
   private readonly renderer = new Renderer(this.canvas);
@@ -70,6 +75,7 @@ export class App {
   private playing = new AbortController();
   private readonly meter = new Meter();
   private readonly comparison = new Comparison(this.renderer, () => this.redraw());
+  private readonly levels = new Levels((file) => this.showLevel(file), (detail) => this.change({ detail }));
   private loaded: Loaded | undefined;
   private loading = new AbortController();
   private settings: Settings = { ...DEFAULTS };
@@ -116,6 +122,7 @@ export class App {
     Object.assign(this.settings, settings);
     if (this.settings.movement !== movement) this.loaded?.navigator.setMovement(this.settings.movement);
     this.panel.show(this.settings);
+    this.levels.choose(this.settings.detail);
     this.redraw();
   }
 
@@ -201,32 +208,62 @@ export class App {
   /**
    * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
    * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
-   * `from` says where the file is: beside the page, where its address leads, or elsewhere.
+   * `from` says where the file is: beside the page, where its address leads, or elsewhere. Beside the page may be coarser levels, of which one is
+   * shown instead where this one does not suit the device; not `anyway`.
    */
-  async open(source: (signal: AbortSignal) => Promise<Source>, from: 'beside' | 'address' | 'elsewhere' = 'address'): Promise<void> {
+  async open(source: (signal: AbortSignal) => Promise<Source>, from: 'beside' | 'address' | 'elsewhere' = 'address', anyway = from !== 'beside'): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
     this.dropPart();
-    const again = () => this.open(source, from);
+    const again = () => this.open(source, from, anyway);
     if (!this.loaded) this.setAgain(again, from !== 'elsewhere'); // the device may be lost before the file is there
-    let name = 'the model';
+    let name = 'the model', header: Scene | undefined;
     try {
       const found = await source(signal);
       name = found.name;
       showLoading(name, 0, found.size);
-      const { bytes, remarks } = await readModel(found, this.sink(name), {
+      const { begin, rows } = this.sink(name), ifSuitable = (scene: Scene) => {
+        header = scene;
+        if (!anyway) this.requireSuitable(scene);
+        begin(scene);
+      };
+      const { bytes, remarks } = await readModel(found, { begin: ifSuitable, rows }, {
         whole: this.loaded !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.loaded?.isComplete === false),
       });
       this.complete(bytes);
       signal.throwIfAborted(); // where it could not be drawn, which was said
       if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
       this.setAgain(again, from !== 'elsewhere');
-      if (from === 'beside') await this.readSite();
+      if (from === 'beside') await this.readSite(name);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
       this.dropPart();
+      if (!anyway && header && (error instanceof Unsuitable || error instanceof RenderError)) return this.openLevel(header, error);
       this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
     }
+  }
+
+  /** Throws Unsuitable where a coarser level is asked for, or the device has too little memory for this one. */
+  private requireSuitable(scene: Scene): void {
+    const bytes = planesOf(scene).reduce((sum, plane) => sum + planeBytes(plane), 0);
+    if (this.wantedDetail || memoryOf(bytes, scene.count) > memoryHere()) throw new Unsuitable();
+  }
+
+  private get wantedDetail(): number | undefined {
+    return this.wanted === undefined ? this.settings.detail : parseAddress(this.wanted).settings.detail;
+  }
+
+  /** Opens the level that suits the device; without any, all of the model, unless that was tried. */
+  private async openLevel({ testCameras }: Scene, obstacle: Error): Promise<void> {
+    const { signal } = this.loading;
+    const { levels } = await fetchSite(testCameras.length).catch((): Partial<Site> => ({}));
+    if (signal.aborted) return; // another file is on its way
+    let file = levels ? this.levels.begin(levels, this.wantedDetail) : FIRST_MODEL;
+    if (obstacle instanceof RenderError && file === FIRST_MODEL) {
+      if (!levels?.[1]) return this.fail(`${FIRST_MODEL} cannot be shown`, `${obstacle.message} gsapp export --lod writes smaller levels.`);
+      file = levels[1].file;
+    }
+    return this.open((signal) => fetchSource(file, signal), 'beside', true);
   }
 
   /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
@@ -234,22 +271,41 @@ export class App {
     return { begin: (scene) => this.beginScene(name, scene, keep ? this.loaded?.navigator : undefined), rows: (...part) => this.addRows(...part) };
   }
 
-  /** Shows another state of the model, with `keep` as the camera and what is compared are. Returns whether there is nothing more to try. */
+  /** Shows another state of the model, with `keep` as the camera and what is compared are. Throws Busy where something else needs it as it is. */
+  private async replace(source: Source, keep: boolean, signal: AbortSignal): Promise<void> {
+    const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
+      if (this.isReserved) throw new Busy();
+      begin(scene);
+    };
+    const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
+    this.complete(bytes);
+  }
+
+  /** The same for a page that asks again later. Returns whether there is nothing more to try. */
   async refresh(source: Source, keep: boolean): Promise<boolean> {
     const { signal } = this.loading; // of the last file: another one ends this
     try {
-      const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
-        if (this.isReserved) throw new Busy();
-        begin(scene);
-      };
-      const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
-      this.complete(bytes);
+      await this.replace(source, keep, signal);
       return true;
     } catch (error) {
       if (signal.aborted || error instanceof Busy) return false;
       if (!this.loaded) this.fail(`${source.name} cannot be shown`, (error as Error).message);
       return true;
     }
+  }
+
+  /** Shows another level of the model where the camera is. Returns false where this should be tried again, if the model is still there. */
+  private async showLevel(file: string): Promise<boolean> {
+    const { signal } = this.loading;
+    try {
+      await this.replace(await fetchSource(file, signal), true, signal);
+    } catch (error) {
+      if (signal.aborted || error instanceof Busy) return false;
+      if (!this.loaded) this.fail(`${file} cannot be shown`, (error as Error).message);
+      throw error;
+    }
+    this.setAgain(() => this.open((again) => fetchSource(file, again), 'beside', true), true);
+    return true;
   }
 
   /** Whether the model that is shown came by this way. */
@@ -268,9 +324,12 @@ export class App {
     this.loading.abort();
     this.loading = new AbortController();
     if (this.loaded) this.wanted = this.fragment();
+    const { smaller } = this.levels;
+    if (smaller) this.setAgain(() => this.open((signal) => fetchSource(smaller, signal), 'beside', true), true);
     this.unload();
     this.renderer.forget();
-    this.fail('The graphics device was lost', 'Often its memory ran out. The model comes back with the device; where that takes long, reload the page. A smaller model may help.');
+    const help = smaller ? 'A coarser level of the model comes back with the device' : 'The model comes back with the device', advice = smaller ? '' : ' A smaller model may help.';
+    this.fail('The graphics device was lost', `Often its memory ran out. ${help}; where that takes long, reload the page.${advice}`);
   }
 
   /** The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. */
@@ -291,6 +350,7 @@ export class App {
     this.renderer.clearScene();
     if (keep) return;
     this.comparison.setScene(undefined);
+    this.levels.clear();
     document.body.classList.remove('loaded');
   }
 
@@ -351,7 +411,7 @@ export class App {
     loaded.title = scene.name ?? name;
     this.renderer.completeScene();
     this.sortedFor = '';
-    this.panel.setEnd(loaded.title, scene.background);
+    this.panel.setEnd(loaded.title, scene);
     this.panel.show(this.settings);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     hideNotice(); // before drawing, which may have something to say
@@ -361,9 +421,11 @@ export class App {
   private redraw(): void {
     if (this.scheduled) return;
     this.scheduled = true;
+    const asked = performance.now();
     requestAnimationFrame(() => {
       this.scheduled = false;
       this.draw();
+      if (this.loaded?.isComplete && !this.isReserved) this.levels.frame(performance.now() - asked);
     });
   }
 
@@ -404,7 +466,7 @@ export class App {
     this.address.touch();
     try {
       this.drawView(view, navigator.pinned);
-      this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
+      this.meter.frame(performance.now(), sorter ? sorter.milliseconds : 0, this.renderer.drawn);
     } catch (error) {
       this.loading.abort(); // what is still on its way cannot be drawn, either
       this.unload();
@@ -431,12 +493,14 @@ export class App {
   }
 
   /** Where the model shown came from beside the page: what else lies there. */
-  private async readSite(): Promise<void> {
+  private async readSite(file: string): Promise<void> {
     const { loaded } = this;
     if (!loaded?.scene.hasSite) return;
     try {
       const site = await fetchSite(loaded.scene.testCameras.length);
-      if (loaded === this.loaded) this.comparison.setSite(site);
+      if (loaded !== this.loaded) return;
+      this.comparison.setSite(site);
+      if (site.levels) this.levels.set(site.levels, file, this.settings.detail);
     } catch (error) {
       this.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
     }
