@@ -28,9 +28,10 @@ std::vector<std::int64_t> level_counts(std::int64_t count) {
 std::vector<Gaussians> coarser_levels(SavedRun& run, const Gaussians& model) {
     const std::vector<View>& views = run.scene.train.empty() ? run.scene.test : run.scene.train;
     if (views.empty())
-        throw UsageError(fmt::format("{}: --lod measures on views what a Gaussian is worth, and there are none; name "
-                                     "the scene of a point cloud with --source",
-                                     run.folder.string()));
+        throw UsageError(
+            fmt::format("{}: --lod measures on views what a Gaussian is worth, and there are none; name "
+                        "the scene of a point cloud with --source",
+                        run.folder.string()));
     const std::vector<std::int64_t> counts = level_counts(model.count);
     if (counts.empty()) return {};
     std::vector<RenderRequest> requests;

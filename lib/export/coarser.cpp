@@ -95,11 +95,10 @@ std::vector<std::int64_t> find_targets(const std::vector<Body>& bodies, const st
         if (target[std::size_t(i)] != kOpen) return;
         std::array<std::size_t, kNeighbours> near;
         std::array<double, kNeighbours> squared_distances;
-        const std::size_t found =
-            tree.knnSearch(body.mean.data(), kNeighbours, near.data(), squared_distances.data());
+        const std::size_t found = tree.knnSearch(body.mean.data(), kNeighbours, near.data(), squared_distances.data());
         const auto cost = [&](std::size_t k) { return difference(body, bodies[std::size_t(stay[k])]); };
-        target[std::size_t(i)] = std::int64_t(*std::min_element(
-            near.begin(), near.begin() + std::ptrdiff_t(found), [&](auto a, auto b) { return cost(a) < cost(b); }));
+        target[std::size_t(i)] = std::int64_t(*std::min_element(near.begin(), near.begin() + std::ptrdiff_t(found),
+                                                                [&](auto a, auto b) { return cost(a) < cost(b); }));
     });
     return target;
 }
@@ -148,9 +147,8 @@ void store(const Body& body, Gaussians& g, std::int64_t k) {
 Gaussians coarser_model(const Gaussians& g, const std::vector<float>& scores, std::int64_t count) {
     std::vector<std::int64_t> order(std::size_t(g.count));
     std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](std::int64_t a, std::int64_t b) {
-        return scores[std::size_t(a)] > scores[std::size_t(b)];
-    });
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::int64_t a, std::int64_t b) { return scores[std::size_t(a)] > scores[std::size_t(b)]; });
     std::vector<std::int64_t> stay(order.begin(), order.begin() + count);
     std::sort(stay.begin(), stay.end());
     std::vector<Body> bodies(std::size_t(g.count));

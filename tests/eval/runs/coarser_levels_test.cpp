@@ -68,7 +68,8 @@ double psnr_of_file(const std::filesystem::path& file, const TrainOptions& optio
                 const double alpha = truth.channels == 4 ? truth.u8[4 * p + 3] / 255.0 : 1;
                 const float behind[3] = {options.background.color.x, options.background.color.y,
                                          options.background.color.z};
-                const double target = alpha * truth.u8[std::size_t(truth.channels) * p + c] / 255 + (1 - alpha) * behind[c];
+                const double target =
+                    alpha * truth.u8[std::size_t(truth.channels) * p + c] / 255 + (1 - alpha) * behind[c];
                 const double d = (byte(image.rgb[c * pixels + p]) - byte(target)) / 255;
                 squared += d * d;
             }
