@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "eval/runs/saved_run.h"
+#include "lib/export/coarser.h"
 
 namespace gs {
 
@@ -16,9 +16,7 @@ inline constexpr int kMostLevels = 4;
 /// that the textures of a file have room for anyway (ngsplat_unit), so that a coarser level is a smaller file.
 std::vector<std::int64_t> level_counts(std::int64_t count);
 
-/// Returns the levels of `model`, the largest first. The scores are those of at most 64 training views of the run,
-/// evenly spread, or of its test views where it has no others. Uploads `model` to the run's backend. Throws UsageError
-/// for a run without views.
-std::vector<Gaussians> coarser_levels(SavedRun& run, const Gaussians& model);
+/// Returns the levels of `model`, the largest first; `scores` has one value per row (Backend::scores).
+std::vector<CoarserModel> coarser_levels(const Gaussians& model, const std::vector<float>& scores);
 
 }  // namespace gs

@@ -16,6 +16,7 @@
 #include "eval/runs/packing_loss.h"
 #include "eval/runs/saved_run.h"
 #include "eval/runs/shown_views.h"
+#include "eval/runs/view_scores.h"
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -111,24 +112,30 @@ PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& fo
     if (!request.up.empty()) turn_run(run, request.up);
     const Gaussians all = run.backend->download(false);
     require_finite(all);
-    std::vector<Gaussians> models = {visible_gaussians(all)};
-    if (request.compatible) complete_residuals(models[0]);
+    std::vector<CoarserModel> models = {{visible_gaussians(all), {}}};
+    if (request.compatible) complete_residuals(models[0].gaussians);
     PackedRun packed{.levels = {},
                      .views = has_test_views ? run.scene.test : shown_views(run.scene),
                      .has_test_views = has_test_views,
                      .background = run.background};
     std::optional<PackedPpisp> correction;
     if (all.ppisp.active()) correction = packed_correction(run, packed.views);
+    models[0].scores = view_scores(run, models[0].gaussians);
     if (coarser) {
-        std::vector<Gaussians> levels = coarser_levels(run, models[0]);
+        if (run.scene.train.empty() && !has_test_views)
+            throw UsageError(
+                fmt::format("{}: --lod measures on views what a Gaussian is worth, and there are none; "
+                            "name the scene of a point cloud with --source",
+                            folder.string()));
+        std::vector<CoarserModel> levels = coarser_levels(models[0].gaussians, models[0].scores);
         std::move(levels.begin(), levels.end(), std::back_inserter(models));
     }
-    for (Gaussians& model : models) {
+    for (auto& [model, scores] : models) {
         const bool is_whole = packed.levels.empty();
-        order_by_importance(model);
+        order_by_importance(model, scores);
         PackedLevel level{pack_gaussians(model), std::nullopt};
         PackedScene& scene = level.scene;
-        add_cameras(scene, models[0], packed.views);  // of all levels the same
+        add_cameras(scene, models[0].gaussians, packed.views);  // of all levels the same
         scene.ppisp = correction;
         if (has_test_views && is_whole)
             level.loss = packing_loss(run, scene);

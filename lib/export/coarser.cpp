@@ -144,7 +144,7 @@ void store(const Body& body, Gaussians& g, std::int64_t k) {
 
 }  // namespace
 
-Gaussians coarser_model(const Gaussians& g, const std::vector<float>& scores, std::int64_t count) {
+CoarserModel coarser_model(const Gaussians& g, const std::vector<float>& scores, std::int64_t count) {
     std::vector<std::int64_t> order(std::size_t(g.count));
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
@@ -159,9 +159,10 @@ Gaussians coarser_model(const Gaussians& g, const std::vector<float>& scores, st
     for (std::size_t i = 0; i < target.size(); ++i) {
         if (target[i] >= 0 && stay[std::size_t(target[i])] != std::int64_t(i)) has_part[std::size_t(target[i])] = 1;
     }
-    Gaussians out = selected_rows(g, stay);
+    CoarserModel out{selected_rows(g, stay), std::vector<float>(stay.size())};
     parallel_for_rows(count, [&](std::int64_t k) {
-        if (has_part[std::size_t(k)]) store(whole[std::size_t(k)], out, k);
+        if (has_part[std::size_t(k)]) store(whole[std::size_t(k)], out.gaussians, k);
+        out.scores[std::size_t(k)] = float(whole[std::size_t(k)].weight);
     });
     return out;
 }

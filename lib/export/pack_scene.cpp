@@ -15,6 +15,7 @@
 #include "lib/core/median.h"
 #include "lib/export/base_range.h"
 #include "lib/export/ellipsoid_axes.h"
+#include "lib/export/file_order.h"
 #include "lib/export/mean_area.h"
 #include "lib/export/selected_rows.h"
 #include "lib/model/appearance_spec.h"
@@ -65,24 +66,23 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     return geometry;
 }
 
-/// Returns opacity times mean width. Times the area, pictures of the first Gaussians were worse (docs/results.md).
-double importance(const Gaussians& g, std::int64_t i) {
+/// Returns what orders a Gaussian; docs/results.md#pictures-of-a-part has what else was tried.
+double importance(const Gaussians& g, const std::vector<float>& scores, std::int64_t i) {
+    const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
+    if (!scores.empty()) return std::sqrt(double(scores[std::size_t(i)]) * opacity);
     const float* scale = g[Group::kScale].param.data() + 3 * i;
     const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
-    return sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) *
-           std::sqrt(mean_area({size(scale[0]), size(scale[1]), size(scale[2])}));
+    return opacity * std::sqrt(mean_area({size(scale[0]), size(scale[1]), size(scale[2])}));
 }
 
-/// Brings the rows [begin, end) into eighths.
-void order_part(const Gaussians& g, std::vector<std::int64_t>& order, std::int64_t begin, std::int64_t end) {
-    constexpr std::int64_t kClasses = 8;
-    std::vector<double> values(std::size_t(g.count));
-    for (std::int64_t i = begin; i < end; ++i) values[std::size_t(i)] = importance(g, i);
+/// Brings the rows [begin, end) into classes of importance.
+void order_part(const std::vector<double>& values, std::vector<std::int64_t>& order, std::int64_t begin,
+                std::int64_t end) {
     const auto first = order.begin();
     std::stable_sort(first + begin, first + end,
                      [&](std::int64_t a, std::int64_t b) { return values[std::size_t(a)] > values[std::size_t(b)]; });
-    for (std::int64_t k = 0; k < kClasses; ++k)
-        std::sort(first + begin + (end - begin) * k / kClasses, first + begin + (end - begin) * (k + 1) / kClasses);
+    for (std::int64_t k = 0; k < kImportanceClasses; ++k)
+        std::sort(first + begin + class_begin(end - begin, k), first + begin + class_begin(end - begin, k + 1));
 }
 
 PackedCamera packed_camera(const Camera& camera) {
@@ -126,12 +126,14 @@ Gaussians visible_gaussians(const Gaussians& g) {
     return selected_rows(g, rows);
 }
 
-void order_by_importance(Gaussians& g) {
+void order_by_importance(Gaussians& g, const std::vector<float>& scores) {
     std::vector<std::int64_t> order(std::size_t(g.count));
     std::iota(order.begin(), order.end(), 0);
+    std::vector<double> values(order.size());
+    parallel_for_rows(g.count, [&](std::int64_t i) { values[std::size_t(i)] = importance(g, scores, i); });
     const std::int64_t with_residual = g.is_mixed() ? g.num_residuals() : 0;
-    order_part(g, order, 0, with_residual);
-    order_part(g, order, with_residual, g.count);
+    order_part(values, order, 0, with_residual);
+    order_part(values, order, with_residual, g.count);
     g = selected_rows(g, order);
 }
 

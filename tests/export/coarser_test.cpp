@@ -38,7 +38,8 @@ TEST(Coarser, MergedGaussiansHaveTheMomentsOfTheirParts) {
     // Along x, at 0 with weight 3 and at 0.4 with weight 1: the mean is 0.1, the variance 0.01 + 0.75*0.25*0.16 = 0.04.
     Gaussians g = balls({{0, 0, 0}, {0.4f, 0, 0}, {50, 0, 0}}, 0.2);
     g[Group::kBase].param[3] = 0.5f;
-    const Gaussians out = coarser_model(g, {3, 1, 4}, 2);
+    const auto [out, scores] = coarser_model(g, {3, 1, 4}, 2);
+    EXPECT_EQ(scores, (std::vector<float>{4, 4}));
     ASSERT_EQ(out.count, 2);
     EXPECT_NEAR(out[Group::kMean].param[0], 0.1, 1e-6);
     EXPECT_NEAR(out[Group::kMean].param[1], 0, 1e-6);
@@ -64,14 +65,14 @@ TEST(Coarser, TheMostSimilarNeighbourTakesIt) {
     // The last is nearer to the first and has the colour of the second.
     Gaussians g = balls({{0, 0, 0}, {0.3f, 0, 0}, {0.12f, 0, 0}}, 0.5);
     g[Group::kBase].param[0] = 0.9f;
-    const Gaussians out = coarser_model(g, {10, 10, 5}, 2);
+    const Gaussians out = coarser_model(g, {10, 10, 5}, 2).gaussians;
     EXPECT_EQ(out[Group::kMean].param[0], 0);
     EXPECT_LT(out[Group::kMean].param[3], 0.3f);
 }
 
 TEST(Coarser, WhatHardlyShowsIsLeftOut) {
     const Gaussians g = balls({{0, 0, 0}, {0.1f, 0, 0}, {0.2f, 0, 0}}, 0.5);
-    const Gaussians out = coarser_model(g, {1000, 0.05f, 0}, 1);
+    const Gaussians out = coarser_model(g, {1000, 0.05f, 0}, 1).gaussians;
     ASSERT_EQ(out.count, 1);
     EXPECT_EQ(out[Group::kMean].param, (std::vector<float>{0, 0, 0}));
     EXPECT_EQ(out[Group::kOpacity].param[0], g[Group::kOpacity].param[0]);
@@ -83,7 +84,7 @@ TEST(Coarser, ResidualsStayWithTheirGaussians) {
     g[Group::kResidual].param.resize(std::size_t(80 * width));  // mixed
     std::vector<float> scores(200);
     for (std::size_t i = 0; i < scores.size(); ++i) scores[i] = float(i % 2);
-    const Gaussians out = coarser_model(g, scores, 100);
+    const Gaussians out = coarser_model(g, scores, 100).gaussians;
     ASSERT_EQ(out.count, 100);
     ASSERT_EQ(out.num_residuals(), 40);
     for (int k = 0; k < 40; ++k) {
@@ -96,7 +97,7 @@ TEST(Coarser, ResidualsStayWithTheirGaussians) {
 
 TEST(Coarser, AllOfItIsTheModel) {
     const Gaussians g = random_gaussians(30, {"none", 0, ColorActivation::kRelu});
-    const Gaussians out = coarser_model(g, std::vector<float>(30, 1), 30);
+    const Gaussians out = coarser_model(g, std::vector<float>(30, 1), 30).gaussians;
     for (int k = 0; k < kNumGroups; ++k) EXPECT_EQ(out.groups[k].param, g.groups[k].param);
 }
 
@@ -108,7 +109,7 @@ TEST(Coarser, ExtremesStayFinite) {
     scores[0] = std::numeric_limits<float>::infinity();
     scores[1] = scores[2] = 2;
     for (const std::int64_t count : {1, 2, 20}) {
-        const Gaussians out = coarser_model(g, scores, count);
+        const Gaussians out = coarser_model(g, scores, count).gaussians;
         EXPECT_EQ(out.count, count);
         for (const auto& group : out.groups) {
             for (const float x : group.param) ASSERT_TRUE(std::isfinite(x));

@@ -441,7 +441,7 @@ export class App {
 
   /** The factor of all scales, which decides about what a view shows. */
   private get size(): number {
-    return this.renderer.growth * (this.settings.points ? 0 : this.settings.splatSize);
+    return this.settings.points ? 0 : this.settings.splatSize;
   }
 
   private sort(view: View): Promise<void> {
