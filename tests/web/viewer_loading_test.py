@@ -97,6 +97,20 @@ def check_damage(browser, site, name, data, words):
     site.server.slow_file.write_bytes(whole)
 
 
+def check_broken(browser, site):
+    """A connection that breaks is taken up where it stopped."""
+    open_viewer(browser, site.url + "?model=scene.ngsplat")
+    remember(browser, "gsapp", "whole")
+    pixels = browser.evaluate("seen.whole.map(p => p.join()).join('|')")
+    open_viewer(browser, site.url + "?model=broken.ngsplat")
+    check(message(browser) == "" and is_shown(browser), f"a file over a connection that broke is shown: {message(browser)}")
+    begins, size = site.server.ranges, site.server.slow_file.stat().st_size
+    check(len(begins) == 2 and begins[0] == 0 and 0 < begins[1] <= 0.4 * size, f"the rest alone was asked for: {begins} of {size}")
+    remember(browser, "gsapp", "broken")
+    check(browser.evaluate("seen.broken.map(p => p.join()).join('|')") == pixels, "it is the same picture")
+    browser.errors.clear()  # the browser tells of the connection
+
+
 def main():
     program, data = find_chromium(), pathlib.Path(os.environ.get("GSAPP_TEST_DATA", "")) / "tiny"
     if program is None or not (data / "lego").exists():
@@ -120,6 +134,7 @@ def main():
                 check_parts(browser, site, case, least)
             check_packed(browser, site)
             check(browser.errors == [], f"the console is silent: {browser.errors}")
+            check_broken(browser, site)
             good = site.server.slow_file.read_bytes()
             damaged = bytearray(good)
             damaged[len(good) // 2] ^= 1
