@@ -79,6 +79,11 @@ def check_choice(browser, site, levels):
     check(browser.evaluate("document.getElementById('camera').value") == "2", "the camera stays")
     quarter = browser.evaluate(PIXELS)
     check(quarter != whole, "it is another picture")
+    axe = pathlib.Path(__file__).resolve().parents[2] / "apps" / "viewer" / "node_modules" / "axe-core" / "axe.min.js"
+    if axe.exists():
+        browser.evaluate(axe.read_text() + "; void 0")
+        found = browser.evaluate("axe.run(document).then(r => [r.passes.length, r.violations.map(v => v.id)])")
+        check(found[0] > 10 and found[1] == [], f"axe finds nothing: {found}")
     address = browser.evaluate("new Promise(resolve => setTimeout(() => resolve(location.hash), 600))")
     check(address == "#view=3&detail=2", f"the address says so: {address}")
     choose(browser, "detail", "")
