@@ -23,7 +23,7 @@ struct ExportArguments {
     std::shared_ptr<SceneArguments> scene;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     int photographs = 0;          ///< most of them
-    bool sh_projection = false, overwrite = false, compatible = false, json = false;
+    bool sh_projection = false, overwrite = false, compatible = false, levels = false, json = false;
 };
 
 nlohmann::ordered_json json_of(const std::vector<ExportedModel>& exported) {
@@ -42,10 +42,12 @@ nlohmann::ordered_json json_of(const std::vector<ExportedModel>& exported) {
 void run_export(const ExportArguments& arguments) {
     if (arguments.sh_projection && arguments.format != "ply") throw UsageError("--sh-projection is for --format ply");
     RunChanges changes = arguments.scene->changes(arguments.runs);
-    changes.needs_scene = arguments.photographs != 0;
+    changes.needs_scene = arguments.photographs != 0 || arguments.levels;
     if (!changes.source.empty() && arguments.format != "web" && arguments.up.empty())
         throw UsageError("--source is for --format web, which measures on its views, and for --up");
     if (arguments.compatible && arguments.format != "web") throw UsageError("--compatible is for --format web");
+    if (arguments.levels && arguments.format != "web")
+        throw UsageError("--lod is for --format web, whose page chooses");
     if (arguments.photographs != 0 && arguments.format != "web")
         throw UsageError("--photographs is for --format web, whose page compares them with the model");
     if (arguments.photographs < 0) throw UsageError(fmt::format("--photographs={} is below 0", arguments.photographs));
@@ -62,6 +64,7 @@ void run_export(const ExportArguments& arguments) {
     std::vector<ExportedModel> exported;
     if (arguments.format == "web")
         exported = export_web(request, {.second_run = arguments.runs.size() > 1 ? arguments.runs[1] : "",
+                                        .levels = arguments.levels,
                                         .photographs = arguments.photographs});
     else
         exported = {export_file(request, arguments.format == "ply" ? SplatFormat::kPly : SplatFormat::kSplat,
@@ -102,6 +105,9 @@ void add_export_command(CLI::App& app, Command& selected) {
     command->add_flag("--photographs{40}", arguments->photographs,
                       "With web: also write the photographs of the test views as PNG, to compare with; of 40 evenly "
                       "spread views, or as many as --photographs=N says");
+    command->add_flag("--lod", arguments->levels,
+                      "With web: also write coarser levels, of a half to a sixteenth of the Gaussians, for phones and "
+                      "slow devices; of two runs those of the first");
     command->add_flag(
         "--compatible", arguments->compatible,
         "With web: store a residual for every Gaussian, as the paper's viewer expects it, also where only "

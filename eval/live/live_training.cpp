@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "appearance/model_info.h"
+#include "eval/runs/shown_views.h"
 #include "kernels/core/clock.h"
 #include "lib/core/interrupt.h"
 #include "lib/core/log.h"
@@ -109,7 +110,8 @@ void LiveTraining::begin_snapshot(std::int64_t iteration, Backend& backend, bool
         const double start = seconds_now();
         try {
             write_snapshot(file, model,
-                           {scene_name(options_.source), iteration, options_.background.color, scene_.frame, views_});
+                           {scene_name(options_.source), iteration, options_.background.color, scene_.frame, views_,
+                            scene_.test.empty()});
             page_.show(file, iteration);
             page_.tell({{"snapshot_error", nullptr}});
             std::error_code ignored;  // one that is being sent stays open

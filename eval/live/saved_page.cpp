@@ -11,6 +11,7 @@
 
 #include "eval/live/snapshot.h"
 #include "eval/runs/saved_run.h"
+#include "eval/runs/shown_views.h"
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
 #include "lib/core/interrupt.h"
@@ -51,6 +52,7 @@ SavedPage::SavedPage(fs::path target, std::optional<int> port)
         try {
             const Scene loaded = load_scene(scene);
             views_ = shown_views(loaded);
+            are_training_views_ = loaded.test.empty();
             frame_ = loaded.frame;
         } catch (const std::exception& e) {
             log_warning("no photographs are shown: {}", e.what());
@@ -83,7 +85,7 @@ void SavedPage::show_newest() {
     if (!model.frame && frame_) bring_into_frame(model.state, *frame_);
     const Frame frame = model.frame.value_or(frame_.value_or(Frame{}));
     const fs::path file = folder_.path() / fmt::format("{}.ngsplat", ++num_snapshots_);
-    write_snapshot(file, model.state, {scene_, model.iteration, background_, frame, views_});
+    write_snapshot(file, model.state, {scene_, model.iteration, background_, frame, views_, are_training_views_});
     page_->show(file, model.iteration);
     page_->tell({{"iteration", model.iteration}, {"num_gaussians", model.state.count}});
     std::error_code ignored;  // one that is being sent stays open

@@ -30,6 +30,7 @@ class SavedPage {
     const std::filesystem::path target_;
     const bool is_run_;
     std::vector<View> views_;
+    bool are_training_views_ = false;
     Vec3<float> background_{0, 0, 0};
     std::optional<Frame> frame_;  ///< of the loaded scene
     std::string scene_;

@@ -12,14 +12,6 @@
 
 namespace gs {
 
-std::vector<View> shown_views(const Scene& scene, std::size_t most) {
-    const std::vector<View>& from = scene.test.empty() ? scene.train : scene.test;
-    std::vector<View> out;
-    const std::size_t count = std::min(most, from.size());
-    for (std::size_t k = 0; k < count; ++k) out.push_back(from[k * from.size() / count]);
-    return out;
-}
-
 void write_snapshot(const std::filesystem::path& file, const Gaussians& model, const SnapshotFacts& facts) {
     require_finite(model);
     const Gaussians visible = visible_gaussians(model);
@@ -36,6 +28,7 @@ void write_snapshot(const std::filesystem::path& file, const Gaussians& model, c
                                       {"background", {facts.background.x, facts.background.y, facts.background.z}},
                                       {"num_gaussians", scene.count()},
                                       {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()}};
+    if (facts.are_training_views) trailer["views"] = "training";
     if (!facts.frame.is_identity()) trailer["frame"] = frame_json(facts.frame);
     scene.trailer = json_text(trailer);
     write_ngsplat(file, scene);

@@ -19,14 +19,8 @@ struct SnapshotFacts {
     Vec3<float> background{0, 0, 0};
     Frame frame;
     std::vector<View> views;  ///< views that the page offers
+    bool are_training_views = false;
 };
-
-/// The largest number of views that a page offers.
-inline constexpr std::size_t kShownViews = 64;
-
-/// Returns the test views, or the training views where there are none; `most` of them, evenly spread, if there are
-/// more.
-std::vector<View> shown_views(const Scene& scene, std::size_t most = kShownViews);
 
 /// Packs the visible Gaussians and writes them as .ngsplat. A photometric correction has neutral exposure and colour in
 /// every view. Throws NumericError for parameters that are not finite, UsageError for a model that cannot be packed,

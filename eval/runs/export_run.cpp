@@ -6,12 +6,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "appearance/model_info.h"
 #include "eval/runs/camera_path.h"
+#include "eval/runs/coarser_levels.h"
 #include "eval/runs/evaluate.h"
 #include "eval/runs/saved_run.h"
+#include "eval/runs/shown_views.h"
+#include "eval/runs/view_scores.h"
 #include "kernels/core/error.h"
 #include "lib/core/json_text.h"
 #include "lib/core/log.h"
@@ -30,9 +34,10 @@
 namespace gs {
 namespace {
 
-/// Returns what the file says about itself, where other readers do not look.
+/// Returns what a file says about itself, where other readers do not look. `num_all`: Gaussians of the model of which
+/// this is a coarser level; 0: it is none.
 std::string trailer(const SavedRun& run, const Gaussians& model, const PackedScene& scene,
-                    const std::optional<PackingLoss>& loss, bool described) {
+                    const std::optional<PackingLoss>& loss, bool described, std::int64_t num_all) {
     nlohmann::ordered_json json = {
         {"generator", version_text()},
         {"scene", run.options.source.empty() ? run.folder.stem().string() : scene_name(run.options.source)},
@@ -42,6 +47,8 @@ std::string trailer(const SavedRun& run, const Gaussians& model, const PackedSce
         {"num_gaussians", scene.count()},
         {"bytes_per_gaussian", scene.mean_bytes_per_gaussian()},
         {"photometric", correction_name(run.correction.mode)}};
+    if (num_all > 0) json["level_of"] = num_all;
+    if (run.scene.test.empty() && !scene.cameras.empty()) json["views"] = "training";
     if (!run.scene.frame.is_identity()) json["frame"] = frame_json(run.scene.frame);
     if (loss)
         json["test_views"] = {{"psnr", loss->psnr},
@@ -79,40 +86,65 @@ void turn_run(SavedRun& run, const std::string& up) {
     run.scene.frame.center = rotation * run.scene.frame.center;
 }
 
-/// A run packed for the viewer, and what is said of it beside the file.
-struct PackedRun {
+/// One file of a run.
+struct PackedLevel {
     PackedScene scene;
-    std::vector<View> views;  ///< the test views, or without any those of the training
-    bool has_test_views = false;
-    Vec3<float> background;
     std::optional<PackingLoss> loss;
 };
 
-/// `described`: whether a site.json lies beside the file.
+/// A run packed for the viewer, and what is said of it beside the files.
+struct PackedRun {
+    std::vector<PackedLevel> levels;  ///< the whole model, then coarser ones
+    std::vector<View> views;          ///< the test views, or without any some of those of the training
+    bool has_test_views = false;
+    Vec3<float> background;
+};
+
+/// `described`: whether a site.json lies beside the file. `coarser`: whether to make coarser levels.
 PackedRun pack_run(const ExportRequest& request, const std::filesystem::path& folder, const SiteOptions& site,
-                   bool described) {
+                   bool described, bool coarser) {
     SavedRun run = open_saved_run(folder, request.iteration, request.changes);
-    if (site.photographs > 0 && run.scene.test.empty())
+    const bool has_test_views = !run.scene.test.empty();
+    if (site.photographs > 0 && !has_test_views)
         throw UsageError(
             fmt::format("{}: the run has no test views (--eval), whose photographs could be written", folder.string()));
     if (!request.up.empty()) turn_run(run, request.up);
     const Gaussians all = run.backend->download(false);
     require_finite(all);
-    Gaussians model = visible_gaussians(all);
-    if (request.compatible) complete_residuals(model);
-    order_by_importance(model);
-    PackedScene scene = pack_gaussians(model);
-    add_cameras(scene, model, run.scene.test);
-    if (all.ppisp.active()) scene.ppisp = packed_correction(run);
-    std::optional<PackingLoss> loss;
-    if (!run.scene.test.empty()) loss = packing_loss(run, scene);
-    scene.trailer = trailer(run, model, scene, loss, described);
-    const bool has_test_views = !run.scene.test.empty();
-    return {.scene = std::move(scene),
-            .views = has_test_views ? run.scene.test : run.scene.train,
-            .has_test_views = has_test_views,
-            .background = run.background,
-            .loss = loss};
+    std::vector<CoarserModel> models = {{visible_gaussians(all), {}}};
+    if (request.compatible) complete_residuals(models[0].gaussians);
+    PackedRun packed{.levels = {},
+                     .views = has_test_views ? run.scene.test : shown_views(run.scene),
+                     .has_test_views = has_test_views,
+                     .background = run.background};
+    std::optional<PackedPpisp> correction;
+    if (all.ppisp.active()) correction = packed_correction(run, packed.views);
+    models[0].scores = view_scores(run, models[0].gaussians);
+    if (coarser) {
+        if (run.scene.train.empty() && !has_test_views)
+            throw UsageError(
+                fmt::format("{}: --lod measures on views what a Gaussian is worth, and there are none; "
+                            "name the scene of a point cloud with --source",
+                            folder.string()));
+        std::vector<CoarserModel> levels = coarser_levels(models[0].gaussians, models[0].scores);
+        std::move(levels.begin(), levels.end(), std::back_inserter(models));
+    }
+    for (auto& [model, scores] : models) {
+        const bool is_whole = packed.levels.empty();
+        order_by_importance(model, scores);
+        PackedLevel level{pack_gaussians(model), std::nullopt};
+        PackedScene& scene = level.scene;
+        add_cameras(scene, models[0].gaussians, packed.views);  // of all levels the same
+        scene.ppisp = correction;
+        if (has_test_views && is_whole)
+            level.loss = packing_loss(run, scene);
+        else if (has_test_views)
+            level.loss = PackingLoss{packed.levels[0].loss->psnr, packed_psnr(run, scene)};
+        scene.trailer =
+            trailer(run, model, scene, level.loss, described, is_whole ? 0 : packed.levels[0].scene.count());
+        packed.levels.push_back(std::move(level));
+    }
+    return packed;
 }
 
 bool is_same_camera(const Camera& a, const Camera& b) {
@@ -140,7 +172,7 @@ void require_same_views(const PackedRun& a, const PackedRun& b, const ExportRequ
 }
 
 void log_packed(const std::filesystem::path& file, const PackedRun& run) {
-    const PackedScene& scene = run.scene;
+    const auto& [scene, loss] = run.levels[0];
     log_info("{}: {} Gaussians, {:.4g} bytes each ({} of them geometry and base colour)", file.string(), scene.count(),
              scene.mean_bytes_per_gaussian(), sizeof(GeometryWords));
     if (scene.is_mixed())
@@ -148,11 +180,37 @@ void log_packed(const std::filesystem::path& file, const PackedRun& run) {
             "the colour of {} of them depends on the view; --compatible writes the others the same, for viewers "
             "that know no mixed models",
             scene.appearance.rows);
-    if (run.loss)
-        log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.views.size(),
-                 run.loss->psnr, run.loss->packed_psnr, run.loss->psnr - run.loss->packed_psnr);
+    if (loss)
+        log_info("PSNR of the {} test views {:.3f} dB, packed {:.3f} dB: {:.3f} dB lost", run.views.size(), loss->psnr,
+                 loss->packed_psnr, loss->psnr - loss->packed_psnr);
     else
         log_info("there are no test views (--eval): what packing loses was not measured");
+}
+
+void log_levels(const PackedRun& run) {
+    if (run.levels.size() == 1)
+        log_info("no coarser levels: {} Gaussians are fewer than the {} from which half of them make a smaller file",
+                 run.levels[0].scene.count(), 2 * ngsplat_unit());
+    for (std::size_t k = 1; k < run.levels.size(); ++k) {
+        const auto& [scene, loss] = run.levels[k];
+        log_info("{}: {} Gaussians{}", site_file::level(k), scene.count(),
+                 loss ? fmt::format(", {:.3f} dB", loss->packed_psnr) : "");
+    }
+}
+
+/// Writes the levels of the first run, and returns what site.json says of them.
+nlohmann::ordered_json write_levels(const std::filesystem::path& folder, const PackedRun& run) {
+    nlohmann::ordered_json out = nlohmann::ordered_json::array();
+    for (std::size_t k = 0; k < run.levels.size(); ++k) {
+        const auto& [scene, loss] = run.levels[k];
+        const std::string name = k == 0 ? site_file::kScene : site_file::level(k);
+        if (k > 0) write_ngsplat(folder / name, scene);
+        nlohmann::ordered_json level = {
+            {"file", name}, {"num_gaussians", scene.count()}, {"bytes", std::filesystem::file_size(folder / name)}};
+        if (loss) level["psnr"] = loss->packed_psnr;
+        out.push_back(std::move(level));
+    }
+    return out;
 }
 
 /// Writes the photographs of at most `most` views. Returns their paths in the site, null for views without one.
@@ -197,22 +255,23 @@ std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOp
     const std::filesystem::path folder = request.output, viewer = viewer_folder();
     require_free(folder,
                  {site_file::kScene, site_file::kSecondScene, site_file::kDescription, site_file::kPhotographs,
-                  site_file::kPage},
+                  site_file::kPage, site_file::level(1)},
                  request.overwrite);
     std::vector<std::filesystem::path> runs = {request.run};
     if (!site.second_run.empty()) runs.push_back(site.second_run);
-    const bool described = runs.size() > 1 || site.photographs > 0;
+    const bool described = runs.size() > 1 || site.photographs > 0 || site.levels;
     nlohmann::ordered_json description = {{"version", 1}, {"generator", version_text()}};
 
     Staging staging(folder);
     std::vector<PackedRun> packed;
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const char* file = i == 0 ? site_file::kScene : site_file::kSecondScene;
-        packed.push_back(pack_run(request, runs[i], site, described));
+        packed.push_back(pack_run(request, runs[i], site, described, site.levels && i == 0));
         if (i > 0) require_same_views(packed[0], packed[i], request, site);
-        write_ngsplat(staging.path() / file, packed[i].scene);
+        write_ngsplat(staging.path() / file, packed[i].levels[0].scene);
         description["models"].push_back({{"file", file}, {"name", run_names(runs)[i]}});
     }
+    if (site.levels) description["levels"] = write_levels(staging.path(), packed[0]);
     if (site.photographs > 0)
         description["photographs"] = write_photographs(staging.path(), packed[0], site.photographs);
     if (described) write_text_atomic(staging.path() / site_file::kDescription, json_text(description));
@@ -226,7 +285,13 @@ std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOp
     for (std::size_t i = 0; i < packed.size(); ++i) {
         const std::filesystem::path file = folder / (i == 0 ? site_file::kScene : site_file::kSecondScene);
         log_packed(file, packed[i]);
-        exported.push_back({file, std::int64_t(packed[i].scene.count()), packed[i].loss});
+        const auto& [scene, loss] = packed[i].levels[0];
+        exported.push_back({file, std::int64_t(scene.count()), loss});
+    }
+    if (site.levels) log_levels(packed[0]);
+    for (std::size_t k = 1; k < packed[0].levels.size(); ++k) {
+        const auto& [scene, loss] = packed[0].levels[k];
+        exported.push_back({folder / site_file::level(k), std::int64_t(scene.count()), loss});
     }
     if (viewer.empty())
         log_warning("the web viewer is not built, so that only the scene was written; scripts/build-viewer builds it");

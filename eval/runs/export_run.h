@@ -14,10 +14,10 @@
 namespace gs {
 
 struct ExportRequest {
-    std::filesystem::path run;              ///< folder of the run, or a point cloud
-    std::optional<std::int64_t> iteration;  ///< saved iteration; empty: the last
-    std::filesystem::path output;           ///< folder to write to
-    bool overwrite = false;                 ///< replace an earlier export there
+    std::filesystem::path run;                   ///< folder of the run, or a point cloud
+    std::optional<std::int64_t> iteration = {};  ///< saved iteration; empty: the last
+    std::filesystem::path output;                ///< folder to write to
+    bool overwrite = false;                      ///< replace an earlier export there
     /// The axis that is to point up: "y", "z" or "-y". The model is turned from where its cameras say up is. Empty: it
     /// stays as it is.
     std::string up = {};
@@ -29,6 +29,7 @@ struct ExportRequest {
 /// What only a site has.
 struct SiteOptions {
     std::filesystem::path second_run = {};  ///< another run of the scene, to compare with; empty: none
+    bool levels = false;                    ///< also write coarser levels of the (first) run
     int photographs = 0;                    ///< write the photographs of at most so many test views, evenly spread
 };
 
@@ -40,10 +41,11 @@ struct ExportedModel {
 };
 
 /// Writes scene.ngsplat and, where it is built, the web viewer. Measures what packing loses on the test views and tells
-/// it in the log and in the file. A second run becomes scene-2.ngsplat; site.json names what lies beside scene.ngsplat,
-/// where there is anything. Throws UsageError where the output is taken, the two runs have other cameras, or there are
-/// no test views whose photographs could be written; what open_saved_run throws; NumericError for parameters that are
-/// not finite; DataError where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
+/// it in the log and in the file. A second run becomes scene-2.ngsplat, levels (coarser_levels) become
+/// scene-level-K.ngsplat. site.json names what lies beside scene.ngsplat, where there is anything, with the PSNR of
+/// each level. Throws UsageError where the output is taken, the two runs have other cameras, or there are no test views
+/// whose photographs could be written; what open_saved_run throws; NumericError for parameters that are not finite;
+/// DataError where a file cannot be read or written; and what turn (lib/export/turn.h) throws.
 std::vector<ExportedModel> export_web(const ExportRequest& request, const SiteOptions& site = {});
 
 enum class SplatFormat {

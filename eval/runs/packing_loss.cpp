@@ -10,27 +10,33 @@
 
 namespace gs {
 
-PackingLoss packing_loss(SavedRun& run, const PackedScene& scene) {
+double packed_psnr(SavedRun& run, const PackedScene& scene) {
     const std::vector<View>& views = run.scene.test;
     EvalOptions options;
     options.correction = run.correction;
-    PackingLoss loss;
-    loss.psnr = evaluate_views(*run.backend, views, run.background, options).psnr;
     Gaussians model = packed_geometry(scene);
     model.ppisp = run.backend->download_ppisp();
     const auto backend = make_backend(run.options.device, model.appearance, backend_options(run.options));
+    double psnr = 0;
     for (const View& view : views) {
         set_packed_colors(scene, camera_params<double>(view.camera).position, model);
         backend->upload(model);
-        loss.packed_psnr += evaluate_views(*backend, {view}, run.background, options).psnr / double(views.size());
+        psnr += evaluate_views(*backend, {view}, run.background, options).psnr / double(views.size());
     }
-    return loss;
+    return psnr;
 }
 
-PackedPpisp packed_correction(SavedRun& run) {
+PackingLoss packing_loss(SavedRun& run, const PackedScene& scene) {
+    EvalOptions options;
+    options.correction = run.correction;
+    return {.psnr = evaluate_views(*run.backend, run.scene.test, run.background, options).psnr,
+            .packed_psnr = packed_psnr(run, scene)};
+}
+
+PackedPpisp packed_correction(SavedRun& run, const std::vector<View>& views) {
     const PpispState state = run.backend->download_ppisp();
     PackedPpisp packed = pack_ppisp(state);
-    for (const View& view : run.scene.test) {
+    for (const View& view : views) {
         RenderRequest request;
         request.camera = camera_params(view.camera);
         request.background = run.background;

@@ -13,6 +13,7 @@
 
 #include "kernels/core/error.h"
 #include "lib/core/input_file.h"
+#include "lib/export/file_order.h"
 #include "lib/io/atomic_file.h"
 
 namespace gs {
@@ -30,8 +31,8 @@ constexpr std::uint32_t kMaxCameras = 1 << 20, kMaxTrailer = 1 << 26;
 
 namespace flag {
 constexpr std::uint32_t kAntialiased = 1 << 0, kWithoutConstant = 1 << 1, kFolded = 1 << 2, kExponentialBase = 1 << 5,
-                        kPpisp = 1 << 7, kMixed = 1 << 8;
-constexpr std::uint32_t kKnown = 0x1ff;
+                        kPpisp = 1 << 7, kMixed = 1 << 8, kInterleaved = 1 << 9;
+constexpr std::uint32_t kKnown = 0x3ff;
 // The model's number: two bits, and a third that was added later.
 constexpr std::uint32_t model_bits(std::uint32_t model) { return (model & 3) << 3 | (model & 4) << 4; }
 constexpr std::uint32_t model_of(std::uint32_t flags) { return (flags >> 3 & 3) | (flags >> 4 & 4); }
@@ -133,7 +134,7 @@ std::uint32_t flags_of(const PackedScene& scene) {
     return (scene.antialiased ? flag::kAntialiased : 0) | (a.constant_input ? 0 : flag::kWithoutConstant) |
            (a.folded ? flag::kFolded : 0) | flag::model_bits(a.model) |
            (scene.exponential_base ? flag::kExponentialBase : 0) | (scene.ppisp ? flag::kPpisp : 0) |
-           (scene.is_mixed() ? flag::kMixed : 0);
+           (scene.is_mixed() ? flag::kMixed | flag::kInterleaved : 0);
 }
 
 Header read_header(Reader& in) {
@@ -256,7 +257,14 @@ void write_ngsplat(const std::filesystem::path& path, const PackedScene& scene) 
     }
     out.value(std::uint32_t(layout.weight_halves / 4));
     out.values(scene.appearance.weights);
-    out.texture(scene.geometry, 1);
+    if (scene.is_mixed()) {
+        std::vector<GeometryWords> geometry;
+        for (const std::int64_t row : interleaved_rows(scene.appearance.rows, scene.count()))
+            geometry.push_back(scene.geometry[std::size_t(row)]);
+        out.texture(geometry, 1);
+    } else {
+        out.texture(scene.geometry, 1);
+    }
     for (std::size_t k = 0; k < layout.texture_words.size(); ++k)
         out.texture(scene.appearance.textures[k], layout.texture_words[k]);
     if (!scene.trailer.empty()) {
@@ -311,6 +319,11 @@ PackedScene read_ngsplat(const std::filesystem::path& path) {
                 padded_count(packed.rows) * layout.bytes_per_gaussian(),
             "the textures");
     scene.geometry = in.texture<GeometryWords>(h.count, 1, "splatData");
+    if (h.flags & flag::kInterleaved) {
+        const std::vector<GeometryWords> in_file = scene.geometry;
+        const std::vector<std::int64_t> rows = interleaved_rows(packed.rows, scene.count());
+        for (std::size_t i = 0; i < rows.size(); ++i) scene.geometry[std::size_t(rows[i])] = in_file[i];
+    }
     for (const int words : layout.texture_words)
         packed.textures.push_back(in.texture<std::uint32_t>(packed.rows, words, "paramTex"));
     scene.trailer = read_trailer(in);

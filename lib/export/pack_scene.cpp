@@ -15,6 +15,9 @@
 #include "lib/core/median.h"
 #include "lib/export/base_range.h"
 #include "lib/export/ellipsoid_axes.h"
+#include "lib/export/file_order.h"
+#include "lib/export/mean_area.h"
+#include "lib/export/selected_rows.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/model/center.h"
 
@@ -37,12 +40,6 @@ PackedColorActivation packed_activation_of(ColorActivation activation) {
 
 /// All activations but the sigmoid add a half; it is stored with the base colour.
 double base_shift(ColorActivation activation) { return activation == ColorActivation::kSigmoid ? 0 : 0.5; }
-
-/// Returns the mean area of an ellipsoid's projections, up to a factor (Thomsen's approximation of its surface).
-double mean_area(const std::array<double, 3>& s) {
-    const auto pair = [&](int i, int j) { return std::pow(s[std::size_t(i)] * s[std::size_t(j)], 1.6); };
-    return std::pow(pair(0, 1) + pair(0, 2) + pair(1, 2), 1 / 1.6);
-}
 
 /// Compensates the rounding of scales, whose steps are 8.6 %. The opacity takes back half of the change in area; this
 /// gives the smallest squared error of a single Gaussian's picture. Scales outside the range of the codes are left
@@ -69,24 +66,23 @@ PackedGeometry geometry_of(const Gaussians& g, std::int64_t i, double shift) {
     return geometry;
 }
 
-/// Returns opacity times mean width. Times the area, pictures of the first Gaussians were worse (docs/results.md).
-double importance(const Gaussians& g, std::int64_t i) {
+/// Returns what orders a Gaussian; docs/results.md#pictures-of-a-part has what else was tried.
+double importance(const Gaussians& g, const std::vector<float>& scores, std::int64_t i) {
+    const double opacity = sigmoid(double(g[Group::kOpacity].param[std::size_t(i)]));
+    if (!scores.empty()) return std::sqrt(double(scores[std::size_t(i)]) * opacity);
     const float* scale = g[Group::kScale].param.data() + 3 * i;
     const auto size = [](float raw) { return std::exp(std::min(double(raw), kMaxLogScale)); };
-    return sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) *
-           std::sqrt(mean_area({size(scale[0]), size(scale[1]), size(scale[2])}));
+    return opacity * std::sqrt(mean_area({size(scale[0]), size(scale[1]), size(scale[2])}));
 }
 
-/// Brings the rows [begin, end) into eighths.
-void order_part(const Gaussians& g, std::vector<std::int64_t>& order, std::int64_t begin, std::int64_t end) {
-    constexpr std::int64_t kClasses = 8;
-    std::vector<double> values(std::size_t(g.count));
-    for (std::int64_t i = begin; i < end; ++i) values[std::size_t(i)] = importance(g, i);
+/// Brings the rows [begin, end) into classes of importance.
+void order_part(const std::vector<double>& values, std::vector<std::int64_t>& order, std::int64_t begin,
+                std::int64_t end) {
     const auto first = order.begin();
     std::stable_sort(first + begin, first + end,
                      [&](std::int64_t a, std::int64_t b) { return values[std::size_t(a)] > values[std::size_t(b)]; });
-    for (std::int64_t k = 0; k < kClasses; ++k)
-        std::sort(first + begin + (end - begin) * k / kClasses, first + begin + (end - begin) * (k + 1) / kClasses);
+    for (std::int64_t k = 0; k < kImportanceClasses; ++k)
+        std::sort(first + begin + class_begin(end - begin, k), first + begin + class_begin(end - begin, k + 1));
 }
 
 PackedCamera packed_camera(const Camera& camera) {
@@ -120,44 +116,25 @@ void require_finite(const Gaussians& g) {
 }
 
 Gaussians visible_gaussians(const Gaussians& g) {
-    Gaussians out;
-    out.appearance = g.appearance, out.active_degree = g.active_degree, out.step = g.step, out.shared = g.shared,
-    out.ppisp = g.ppisp;
-    for (int k = 0; k < kNumGroups; ++k) out.groups[k].width = g.groups[k].width;
+    std::vector<std::int64_t> rows;
     for (std::int64_t i = 0; i < g.count; ++i) {
         const float* q = g[Group::kRotation].param.data() + 4 * i;
         const double norm2 = double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3];
-        if (!(sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha) ||
-            !(norm2 >= kMinQuaternionNorm2))
-            continue;
-        ++out.count;
-        for (int k = 0; k < kNumGroups; ++k) {
-            if (i >= g.num_rows(Group(k))) continue;
-            const auto& group = g.groups[k];
-            const auto first = group.param.begin() + i * group.width;
-            out.groups[k].param.insert(out.groups[k].param.end(), first, first + group.width);
-        }
+        if (sigmoid(double(g[Group::kOpacity].param[std::size_t(i)])) >= kMinAlpha && norm2 >= kMinQuaternionNorm2)
+            rows.push_back(i);
     }
-    return out;
+    return selected_rows(g, rows);
 }
 
-void order_by_importance(Gaussians& g) {
+void order_by_importance(Gaussians& g, const std::vector<float>& scores) {
     std::vector<std::int64_t> order(std::size_t(g.count));
     std::iota(order.begin(), order.end(), 0);
+    std::vector<double> values(order.size());
+    parallel_for_rows(g.count, [&](std::int64_t i) { values[std::size_t(i)] = importance(g, scores, i); });
     const std::int64_t with_residual = g.is_mixed() ? g.num_residuals() : 0;
-    order_part(g, order, 0, with_residual);
-    order_part(g, order, with_residual, g.count);
-    for (int k = 0; k < kNumGroups; ++k) {
-        GroupArrays<float>& group = g.groups[k];
-        std::vector<float> param;
-        param.reserve(group.param.size());
-        for (std::int64_t row = 0; group.width > 0 && row < g.num_rows(Group(k)); ++row) {
-            const auto from = group.param.begin() + order[std::size_t(row)] * group.width;
-            param.insert(param.end(), from, from + group.width);
-        }
-        group.m.clear(), group.v.clear();
-        group.param = std::move(param);
-    }
+    order_part(values, order, 0, with_residual);
+    order_part(values, order, with_residual, g.count);
+    g = selected_rows(g, order);
 }
 
 void complete_residuals(Gaussians& g) {

@@ -14,11 +14,12 @@ void require_finite(const Gaussians& gaussians);
 /// Returns the Gaussians that can be visible, in their order: opacity at least 1/255 and a rotation with a direction.
 Gaussians visible_gaussians(const Gaussians& gaussians);
 
-/// Puts the rows in the order in which a viewer that shows what has arrived should get them: in eighths by opacity
-/// times mean width (the root of the mean projected area), largest first. Rows of an eighth keep their order, which is
-/// mostly that of the Morton curve, so that neighbours stay close in memory. Those with a residual stay in front, and
-/// each part is ordered by itself. The optimizer state is dropped. Deterministic.
-void order_by_importance(Gaussians& gaussians);
+/// Puts the rows in the order in which a viewer that shows what has arrived should get them: in kImportanceClasses
+/// (lib/export/file_order.h) by the root of score times opacity, largest first. Without `scores` (Backend::scores, one
+/// per row, of views to train on) it is opacity times mean width, the root of the mean projected area. Rows of a class
+/// keep their order, which is mostly that of the Morton curve, so that neighbours stay close in memory. Those with a
+/// residual stay in front, and each part is ordered by itself. The optimizer state is dropped. Deterministic.
+void order_by_importance(Gaussians& gaussians, const std::vector<float>& scores = {});
 
 /// Gives the Gaussians of a mixed model that have no residual one that shows nothing, as viewers need it that know no
 /// mixed models. Throws UsageError for a model without such a residual: one whose Gaussians share weights.

@@ -83,6 +83,8 @@ void require_free(const fs::path& folder, const std::vector<std::string>& names,
     }
 }
 
+std::string site_file::level(std::size_t k) { return fmt::format("scene-level-{}.ngsplat", k); }
+
 std::string site_file::photograph(std::size_t index) { return fmt::format("{}/{:05}.png", kPhotographs, index); }
 
 void remove_earlier_site(const fs::path& folder, const std::vector<fs::path>& written) {
@@ -94,6 +96,7 @@ void remove_earlier_site(const fs::path& folder, const std::vector<fs::path>& wr
         };
         remove(site_file::kDescription);  // first: it names the others
         remove(site_file::kSecondScene);
+        for (std::size_t k = 1; fs::exists(folder / site_file::level(k)); ++k) remove(site_file::level(k));
         const fs::path photographs = folder / site_file::kPhotographs;
         if (!fs::is_directory(photographs)) return;
         static const std::regex ours("[0-9]{5,}\\.png");

@@ -136,7 +136,22 @@ TEST(Export, RunsThatDoNotCompareAreRefused) {
     refused("run --photographs --format ply", "--photographs is for --format web");
     refused("run larger --format splat", "two runs are for --format web");
     refused("run --photographs=-3", "-3");
+    refused("run --lod --format ply", "--lod is for --format web");
     EXPECT_EQ(program.run("export all all -o out").exit_code, 0) << "training views compare as well";
+}
+
+TEST(Export, LevelsOfAPointCloudNeedItsScene) {
+    const Program program;
+    train_plain(program, "run", "-s builtin:glossy -r 8");
+    ASSERT_EQ(program.run("export run -o out --format ply").exit_code, 0);
+    const Outcome without = program.run("export out/point_cloud.ply --lod -o site --device cpu");
+    EXPECT_EQ(without.exit_code, 2) << without.err;
+    EXPECT_NE(without.err.find("--source"), std::string::npos) << without.err;
+    EXPECT_FALSE(fs::exists(program.path("site")));
+    const Outcome with = program.run("export out/point_cloud.ply --lod -o site --device cpu -s builtin:glossy -r 8");
+    EXPECT_EQ(with.exit_code, 0) << with.err;
+    EXPECT_NE(with.err.find("scene-level-1.ngsplat: "), std::string::npos) << with.err;
+    EXPECT_TRUE(fs::exists(program.path("site/scene-level-1.ngsplat")));
 }
 
 TEST(Export, WritesFilesForOtherPrograms) {

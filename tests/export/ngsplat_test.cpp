@@ -2,9 +2,12 @@
 // The container: offsets by hand, the way there and back, and files that are damaged.
 #include "lib/export/ngsplat.h"
 
+#include <algorithm>
 #include <cstring>
+#include <numeric>
 
 #include "kernels/core/error.h"
+#include "lib/export/file_order.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/packed_model.h"
 #include "tests/io/file_helpers.h"
@@ -129,6 +132,21 @@ PackedScene mixed(const std::string& model, std::int64_t count, std::int64_t wit
     return pack_gaussians(g);
 }
 
+TEST(Ngsplat, ClassesHaveBothKindsOfGaussians) {
+    using Rows = std::vector<std::int64_t>;
+    EXPECT_EQ(interleaved_rows(0, 3), (Rows{0, 1, 2}));
+    EXPECT_EQ(interleaved_rows(3, 3), (Rows{0, 1, 2}));
+    Rows rows = interleaved_rows(32, 96);  // classes of 2 and 4
+    EXPECT_EQ(Rows(rows.begin(), rows.begin() + 12), (Rows{0, 1, 32, 33, 34, 35, 2, 3, 36, 37, 38, 39}));
+    for (const auto& [with, count] : {std::pair{7, 10}, {1, 1000}, {999, 1000}, {12345, 99999}}) {
+        rows = interleaved_rows(with, count);
+        std::sort(rows.begin(), rows.end());
+        Rows all(static_cast<std::size_t>(count));
+        std::iota(all.begin(), all.end(), 0);
+        EXPECT_EQ(rows, all) << with << " of " << count;
+    }
+}
+
 TEST(Ngsplat, OnlyTheFirstGaussiansMayHaveAResidual) {
     const TempFolder folder;
     for (const char* model : {"sh", "sv", "nasg", "neural"}) {
@@ -139,7 +157,7 @@ TEST(Ngsplat, OnlyTheFirstGaussiansMayHaveAResidual) {
             EXPECT_EQ(scene.appearance.rows, with);
             write_ngsplat(folder / "s.ngsplat", scene);
             EXPECT_EQ(std::int64_t(std::filesystem::file_size(folder / "s.ngsplat")), ngsplat_bytes(scene, count, 0));
-            EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "s.ngsplat"), 48) >> 8, 1u);
+            EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "s.ngsplat"), 48) >> 8, 3u);
             EXPECT_EQ(value_at<std::uint32_t>(slurp(folder / "s.ngsplat"), 52), std::uint32_t(with));
             const PackedScene back = read_ngsplat(folder / "s.ngsplat");
             EXPECT_EQ(back.appearance.rows, with);
@@ -157,7 +175,16 @@ TEST(Ngsplat, OnlyTheFirstGaussiansMayHaveAResidual) {
         EXPECT_LT(ngsplat_bytes(some, 3000, 0), ngsplat_bytes(all, 3000, 0));
         EXPECT_NEAR(some.mean_bytes_per_gaussian(), 16 + (all.bytes_per_gaussian() - 16) / 3.0, 1e-9);
     }
+    // Without the second flag, as earlier versions wrote it, the file's order is that of the rows.
     std::string bytes = slurp(folder / "s.ngsplat");
+    const PackedScene scene = read_ngsplat(folder / "s.ngsplat");
+    const std::uint32_t flags = value_at<std::uint32_t>(bytes, 48) & ~512u;
+    std::memcpy(bytes.data() + 48, &flags, 4);
+    spit(folder / "old.ngsplat", bytes);
+    const PackedScene old = read_ngsplat(folder / "old.ngsplat");
+    const std::vector<std::int64_t> rows = interleaved_rows(scene.appearance.rows, scene.count());
+    for (std::size_t i = 0; i < rows.size(); ++i) ASSERT_EQ(old.geometry[i], scene.geometry[std::size_t(rows[i])]) << i;
+
     const std::uint32_t wrong = 5000;
     std::memcpy(bytes.data() + 52, &wrong, 4);
     spit(folder / "bad.ngsplat", bytes);
@@ -194,7 +221,7 @@ TEST(Ngsplat, DamagedFilesAreRefused) {
     refused(changed(36, 3), "residualActivation is 3");
     refused(changed(40, 18), "nNeurons is 18");
     refused(changed(40, 0xfffffffc), "nNeurons");
-    refused(changed(48, 0x200), "newer version");
+    refused(changed(48, 0x400), "newer version");
     refused(changed(84, 0x7fc00000), "camDistance holds nan");
     refused(changed(88, 0x7fffffff), "nTestCameras");
     refused(changed(trailer + 8, 2), "version 2");

@@ -8,6 +8,7 @@
 #include "appearance/neural/neural.h"
 #include "kernels/core/error.h"
 #include "kernels/ppisp/ppisp_device.h"
+#include "lib/export/file_order.h"
 #include "lib/export/pack_ppisp.h"
 #include "lib/export/pack_scene.h"
 #include "lib/export/packed_model.h"
@@ -239,7 +240,30 @@ double weight_of_ball(const Gaussians& g, std::int64_t i) {
            std::exp(double(g[Group::kScale].param[std::size_t(3 * i)]));
 }
 
-TEST(PackScene, ImportantGaussiansComeFirstAndEighthsKeepTheirOrder) {
+TEST(PackScene, ScoresDecideWhereThereAreAny) {
+    Gaussians g = random_gaussians(64, {"none", 0, ColorActivation::kRelu});
+    std::vector<float> scores(64);
+    for (std::size_t i = 0; i < 64; ++i) {
+        g[Group::kMean].param[3 * i] = float(i), g[Group::kOpacity].param[i] = 0;
+        scores[i] = float((i * 37) % 64);
+    }
+    scores[5] = INFINITY;
+    g[Group::kOpacity].param[6] = -20;
+    order_by_importance(g, scores);
+    for (std::int64_t k = 0; k < kImportanceClasses; ++k) {
+        for (std::int64_t row = class_begin(64, k); row < class_begin(64, k + 1); ++row) {
+            const auto was = std::size_t(g[Group::kMean].param[std::size_t(3 * row)]);
+            if (was == 5)
+                EXPECT_EQ(k, 0);
+            else if (was == 6)
+                EXPECT_EQ(k, kImportanceClasses - 1) << "what is hardly opaque hardly shows";
+            else
+                EXPECT_NEAR(double(scores[was]), double(63 - row), 6);
+        }
+    }
+}
+
+TEST(PackScene, ImportantGaussiansComeFirstAndClassesKeepTheirOrder) {
     for (const ModelInfo* model : appearance_models()) {
         for (const std::int64_t mixed : {std::int64_t(0), std::int64_t(40)}) {
             SCOPED_TRACE(model->name + " with " + std::to_string(mixed));
@@ -259,15 +283,15 @@ TEST(PackScene, ImportantGaussiansComeFirstAndEighthsKeepTheirOrder) {
             std::vector<bool> seen(200);
             for (const auto& [begin, end] : {std::pair{std::int64_t(0), mixed}, std::pair{mixed, std::int64_t(200)}}) {
                 double least = INFINITY;
-                for (std::int64_t k = 0; k < 8; ++k) {
+                for (std::int64_t k = 0; k < kImportanceClasses; ++k) {
                     double next = INFINITY;
                     std::int64_t before = -1;
-                    const std::int64_t first = begin + (end - begin) * k / 8,
-                                       last = begin + (end - begin) * (k + 1) / 8;
+                    const std::int64_t first = begin + class_begin(end - begin, k),
+                                       last = begin + class_begin(end - begin, k + 1);
                     for (std::int64_t row = first; row < last; ++row) {
                         const auto was = std::int64_t(ordered[Group::kMean].param[std::size_t(3 * row)]);
                         EXPECT_TRUE(was >= begin && was < end);
-                        EXPECT_GT(was, before) << "rows of an eighth keep their order";
+                        EXPECT_GT(was, before) << "rows of a class keep their order";
                         EXPECT_LE(weight_of_ball(g, was), least * (1 + 1e-9));
                         before = was, seen[std::size_t(was)] = true, next = std::min(next, weight_of_ball(g, was));
                         for (int group = 0; group < kNumGroups; ++group) {

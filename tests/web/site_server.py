@@ -29,7 +29,26 @@ class Handler(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_):
         pass
 
+    def send_broken(self):
+        """A connection that breaks after 40 %, and the rest for who asks for it."""
+        data = self.server.slow_file.read_bytes()
+        wanted = self.headers.get("Range")
+        begin = int(wanted.removeprefix("bytes=").rstrip("-")) if wanted else 0
+        self.server.ranges.append(begin)
+        self.send_response(206 if wanted else 200)
+        self.send_header("Accept-Ranges", "bytes")
+        self.send_header("Content-Length", str(len(data) - begin))
+        if wanted:
+            self.send_header("Content-Range", f"bytes {begin}-{len(data) - 1}/{len(data)}")
+        self.end_headers()
+        self.wfile.write(data[begin:] if wanted else data[:int(0.4 * len(data))])
+        if not wanted:
+            time.sleep(1)  # what a browser has not handed on is lost with the connection
+        self.close_connection = True
+
     def do_GET(self):
+        if self.path == "/broken.ngsplat":
+            return self.send_broken()
         if self.path != "/slow.ngsplat":
             return super().do_GET()
         # Up to the first of these shares at once, the rest when the test says so.
@@ -59,7 +78,7 @@ class Site:
         self.folder = folder
         self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Handler, directory=folder))
         self.server.slow_file, self.server.go_on = folder / "scene.ngsplat", threading.Event()
-        self.server.slow_shares, self.server.is_packed = (0.5,), False
+        self.server.slow_shares, self.server.is_packed, self.server.ranges = (0.5,), False, []
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
         self.url = f"http://127.0.0.1:{self.server.server_port}/"
 

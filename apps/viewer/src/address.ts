@@ -17,6 +17,8 @@ export interface Address {
 }
 
 const LARGEST_FOV = 175;
+/** More levels than any model has. */
+const MOST_DETAIL = 99;
 
 const short = (x: number): string => String(Number(x.toPrecision(5)));
 const byte = (x: number): string => Math.round(255 * Math.min(1, Math.max(0, x))).toString(16).padStart(2, '0');
@@ -46,6 +48,7 @@ export function formatAddress({ settings, camera }: Address, size: number): stri
   if (settings.splatSize !== DEFAULTS.splatSize) pairs.push(['size', short(settings.splatSize)]);
   if (settings.points) pairs.push(['points', 'on']);
   if (settings.near > 0) pairs.push(['near', short(settings.near)]);
+  if (settings.detail !== undefined) pairs.push(['detail', String(settings.detail)]);
   return pairs.map((pair) => pair.join('=')).join('&');
 }
 
@@ -66,6 +69,7 @@ function parseCamera(given: URLSearchParams): AddressCamera | undefined {
 /** Takes what it understands of a fragment; the rest is as at the beginning. */
 export function parseAddress(text: string): Address {
   const given = new URLSearchParams(text.replace(/^#/, ''));
+  const detail = numbers(given.get('detail'), 1, 0, MOST_DETAIL)?.[0];
   const choice = <T extends string>(key: string, known: readonly T[]): T | undefined => known.find((name) => name === given.get(key));
   return {
     camera: parseCamera(given),
@@ -77,6 +81,7 @@ export function parseAddress(text: string): Address {
       splatSize: numbers(given.get('size'), 1, SPLAT_SIZES.least, SPLAT_SIZES.most)?.[0] ?? DEFAULTS.splatSize,
       points: given.get('points') === 'on',
       near: numbers(given.get('near'), 1, 0)?.[0] ?? DEFAULTS.near,
+      detail: Number.isInteger(detail) ? detail : DEFAULTS.detail,
     },
   };
 }

@@ -8,12 +8,11 @@ import { Navigator } from './camera/navigator';
 import { turntable, type CameraPath } from './camera/path';
 import type { View } from './camera/view';
 import { Comparison } from './compare/comparison';
-import { fetchSite, SITE_FILE, type Site } from './compare/site';
-import { FormatError } from './format/cursor';
-import type { Source } from './format/load';
+import type { Site } from './compare/site';
 import type { Scene } from './format/ngsplat';
-import { readModel } from './format/read_model';
-import type { Plane, SceneSink } from './format/reader';
+import type { Plane } from './format/reader';
+import { Levels, type Level } from './levels/levels';
+import { ModelLoader, type Stage } from './loader';
 import type { Mode } from './render/prepass';
 import { Renderer, type Picture } from './render/renderer';
 import { DEFAULTS, type Settings } from './settings';
@@ -24,7 +23,7 @@ import { FilmPanel } from './ui/film_panel';
 import { toggleFullscreen } from './ui/fullscreen';
 import { onKeys } from './ui/keys';
 import { Meter } from './ui/meter';
-import { hideNotice, showError, showLoading, showWelcome } from './ui/notice';
+import { hideNotice, showError } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
 import { record } from './ui/recorder';
 
@@ -50,10 +49,7 @@ interface Loaded {
 const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: View, size: number): string =>
   JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height, size]);
 
-/** Something else needs the model as it is. */
-class Busy extends Error {}
-
-export class App {
+export class App implements Stage {
   private readonly canvas = element<HTMLCanvasElement>('canvas');
   private readonly renderer = new Renderer(this.canvas);
   private readonly panel: Panel;
@@ -70,17 +66,18 @@ export class App {
   private playing = new AbortController();
   private readonly meter = new Meter();
   private readonly comparison = new Comparison(this.renderer, () => this.redraw());
+  private readonly levels = new Levels((file) => this.loader.showLevel(file), (detail) => this.change({ detail }));
   private loaded: Loaded | undefined;
-  private loading = new AbortController();
+  /** What opens files and shows them here. */
+  readonly loader = new ModelLoader(this);
   private settings: Settings = { ...DEFAULTS };
   private readonly address = new AddressBar(() => this.fragment());
   /** The fragment that the next model is shown with. */
   private wanted: string | undefined = location.hash;
-  /** Opens the model again that is shown, and whether its address does so elsewhere. */
-  private again: { open: () => Promise<void>; inAddress: boolean } | undefined;
   private sortedFor = '';
   private scheduled = false;
-  private isReserved = false;
+  /** Something needs the model as it is. */
+  isReserved = false;
   /** A newer state of the model is there, but not yet its order: the picture before stays. */
   private awaitsOrder = false;
   private refreshing: ReturnType<typeof setTimeout> | undefined;
@@ -101,7 +98,7 @@ export class App {
       else this.wanted = hash;
     });
     this.canvas.addEventListener('webglcontextlost', () => this.lose());
-    this.canvas.addEventListener('webglcontextrestored', () => void this.restore());
+    this.canvas.addEventListener('webglcontextrestored', () => void this.loader.restore());
     const resize = () => {
       const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
       this.renderer.webgl.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)), false);
@@ -116,6 +113,7 @@ export class App {
     Object.assign(this.settings, settings);
     if (this.settings.movement !== movement) this.loaded?.navigator.setMovement(this.settings.movement);
     this.panel.show(this.settings);
+    this.levels.choose(this.settings.detail);
     this.redraw();
   }
 
@@ -150,6 +148,16 @@ export class App {
     });
   }
 
+  /** The model that is shown, or of which a part is. */
+  get shown(): { scene: Scene; isComplete: boolean } | undefined {
+    return this.loaded;
+  }
+
+  /** The level that the user wants; undefined leaves it to the page. */
+  get wantedDetail(): number | undefined {
+    return this.wanted === undefined ? this.settings.detail : parseAddress(this.wanted).settings.detail;
+  }
+
   private get model(): Loaded {
     if (!this.loaded) throw new Error('There is no model yet.');
     return this.loaded;
@@ -170,7 +178,7 @@ export class App {
 
   private async copyLink(): Promise<string> {
     this.address.write();
-    const file = this.again?.inAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
+    const file = this.loader.isInAddress ? '' : ' It cannot hold the file that you opened: put that on a web server, and its address behind ?model=.';
     try {
       await navigator.clipboard.writeText(location.href);
     } catch {
@@ -194,93 +202,24 @@ export class App {
     return `Saved, ${this.canvas.width} × ${this.canvas.height} pixels.`;
   }
 
-  private fail(title: string, message: string): void {
+  fail(title: string, message: string): void {
     showError(title, message, this.loaded !== undefined);
-  }
-
-  /**
-   * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
-   * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
-   * `from` says where the file is: beside the page, where its address leads, or elsewhere.
-   */
-  async open(source: (signal: AbortSignal) => Promise<Source>, from: 'beside' | 'address' | 'elsewhere' = 'address'): Promise<void> {
-    this.loading.abort();
-    const { signal } = (this.loading = new AbortController());
-    this.dropPart();
-    const again = () => this.open(source, from);
-    if (!this.loaded) this.setAgain(again, from !== 'elsewhere'); // the device may be lost before the file is there
-    let name = 'the model';
-    try {
-      const found = await source(signal);
-      name = found.name;
-      showLoading(name, 0, found.size);
-      const { bytes, remarks } = await readModel(found, this.sink(name), {
-        whole: this.loaded !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.loaded?.isComplete === false),
-      });
-      this.complete(bytes);
-      signal.throwIfAborted(); // where it could not be drawn, which was said
-      if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
-      this.setAgain(again, from !== 'elsewhere');
-      if (from === 'beside') await this.readSite();
-    } catch (error) {
-      if (signal.aborted) return; // another file is on its way
-      this.dropPart();
-      this.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
-    }
-  }
-
-  /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
-  private sink(name: string, keep = false): SceneSink {
-    return { begin: (scene) => this.beginScene(name, scene, keep ? this.loaded?.navigator : undefined), rows: (...part) => this.addRows(...part) };
-  }
-
-  /** Shows another state of the model, with `keep` as the camera and what is compared are. Returns whether there is nothing more to try. */
-  async refresh(source: Source, keep: boolean): Promise<boolean> {
-    const { signal } = this.loading; // of the last file: another one ends this
-    try {
-      const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
-        if (this.isReserved) throw new Busy();
-        begin(scene);
-      };
-      const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
-      this.complete(bytes);
-      return true;
-    } catch (error) {
-      if (signal.aborted || error instanceof Busy) return false;
-      if (!this.loaded) this.fail(`${source.name} cannot be shown`, (error as Error).message);
-      return true;
-    }
-  }
-
-  /** Whether the model that is shown came by this way. */
-  isFrom(open: () => Promise<void>): boolean {
-    return this.again?.open === open;
-  }
-
-  /** Says how the model that is shown can be opened again, and whether the page's address does so elsewhere. */
-  setAgain(open: () => Promise<void>, inAddress: boolean): void {
-    this.again = { open, inAddress };
   }
 
   /** The device is gone, and all on it. What is deleted now, before another one comes, needs no device. */
   private lose(): void {
     this.playing.abort();
-    this.loading.abort();
-    this.loading = new AbortController();
     if (this.loaded) this.wanted = this.fragment();
+    const { smaller } = this.levels;
+    this.loader.stop(smaller);
     this.unload();
     this.renderer.forget();
-    this.fail('The graphics device was lost', 'Often its memory ran out. The model comes back with the device; where that takes long, reload the page. A smaller model may help.');
-  }
-
-  /** The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. */
-  private async restore(): Promise<void> {
-    if (!this.again) return showWelcome();
-    await this.again.open();
+    const help = smaller ? 'A coarser level of the model comes back with the device' : 'The model comes back with the device', advice = smaller ? '' : ' A smaller model may help.';
+    this.fail('The graphics device was lost', `Often its memory ran out. ${help}; where that takes long, reload the page.${advice}`);
   }
 
   /** Unloads a model that never became complete. */
-  private dropPart(): void {
+  dropPart(): void {
     if (this.loaded && !this.loaded.isComplete) this.unload();
   }
 
@@ -291,11 +230,13 @@ export class App {
     this.renderer.clearScene();
     if (keep) return;
     this.comparison.setScene(undefined);
+    this.levels.clear();
     document.body.classList.remove('loaded');
   }
 
-  /** Shows a scene whose texels follow. */
-  private beginScene(name: string, scene: Scene, keep?: Navigator): void {
+  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. */
+  beginScene(name: string, scene: Scene, keepCamera: boolean): void {
+    const keep = keepCamera ? this.loaded?.navigator : undefined;
     this.unload(keep); // first, so that both need not fit into memory
     try {
       this.renderer.beginScene(scene);
@@ -328,7 +269,7 @@ export class App {
     this.wanted = undefined;
   }
 
-  private addRows(plane: Plane, row: number, texels: Uint32Array): void {
+  addRows(plane: Plane, row: number, texels: Uint32Array): void {
     const { loaded } = this;
     if (!loaded) return; // it could not be drawn, which was said
     this.renderer.addRows(plane, row, texels);
@@ -343,7 +284,7 @@ export class App {
   }
 
   /** The scene has all its texels, and what the end of its file says. */
-  private complete(bytes: number): void {
+  complete(bytes: number): void {
     const { loaded } = this;
     if (!loaded) return; // it could not be drawn, which was said
     const { name, scene } = loaded;
@@ -351,7 +292,7 @@ export class App {
     loaded.title = scene.name ?? name;
     this.renderer.completeScene();
     this.sortedFor = '';
-    this.panel.setEnd(loaded.title, scene.background);
+    this.panel.setEnd(loaded.title, scene);
     this.panel.show(this.settings);
     this.panel.setInfo(sceneInfo(scene, bytes, this.renderer.bytes));
     hideNotice(); // before drawing, which may have something to say
@@ -361,9 +302,11 @@ export class App {
   private redraw(): void {
     if (this.scheduled) return;
     this.scheduled = true;
+    const asked = performance.now();
     requestAnimationFrame(() => {
       this.scheduled = false;
       this.draw();
+      if (this.loaded?.isComplete && !this.isReserved) this.levels.frame(performance.now() - asked);
     });
   }
 
@@ -379,7 +322,7 @@ export class App {
 
   /** The factor of all scales, which decides about what a view shows. */
   private get size(): number {
-    return this.renderer.growth * (this.settings.points ? 0 : this.settings.splatSize);
+    return this.settings.points ? 0 : this.settings.splatSize;
   }
 
   private sort(view: View): Promise<void> {
@@ -404,9 +347,9 @@ export class App {
     this.address.touch();
     try {
       this.drawView(view, navigator.pinned);
-      this.meter.frame(performance.now(), sorter?.milliseconds ?? 0, this.renderer.drawn);
+      this.meter.frame(performance.now(), sorter ? sorter.milliseconds : 0, this.renderer.drawn);
     } catch (error) {
-      this.loading.abort(); // what is still on its way cannot be drawn, either
+      this.loader.stop(); // what is still on its way cannot be drawn, either
       this.unload();
       this.fail('This model cannot be drawn', (error as Error).message);
     }
@@ -425,21 +368,15 @@ export class App {
     }
   }
 
-  /** What lies beside the model. */
-  setSite(site: Site): void {
+  /** What lies beside the model, of which `file` is shown. */
+  setSite(site: Site, file = ''): void {
     this.comparison.setSite(site);
+    if (site.levels) this.levels.set(site.levels, file, this.settings.detail);
   }
 
-  /** Where the model shown came from beside the page: what else lies there. */
-  private async readSite(): Promise<void> {
-    const { loaded } = this;
-    if (!loaded?.scene.hasSite) return;
-    try {
-      const site = await fetchSite(loaded.scene.testCameras.length);
-      if (loaded === this.loaded) this.comparison.setSite(site);
-    } catch (error) {
-      this.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
-    }
+  /** The file of the level to begin with. */
+  firstLevel(levels: Level[]): string {
+    return this.levels.begin(levels, this.wantedDetail);
   }
 
   /** A test view at its own size and pose: rgba bytes from the upper left. */
@@ -462,6 +399,6 @@ export class App {
   benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
     if (this.loaded?.isComplete === false) return Promise.reject(new Error('the model is still on its way'));
     return this.reserve(({ name, scene }) =>
-      runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loading.signal));
+      runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loader.signal));
   }
 }

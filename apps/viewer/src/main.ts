@@ -20,10 +20,10 @@ const given = new URLSearchParams(location.search);
 async function openFirst(app: App): Promise<void> {
   const wanted = given.get('model');
   if (given.has('live')) return void new Live(app);
-  if (wanted !== null) return app.open((signal) => fetchSource(wanted, signal));
+  if (wanted !== null) return app.loader.open((signal) => fetchSource(wanted, signal));
   let beside = await fetchSource('scene.ngsplat', new AbortController().signal).catch(() => undefined);
   if (!beside) return showWelcome();
-  return app.open(async (signal) => {
+  return app.loader.open(async (signal) => {
     const first = beside ?? (await fetchSource('scene.ngsplat', signal));
     beside = undefined; // a stream is read once
     return first;
@@ -40,7 +40,7 @@ try {
   // Nothing can be shown; the message says why.
   for (const control of document.querySelectorAll<HTMLInputElement>('#controls :is(button, input, select), #notice-actions button')) control.disabled = true;
 }
-onFile(app && ((source) => void app.open(source, 'elsewhere')));
+onFile(app && ((source) => void app.loader.open(source, 'elsewhere')));
 if (app) {
   await openFirst(app);
   window.gsapp = app;

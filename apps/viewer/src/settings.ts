@@ -18,7 +18,9 @@ export interface Settings {
   points: boolean;
   /** Depth below which nothing is drawn, in the model's units. */
   near: number;
+  /** Which level of the model is shown, 0 the finest. Undefined: what suits the device. */
+  detail: number | undefined;
 }
 
-export const DEFAULTS: Readonly<Settings> = { mode: 'full', photometric: true, movement: 'orbit', background: undefined, splatSize: 1, points: false, near: 0 };
+export const DEFAULTS: Readonly<Settings> = { mode: 'full', photometric: true, movement: 'orbit', background: undefined, splatSize: 1, points: false, near: 0, detail: undefined };
 export const SPLAT_SIZES = { least: 0.1, most: 2 };

@@ -78,7 +78,8 @@ describe('parseScene', () => {
 
   it('reads texels of the residuals that exist alone', () => {
     const some = parseScene(encode({ count: 5000, numResiduals: 2049, model: 3, featureDim: 1, payload: new Uint32Array(2 * texels(4, 2).length) }));
-    expect(some).toMatchObject({ count: 5000, textureHeight: 3, numResiduals: 2049, payloadHeight: 2 });
+    expect(some).toMatchObject({ count: 5000, textureHeight: 3, numResiduals: 2049, payloadHeight: 2, isInterleaved: false });
+    expect(parseScene(encode({ numResiduals: 2, flags: 512, model: 3, featureDim: 1, payload: texels(4, 2) })).isInterleaved).toBe(true);
     expect(some.payload[0].data.length).toBe(2 * 2048 * 4 * 2);
     const none = parseScene(encode({ count: 3, numResiduals: 0, model: 3, featureDim: 1 }));
     expect(none).toMatchObject({ numResiduals: 0, payloadHeight: 0 });

@@ -20,7 +20,7 @@ const SEEDS: Partial<Fields>[] = [
   { model: 2, featureDim: 2, payload: texels(4, 2) },
   { model: 3, featureDim: 1, payload: texels(4, 2), testCameras: [CAMERA, CAMERA, CAMERA] },
   { model: 4, featureDim: 1, payload: texels(4, 2) },
-  { model: 3, featureDim: 1, numResiduals: 2, payload: texels(4, 2) },
+  { model: 3, featureDim: 1, numResiduals: 2, payload: texels(4, 2) }, { model: 3, featureDim: 1, numResiduals: 2, flags: 512, payload: texels(4, 2) },
   { model: 0, featureDim: 16, bandMask: 0b1110, neurons: 16, hiddenLayers: 1, flags: 4, weights: new Uint16Array(16 * (16 + 3)).fill(0x3c00), payload: texels(4, 2) },
 ];
 const files = SEEDS.map((fields) => new Uint8Array(encode({ ...fields, trailer: 'trailer' in fields ? undefined : { appearance: 'sh', background: [0, 0, 1], scene: 'é', test_views: { psnr: 30, packed_psnr: 29 } } })));

@@ -11,6 +11,21 @@ describe('parseSite', () => {
     expect(parseSite(JSON.stringify({ version: 1, models: [first] }), 2)).toEqual({ name: 'a', other: undefined });
   });
 
+  it('takes levels', () => {
+    const levels = [{ file: 'scene.ngsplat', num_gaussians: 9000, bytes: 200, psnr: 30.5 }, { file: 'scene-level-1.ngsplat', num_gaussians: 4500, bytes: 100 }];
+    expect(parseSite(site({ levels }), 2).levels).toEqual([
+      { file: 'scene.ngsplat', count: 9000, bytes: 200, psnr: 30.5 }, { file: 'scene-level-1.ngsplat', count: 4500, bytes: 100, psnr: undefined }]);
+    const changed = (changes: object) => () => parseSite(site({ levels: [levels[0], { ...levels[1], ...changes }] }), 2);
+    expect(changed({ file: '../a.ngsplat' })).toThrow('no .ngsplat file of this site');
+    expect(changed({ bytes: -1 })).toThrow('lacks its Gaussians or its bytes');
+    expect(changed({ num_gaussians: '4500' })).toThrow('lacks its Gaussians or its bytes');
+    expect(changed({ num_gaussians: 9000 })).toThrow('do not become coarser');
+    expect(changed({ psnr: 'high' })().levels![1].psnr).toBeUndefined();
+    for (const list of [[], {}, null, 'a', Array(17).fill(levels[0])]) expect(() => parseSite(site({ levels: list }), 2)).toThrow('no list of some');
+    expect(() => parseSite(site({ levels: [levels[1], levels[0]] }), 2)).toThrow('its first level is scene-level-1.ngsplat');
+    expect(() => parseSite(site({ levels: [levels[0], null] }), 2)).toThrow('no .ngsplat file of this site');
+  });
+
   it('shortens names', () => {
     expect(parseSite(site({ models: [{ ...first, name: 'x'.repeat(1000) }] }), 2).name.length).toBe(200);
   });

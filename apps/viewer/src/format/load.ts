@@ -2,6 +2,7 @@
 // The bytes of a file that comes in parts.
 
 import { FormatError } from './cursor';
+import { resumed } from './resume';
 
 /** Bytes that tell formats apart. */
 const HEAD = 16;
@@ -41,7 +42,8 @@ export async function fetchSource(url: string, signal: AbortSignal): Promise<Sou
   if (!response.ok || !response.body) throw new Error(`${name} cannot be fetched: the server answers ${response.status} ${response.statusText}`);
   // Compressed on the way, the length is another one.
   const length = response.headers.has('content-encoding') ? NaN : Number(response.headers.get('content-length') ?? NaN);
-  return { name, size: Number.isSafeInteger(length) && length >= 0 ? length : undefined, stream: response.body };
+  const size = Number.isSafeInteger(length) && length >= 0 ? length : undefined;
+  return { name, size, stream: resumed(url, response, size, signal) };
 }
 
 /** Longest stretch of work in milliseconds before the page may do something else, and the bytes that are worked on at once. */

@@ -14,6 +14,8 @@ const MOST_PIXELS = 65535;
 /** What rounding may leave of the lengths of a camera's axes, and of the angles between them. */
 const AXES_TOLERANCE = 1e-2;
 
+/** Into how many classes of importance gsapp divides a model (lib/export/file_order.h). */
+export const IMPORTANCE_CLASSES = 16;
 /** Texels in a row. */
 export const TEXTURE_WIDTH = 2048;
 
@@ -54,8 +56,10 @@ export interface TexelBlock extends TextureShape {
 export interface Scene extends Trailer {
   count: number;
   textureHeight: number;
-  /** Gaussians whose colour depends on the view, the first ones: only these have texels in the payload. */
+  /** Gaussians whose colour depends on the view, the first ones unless isInterleaved: only these have texels in the payload. */
   numResiduals: number;
+  /** Gaussians with and without a residual come by turns, class by class of importance. */
+  isInterleaved: boolean;
   payloadHeight: number;
   model: ModelCode;
   /** What the model's GLSL is told of the file. */
@@ -101,7 +105,7 @@ export function readHeader(c: Cursor): Scene {
   const id = ((flags >> 3) & 3) | (((flags >> 6) & 1) << 2);
   const model = models.get(id);
   if (!model) throw new FormatError(`appearance model number ${id} is unknown to this viewer; the file may be newer`);
-  if (flags >> 9) throw new FormatError(`flags ${flags} are unknown to this viewer; the file may be newer`);
+  if (flags >> 10) throw new FormatError(`flags ${flags} are unknown to this viewer; the file may be newer`);
   if (width !== TEXTURE_WIDTH) throw new FormatError(`the texture width is ${width}, not ${TEXTURE_WIDTH}`);
   if (textureHeight !== Math.ceil(count / TEXTURE_WIDTH)) throw new FormatError(`${count} Gaussians do not fill ${textureHeight} rows of ${TEXTURE_WIDTH}`);
   if (colorActivation > ColorActivation.None) throw new FormatError(`colour activation ${colorActivation} is unknown`);
@@ -135,7 +139,7 @@ export function readHeader(c: Cursor): Scene {
   }));
   return {
     count, textureHeight, numResiduals, payloadHeight: Math.ceil(numResiduals / TEXTURE_WIDTH), model, constants: layout.constants, floats, colorActivation,
-    residualActivation, antialiased: flag(0), exponentialBase: flag(5), baseScale, baseOffset, center, up, distance, testCameras, photometric, weights,
+    residualActivation, antialiased: flag(0), isInterleaved: flag(9), exponentialBase: flag(5), baseScale, baseOffset, center, up, distance, testCameras, photometric, weights,
     geometry: new Uint32Array(), payload, appearance: packing.name, background: [0, 0, 0],
   };
 }

@@ -147,7 +147,7 @@ export function packScene(source: GaussianSource): Imported {
   return {
     remarks: remarksOn(source, count, frame),
     scene: {
-      count, textureHeight, numResiduals: count, payloadHeight: textureHeight, model, constants: layout.constants, floats, colorActivation, antialiased, up, geometry, payload,
+      count, textureHeight, numResiduals: count, isInterleaved: false, payloadHeight: textureHeight, model, constants: layout.constants, floats, colorActivation, antialiased, up, geometry, payload,
       residualActivation: ResidualActivation.None, exponentialBase: false, baseScale: range.scale, baseOffset: range.offset,
       center: middle.map((c, axis) => scale * (c - center[axis])) as Vector, distance: 1.5 * frame.spread,
       testCameras: [], weights: new Uint16Array(), appearance: degree > 0 ? model.packing.name : 'none', background: [0, 0, 0],

@@ -24,6 +24,8 @@ export interface Trailer {
   psnr?: { model: number; packed: number };
   /** Whether a site.json lies beside the file. */
   hasSite?: boolean;
+  /** Whether its cameras are those of a training that left none out for a test. */
+  areTrainingViews?: boolean;
 }
 
 interface Json {
@@ -33,6 +35,7 @@ interface Json {
   frame: Partial<Frame>;
   test_views: { psnr: number; packed_psnr: number };
   site: boolean;
+  views: string;
 }
 
 /**
@@ -66,11 +69,12 @@ function checkedFrame({ center, scale }: Partial<Frame>): Frame {
   return { center, scale: scale! };
 }
 
-function fromJson({ appearance, background, scene, frame, test_views: views, site }: Partial<Json>): Trailer {
+function fromJson({ appearance, background, scene, frame, test_views: scores, site, views }: Partial<Json>): Trailer {
   if (typeof appearance !== 'string' || !Array.isArray(background) || background.length !== 3 || !background.every((value) => Number.isFinite(value) && Math.abs(value) <= LARGEST_NUMBER))
     throw new FormatError('its trailer lacks appearance or background, or a colour of the background is no number');
   return {
     appearance, background, name: typeof scene === 'string' ? scene : undefined, frame: frame ? checkedFrame(frame) : undefined, hasSite: site === true,
-    psnr: views && Number.isFinite(views.psnr) && Number.isFinite(views.packed_psnr) ? { model: views.psnr, packed: views.packed_psnr } : undefined,
+    areTrainingViews: views === 'training',
+    psnr: scores && Number.isFinite(scores.psnr) && Number.isFinite(scores.packed_psnr) ? { model: scores.psnr, packed: scores.packed_psnr } : undefined,
   };
 }

@@ -38,7 +38,7 @@ export class Live {
   };
 
   constructor(private readonly app: App) {
-    app.setAgain(this.again, true);
+    app.loader.setAgain(this.again, true);
     document.addEventListener('visibilitychange', () => void this.look());
     setInterval(() => void this.look(), INTERVAL);
     void this.look();
@@ -69,11 +69,11 @@ export class Live {
   private async load({ id, scene, model, photographs }: Status): Promise<void> {
     const isSame = id === this.id;
     if (!model || (isSame && model.version === this.version) || this.loading) return;
-    if (!this.app.isFrom(this.again)) return; // the user has opened another file
+    if (!this.app.loader.isFrom(this.again)) return; // the user has opened another file
     this.loading = true;
     try {
       const source = await fetchSource(model.url, new AbortController().signal);
-      if (!(await this.app.refresh({ ...source, name: scene }, isSame))) return;
+      if (!(await this.app.loader.refresh({ ...source, name: scene }, isSame))) return;
       if (!isSame || photographs !== this.photographs)
         this.app.setSite({ name: scene, photographs: photographs > 0 ? Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) : undefined });
       [this.id, this.version, this.photographs] = [id, model.version, photographs];

@@ -90,17 +90,31 @@ vec3 residual(vec3 direction);
 // As in eval/runs/appearance_colors.cpp: one colour from everywhere, and from little to much that depends on the view.
 const vec3 kNoResidual = vec3(0.25), kLeastChange = vec3(0.1, 0.3, 0.9), kMostChange = vec3(1.0, 0.8, 0.1);
 
+// The row of a Gaussian in the payload, -1 for one without. Of each class of importance those with a residual come first.
+int payload_row(int i) {
+    if (num_residuals == 0) return -1;
+    int others = count - num_residuals;
+    for (int k = 0; k < GS_CLASSES; ++k) {
+        int with = num_residuals * k / GS_CLASSES, next = num_residuals * (k + 1) / GS_CLASSES;
+        int begin = with + others * k / GS_CLASSES, end = next + others * (k + 1) / GS_CLASSES;
+        if (i < end) return i - begin < next - with ? with + i - begin : -1;
+    }
+    return -1;
+}
+
 vec3 shown_color(uvec4 g) {
     vec3 offset = decode_mean(g) - camera_position;
     float depth = dot(offset, camera_forward);
     // White near by, grey at the centre, black far away; the power gives objects around the centre some contrast.
     if (mode == kDepth) return vec3(1.0 / (1.0 + pow(max(depth, 0.0) / center_depth, 3.0)));
-    bool has_residual = texel.y * 2048 + texel.x < num_residuals;
+    int row = payload_row(texel.y * 2048 + texel.x);
+    bool has_residual = row >= 0;
     vec3 base = base_color(g), base_shown = color_activation(base);
     if (mode == kBase) return base_shown;
     vec3 shown = base_shown;
 #if GS_HAS_RESIDUAL
     // Behind the camera nothing is drawn, and on it there is no direction.
+    texel = texel_of(row); // of the payload from here on
     if (has_residual && depth > 0.0) shown = color_activation(base + residual(normalize(offset)));
 #endif
     vec3 change = abs(shown - base_shown);

@@ -2,7 +2,7 @@
 // The colour of every Gaussian for one camera, into a texture of a pixel each.
 
 import type { WebGLRenderer, WebGLRenderTarget } from 'three';
-import { ColorActivation, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import { ColorActivation, IMPORTANCE_CLASSES, TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
 import type { View } from '../camera/view';
 import { dot } from '../format/vector';
 import type { GpuScene } from './gpu_scene';
@@ -19,6 +19,7 @@ function defines(scene: Scene): Defines {
   return {
     GS_HALVES: 8 * quads, GS_FLOATS: scene.floats.length, GS_WEIGHTS: scene.weights.length / 4, GS_HAS_RESIDUAL: scene.payload.length > 0,
     GS_COLOR_ACTIVATION: scene.colorActivation, GS_RESIDUAL_ACTIVATION: scene.residualActivation, GS_EXPONENTIAL_BASE: scene.exponentialBase,
+    GS_CLASSES: scene.isInterleaved ? IMPORTANCE_CLASSES : 1,
     ...scene.constants,
   };
 }

@@ -4,7 +4,7 @@
 
 import { WebGLRenderer, type WebGLRenderTarget } from 'three';
 import type { View } from '../camera/view';
-import { TEXTURE_WIDTH, type Scene } from '../format/ngsplat';
+import type { Scene } from '../format/ngsplat';
 import type { Plane } from '../format/reader';
 import type { Vector } from '../format/vector';
 import { GpuScene } from './gpu_scene';
@@ -14,9 +14,6 @@ import { Prepass, type Mode } from './prepass';
 import resolveCode from './resolve.frag.glsl?raw';
 import { PLAIN_SPLATS, Splats, type SplatStyle } from './splats';
 import { renderTarget, targetBytes, type Precision } from './target';
-
-/** Share of the Gaussians that shows most of the picture, and how fast they grow where fewer are there (docs/results.md). */
-const ENOUGH = 0.35, GROWTH = 0.4;
 
 export class RenderError extends Error {}
 
@@ -89,21 +86,10 @@ export class Renderer {
     }
   }
 
-  /**
-   * Rows of a texture of the scene. Its Gaussians are shown in their base colours until it is complete; while few of them are there, larger
-   * than they are, so that they cover something of what is missing.
-   */
+  /** Rows of a texture of the scene. Its Gaussians are shown in their base colours until it is complete. */
   addRows(plane: Plane, row: number, texels: Uint32Array): void {
     this.gpu!.write(this.webgl, plane, row, texels);
-    if (plane.block >= 0) return;
-    const share = (row + texels.length / (plane.words * TEXTURE_WIDTH)) / plane.rows;
-    this.splats!.growth = Math.max(1, ENOUGH / share) ** GROWTH;
-    this.colorsOf = '';
-  }
-
-  /** How much larger Gaussians are drawn than they are. */
-  get growth(): number {
-    return this.splats?.growth ?? 1;
+    if (plane.block < 0) this.colorsOf = '';
   }
 
   /** All texels of the scene are there. */

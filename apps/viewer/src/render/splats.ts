@@ -27,8 +27,6 @@ export class Splats {
   private readonly geometry = new InstancedBufferGeometry();
   private readonly order: InstancedBufferAttribute;
   private readonly pass: Pass;
-  /** A factor of all scales. */
-  growth = 1;
 
   constructor(gpu: GpuScene) {
     this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]), 3));
@@ -62,7 +60,7 @@ export class Splats {
   draw(renderer: WebGLRenderer, view: View, style: SplatStyle, colors: Texture, target: RenderTarget): void {
     this.pass.set({
       colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height],
-      splat_size: this.growth * style.size, near_plane: Math.max(PLAIN_SPLATS.near, style.near),
+      splat_size: style.size, near_plane: Math.max(PLAIN_SPLATS.near, style.near),
     });
     this.pass.draw(renderer, target);
   }

@@ -9,7 +9,8 @@ export class SortClient {
   private spare: Uint32Array<ArrayBuffer> | undefined;
   private wanted: Omit<SortRequest, 'order'> | undefined;
   private waiting: (() => void)[] = [];
-  milliseconds = 0;
+  /** Of the last sort; undefined before the first has ended. */
+  milliseconds: number | undefined;
 
   /** For `count` Gaussians. `apply` takes a finished order and its count, and returns an array of the same length that is no longer needed. */
   constructor(count: number, apply: (order: Uint32Array, count: number) => Uint32Array, onError: (message: string) => void) {

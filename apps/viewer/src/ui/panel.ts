@@ -104,18 +104,20 @@ export class Panel {
   }
 
   /** What the end of a file says. */
-  setEnd(name: string, background: Vector): void {
+  setEnd(name: string, { background, areTrainingViews }: Scene): void {
     element('name').textContent = name;
     document.title = `${name} – gsapp viewer`;
     this.ownBackground = background;
+    const kind = areTrainingViews ? 'Training view' : 'Test view';
+    for (const option of this.camera.options) if (option.value !== '') option.textContent = `${kind} ${Number(option.value) + 1}`;
   }
 
   setScene(name: string, scene: Scene): void {
-    this.setEnd(name, scene.background);
     this.near.max = String(2 * scene.distance || 1);
     element('picture-message').textContent = '';
     this.numViews = scene.testCameras.length;
-    this.camera.replaceChildren(new Option('Free', ''), ...scene.testCameras.map((_, i) => new Option(`Test view ${i + 1}`, String(i))));
+    this.camera.replaceChildren(new Option('Free', ''), ...scene.testCameras.map((_, i) => new Option('', String(i))));
+    this.setEnd(name, scene);
     for (const id of ['camera', 'previous', 'next']) element<HTMLButtonElement>(id).disabled = this.numViews === 0;
     element('photometric-row').hidden = !scene.photometric;
   }
@@ -140,7 +142,7 @@ export function sceneInfo(scene: Scene, fileBytes: number, gpuBytes: number): [s
     ['Bytes per Gaussian', share < 1 ? (4 * words).toFixed(1) : String(4 * words)],
     ['File', megabytes(fileBytes)],
     ['Graphics memory', megabytes(gpuBytes)],
-    ['Test views', String(scene.testCameras.length)],
+    [scene.areTrainingViews ? 'Training views' : 'Test views', String(scene.testCameras.length)],
     ...(scene.psnr ? [['Their PSNR', `${scene.psnr.model.toFixed(2)} dB`], ['As stored here', `${scene.psnr.packed.toFixed(2)} dB`]] as [string, string][] : []),
   ];
 }

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// A transfer whose connection breaks goes on where it stopped, if the server sends ranges.
+
+/** Times that a transfer is taken up again without having got on, and milliseconds before the first of them; each waits twice as long. */
+const TRIES = 4, WAIT = 500;
+
+/**
+ * What says that the rest is of the same file: the server's own mark. Files of gsapp have a checksum at their end, which finds out; others
+ * without a mark are not resumed.
+ */
+function mark(url: string, headers: Headers): { 'if-range'?: string } | undefined {
+  const etag = headers.get('etag'), validator = etag?.startsWith('"') ? etag : headers.get('last-modified');
+  if (validator) return { 'if-range': validator };
+  return new URL(url, location.href).pathname.endsWith('.ngsplat') ? {} : undefined;
+}
+
+/** Waits, but no longer than until `signal` aborts. */
+function wait(milliseconds: number, signal: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(resolve, milliseconds);
+    signal.addEventListener('abort', () => {
+      clearTimeout(timer);
+      reject(signal.reason as Error);
+    }, { once: true });
+  });
+}
+
+/** The body of an answer to `url`, of `size` bytes where that is known. Fails as the transfer does where it cannot go on. */
+export function resumed(url: string, first: Response, size: number | undefined, signal: AbortSignal, pause = WAIT): ReadableStream<Uint8Array> {
+  const same = mark(url, first.headers);
+  if (!first.body || !same || size === undefined || first.headers.get('accept-ranges') !== 'bytes') return first.body!;
+  let reader = first.body.getReader(), at = 0, tries = 0;
+
+  /** Returns whether the rest comes now. */
+  const goOn = async (): Promise<boolean> => {
+    const response = await fetch(url, { signal, headers: { range: `bytes=${at}-`, ...same } }).catch(() => undefined);
+    signal.throwIfAborted();
+    if (!response) return false; // still no connection
+    if (response.status !== 206 || response.headers.get('content-range') !== `bytes ${at}-${size - 1}/${size}` || !response.body) {
+      await response.body?.cancel();
+      throw new Error('the connection broke, and the server does not go on where it stopped');
+    }
+    reader = response.body.getReader();
+    return true;
+  };
+
+  return new ReadableStream<Uint8Array>({
+    async pull(controller) {
+      for (;;) {
+        try {
+          const { done, value } = await reader.read();
+          if (done) return controller.close();
+          at += value.length;
+          tries = 0;
+          return controller.enqueue(value);
+        } catch (error) {
+          signal.throwIfAborted();
+          do {
+            if (tries === TRIES) throw error;
+            await wait(pause * 2 ** tries++, signal);
+          } while (!(await goOn()));
+        }
+      }
+    },
+    cancel: (reason) => reader.cancel(reason),
+  }, { highWaterMark: 0 });
+}

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a file to a model that is shown: opening, levels that suit the device, newer states, and all of it again after the device was lost.
+
+import { fetchSite, FIRST_MODEL, SITE_FILE, type Site } from './compare/site';
+import { FormatError } from './format/cursor';
+import { fetchSource, type Source } from './format/load';
+import type { Scene } from './format/ngsplat';
+import { readModel } from './format/read_model';
+import { planeBytes, planesOf, type Plane, type SceneSink } from './format/reader';
+import type { Level } from './levels/levels';
+import { memoryHere, memoryOf } from './levels/memory';
+import { RenderError } from './render/renderer';
+import { showError, showLoading, showWelcome } from './ui/notice';
+
+/** Where a model is shown. */
+export interface Stage {
+  /** The model that is shown, or of which a part is. */
+  readonly shown: { scene: Scene; isComplete: boolean } | undefined;
+  /** Something needs the model as it is. */
+  readonly isReserved: boolean;
+  /** The level that the user wants; undefined leaves it to the page. */
+  readonly wantedDetail: number | undefined;
+  /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. Throws RenderError where the device cannot hold it. */
+  beginScene(name: string, scene: Scene, keepCamera: boolean): void;
+  addRows(plane: Plane, row: number, texels: Uint32Array): void;
+  /** The scene has all its texels, and what the end of its file, of so many bytes, says. */
+  complete(bytes: number): void;
+  /** Unloads a model that never became complete. */
+  dropPart(): void;
+  /** What lies beside the model, of which `file` is shown. */
+  setSite(site: Site, file: string): void;
+  /** The file of the level to begin with. */
+  firstLevel(levels: Level[]): string;
+  fail(title: string, message: string): void;
+}
+
+/** Something else needs the model as it is. */
+class Busy extends Error {}
+
+/** A coarser level of the model suits better, if there is one. */
+class Unsuitable extends Error {}
+
+export class ModelLoader {
+  private loading = new AbortController();
+  /** Opens the model again that is shown, and whether its address does so elsewhere. */
+  private again: { open: () => Promise<void>; inAddress: boolean } | undefined;
+
+  constructor(private readonly stage: Stage) {}
+
+  /** Aborted when another model comes, or none. */
+  get signal(): AbortSignal {
+    return this.loading.signal;
+  }
+
+  /** Whether the page's address opens the model elsewhere. */
+  get isInAddress(): boolean {
+    return this.again?.inAddress ?? false;
+  }
+
+  /** Nothing more comes. Where a file is named, this one is opened when the model is to be shown again. */
+  stop(instead?: string): void {
+    this.loading.abort();
+    this.loading = new AbortController();
+    if (instead !== undefined) this.setAgain(() => this.openBeside(instead), true);
+  }
+
+  /** The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. */
+  async restore(): Promise<void> {
+    if (!this.again) return showWelcome();
+    await this.again.open();
+  }
+
+  /** Opens a file beside the page, whatever the device has. */
+  private openBeside(file: string): Promise<void> {
+    return this.open((signal) => fetchSource(file, signal), 'beside', true);
+  }
+
+  /**
+   * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
+   * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
+   * `from` says where the file is: beside the page, where its address leads, or elsewhere. Beside the page may be coarser levels, of which one is
+   * shown instead where this one does not suit the device; not `anyway`.
+   */
+  async open(source: (signal: AbortSignal) => Promise<Source>, from: 'beside' | 'address' | 'elsewhere' = 'address', anyway = from !== 'beside'): Promise<void> {
+    this.loading.abort();
+    const { signal } = (this.loading = new AbortController());
+    this.stage.dropPart();
+    const again = () => this.open(source, from, anyway);
+    if (!this.stage.shown) this.setAgain(again, from !== 'elsewhere'); // the device may be lost before the file is there
+    let name = 'the model', header: Scene | undefined;
+    try {
+      const found = await source(signal);
+      name = found.name;
+      showLoading(name, 0, found.size);
+      const { begin, rows } = this.sink(name), ifSuitable = (scene: Scene) => {
+        header = scene;
+        if (!anyway) this.requireSuitable(scene);
+        begin(scene);
+      };
+      const { bytes, remarks } = await readModel(found, { begin: ifSuitable, rows }, {
+        whole: this.stage.shown !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.stage.shown?.isComplete === false),
+      });
+      this.stage.complete(bytes);
+      signal.throwIfAborted(); // where it could not be drawn, which was said
+      if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
+      this.setAgain(again, from !== 'elsewhere');
+      if (from === 'beside') await this.readSite(name);
+    } catch (error) {
+      if (signal.aborted) return; // another file is on its way
+      this.stage.dropPart();
+      if (!anyway && header && (error instanceof Unsuitable || error instanceof RenderError)) return this.openLevel(header, error);
+      this.stage.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
+    }
+  }
+
+  /** Throws Unsuitable where a coarser level is asked for, or the device has too little memory for this one. */
+  private requireSuitable(scene: Scene): void {
+    const bytes = planesOf(scene).reduce((sum, plane) => sum + planeBytes(plane), 0);
+    if (this.stage.wantedDetail || memoryOf(bytes, scene.count) > memoryHere()) throw new Unsuitable();
+  }
+
+  /** Opens the level that suits the device; without any, all of the model, unless that was tried. */
+  private async openLevel({ testCameras }: Scene, obstacle: Error): Promise<void> {
+    const { signal } = this.loading;
+    const { levels } = await fetchSite(testCameras.length).catch((): Partial<Site> => ({}));
+    if (signal.aborted) return; // another file is on its way
+    let file = levels ? this.stage.firstLevel(levels) : FIRST_MODEL;
+    if (obstacle instanceof RenderError && file === FIRST_MODEL) {
+      if (!levels?.[1]) return this.stage.fail(`${FIRST_MODEL} cannot be shown`, `${obstacle.message} gsapp export --lod writes smaller levels.`);
+      file = levels[1].file;
+    }
+    return this.openBeside(file);
+  }
+
+  /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
+  private sink(name: string, keep = false): SceneSink {
+    return { begin: (scene) => this.stage.beginScene(name, scene, keep), rows: (...part) => this.stage.addRows(...part) };
+  }
+
+  /** Shows another state of the model, with `keep` as the camera and what is compared are. Throws Busy where something else needs it as it is. */
+  private async replace(source: Source, keep: boolean, signal: AbortSignal): Promise<void> {
+    const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
+      if (this.stage.isReserved) throw new Busy();
+      begin(scene);
+    };
+    const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
+    this.stage.complete(bytes);
+  }
+
+  /** The same for a page that asks again later. Returns whether there is nothing more to try. */
+  async refresh(source: Source, keep: boolean): Promise<boolean> {
+    const { signal } = this.loading; // of the last file: another one ends this
+    try {
+      await this.replace(source, keep, signal);
+      return true;
+    } catch (error) {
+      if (signal.aborted || error instanceof Busy) return false;
+      if (!this.stage.shown) this.stage.fail(`${source.name} cannot be shown`, (error as Error).message);
+      return true;
+    }
+  }
+
+  /** Shows another level of the model where the camera is. Returns false where this should be tried again, if the model is still there. */
+  async showLevel(file: string): Promise<boolean> {
+    const { signal } = this.loading;
+    try {
+      await this.replace(await fetchSource(file, signal), true, signal);
+    } catch (error) {
+      if (signal.aborted || error instanceof Busy) return false;
+      if (!this.stage.shown) this.stage.fail(`${file} cannot be shown`, (error as Error).message);
+      throw error;
+    }
+    this.setAgain(() => this.openBeside(file), true);
+    return true;
+  }
+
+  /** Whether the model that is shown came by this way. */
+  isFrom(open: () => Promise<void>): boolean {
+    return this.again?.open === open;
+  }
+
+  /** Says how the model that is shown can be opened again, and whether the page's address does so elsewhere. */
+  setAgain(open: () => Promise<void>, inAddress: boolean): void {
+    this.again = { open, inAddress };
+  }
+
+  /** Where the model shown came from beside the page: what else lies there. */
+  private async readSite(file: string): Promise<void> {
+    const scene = this.stage.shown?.scene;
+    if (!scene?.hasSite) return;
+    try {
+      const site = await fetchSite(scene.testCameras.length);
+      if (scene === this.stage.shown?.scene) this.stage.setSite(site, file);
+    } catch (error) {
+      this.stage.fail(`${SITE_FILE} cannot be read`, (error as Error).message);
+    }
+  }
+}
