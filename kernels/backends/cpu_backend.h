@@ -150,16 +150,16 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     }
     void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
-    void project(const CameraParams<float>& camera, RenderMode mode, PackedView& out) override {
+    void project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) override {
         raster_.project(ParameterView<float>::of(state_), camera, state_.active_degree, mode, out);
     }
-    void render_splats(const std::vector<PackedSplat>& splats, const RenderRequest& request,
+    void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
                        RenderedImage& out) override {
         make_room(request.camera, out);
         raster_.forward(splats, request.camera, request.background, out.rgb.data(), out.alpha.data());
         finish_image(request, out);
     }
-    ViewLoss loss_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r,
+    ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
                             std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, corrected, &splats);
@@ -172,11 +172,11 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
         count_work(transmittance_.size());
         return {loss.loss, loss.l1, loss.ssim, raster_.num_instances(), 0};
     }
-    void distill_splats(const std::vector<PackedSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
-    double squared_error_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r) override {
+    void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
+    double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r) override {
         return squared_error(r, &splats);
     }
-    void scores_of_splats(const std::vector<PackedSplat>& splats, const RenderRequest& request,
+    void scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
                           std::vector<double>& scores) override {
         const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
         image_.resize(3 * pixels);
@@ -185,7 +185,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
         scores.assign(splats.size(), 0.0);
         raster_.add_scores(image_.data(), transmittance_.data(), scores);
     }
-    void residuals_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& r,
+    void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
                              std::vector<ResidualSplatSums>& sums) override {
         sums.resize(splats.size());
         residual_sums(
@@ -195,13 +195,13 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
             },
             [&](std::int64_t i, float weight) { sums[i].weight = weight; });
     }
-    void add_residual_sums(const PackedView& packed, const std::vector<ResidualSplatSums>& sums,
+    void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
                            std::vector<ResidualSums>& totals) override {
         const auto params = ParameterView<float>::of(state_);
         parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
-            const std::uint32_t row = packed.rows[k];
+            const std::uint32_t row = projected.rows[k];
             if (row >= totals.size() || !(sums[k].weight > 0)) return;
-            const PackedSplat& s = packed.splats[k];
+            const WireSplat& s = projected.splats[k];
             totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue},
                             activate(params.activation, params.base(row)));
         });
@@ -210,7 +210,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
         return residual_scores_of(totals, state_.appearance.activation, state_[Group::kBase].param);
     }
 
-    std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<PackedView>& packed,
+    std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                                    const std::vector<std::vector<SplatSums<float>>>& sums,
                                    std::int64_t num_gaussians) override {
         const auto params = ParameterView<float>::of(state_);
@@ -220,13 +220,13 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
         update_all(args, views[0].gather_gradient_stats, [&](std::int64_t part, const ModelArrays& arrays) {
             std::vector<std::size_t> at(views.size()), end(views.size());  // splats of the part's rows not yet taken
             for (std::size_t v = 0; v < views.size(); ++v)
-                at[v] = part > 0 ? packed[v].part_ends[part - 1] : 0, end[v] = packed[v].part_ends[part];
+                at[v] = part > 0 ? projected[v].part_ends[part - 1] : 0, end[v] = projected[v].part_ends[part];
             return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
                 total = {};
                 const int used = i < params.num_residuals ? width : 0;
                 bool finite = true;
                 for (std::size_t v = 0; v < views.size(); ++v) {
-                    if (at[v] == end[v] || packed[v].rows[at[v]] != i) continue;
+                    if (at[v] == end[v] || projected[v].rows[at[v]] != i) continue;
                     Gradient one{};
                     gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
                                              sums[v][at[v]++], static_cast<GaussianGradient<float>&>(one), one.residual,
@@ -336,7 +336,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     }
 
     /// The splats of the next functions are those of the model where they are null.
-    using Splats = const std::vector<PackedSplat>*;
+    using Splats = const std::vector<WireSplat>*;
 
     void distill(const StepRequest& r, Splats splats) {
         check_distillation(state_.ppisp, r.isp);

@@ -51,7 +51,7 @@ template <class Real, class Model> class CpuRasterizer {
     }
 
     /// Renders a view of ready splats in the same way. They take the place of Gaussians in what is kept.
-    void forward(const std::vector<PackedSplat>& splats, const CameraParams<Real>& camera, const Vec3<Real>& background,
+    void forward(const std::vector<WireSplat>& splats, const CameraParams<Real>& camera, const Vec3<Real>& background,
                  Real* image, Real* transmittance) {
         begin_view(camera, background, 0);
         {
@@ -67,13 +67,13 @@ template <class Real, class Model> class CpuRasterizer {
 
     /// Computes the splats of the Gaussians that touch a tile of a view.
     void project(const ParameterView<Real>& params, const CameraParams<Real>& camera, int degree, RenderMode mode,
-                 PackedView& out) {
+                 ProjectedView& out) {
         begin_view(camera, {}, degree);
         const StageTimer timer(seconds.preprocess);
         const std::int64_t parts = num_parts(params.count);
-        packed_parts_.resize(parts);
+        projected_parts_.resize(parts);
         parallel_for(parts, [&](std::int64_t part) {
-            PackedView& p = packed_parts_[part];
+            ProjectedView& p = projected_parts_[part];
             BinningInput::Part bin;
             p.splats.clear(), p.rows.clear();
             for (std::int64_t i = part * kPartSize, end = std::min(params.count, i + kPartSize); i < end; ++i) {
@@ -86,12 +86,12 @@ template <class Real, class Model> class CpuRasterizer {
                     !add_tiles(s, bounds, bin))
                     continue;
                 s.color = color_of(params, i, mode);
-                p.splats.push_back(PackedSplat::of(s, projection.cov2d, projection.cam.z));
+                p.splats.push_back(WireSplat::of(s, projection.cov2d, projection.cam.z));
                 p.rows.push_back(std::uint32_t(i));
             }
         });
         out.splats.clear(), out.rows.clear(), out.part_ends.clear();
-        for (const PackedView& p : packed_parts_) {
+        for (const ProjectedView& p : projected_parts_) {
             out.splats.insert(out.splats.end(), p.splats.begin(), p.splats.end());
             out.rows.insert(out.rows.end(), p.rows.begin(), p.rows.end());
             out.part_ends.push_back(out.rows.size());
@@ -297,7 +297,7 @@ template <class Real, class Model> class CpuRasterizer {
     BinningInput bins_;
     TileBinning binning_;
     std::vector<Splat<Real>> splats_;
-    std::vector<PackedView> packed_parts_;  ///< of project()
+    std::vector<ProjectedView> projected_parts_;  ///< of project()
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;

@@ -50,12 +50,12 @@ template <class Sum, class Fn>
 void RankWorker::render_views(const std::vector<CameraParams<float>>& cameras, RenderMode mode,
                               std::vector<std::vector<Sum>>& sums, Fn&& view) {
     const std::size_t num_views = cameras.size(), num_ranks = std::size_t(ranks_.size());
-    packed_.resize(std::max(packed_.size(), num_views));
+    projected_.resize(std::max(projected_.size(), num_views));
     sums.resize(num_views);
     std::vector<std::int64_t> own_counts(num_views);
     for (std::size_t k = 0; k < num_views; ++k) {
-        shard_.project(cameras[k], mode, packed_[k]);
-        own_counts[k] = std::int64_t(packed_[k].splats.size());
+        shard_.project(cameras[k], mode, projected_[k]);
+        own_counts[k] = std::int64_t(projected_[k].splats.size());
     }
     const double start = seconds_now();
     const auto counts = all_gather(ranks_, own_counts);  // by rank, by view
@@ -68,7 +68,7 @@ void RankWorker::render_views(const std::vector<CameraParams<float>>& cameras, R
         std::vector<std::size_t> begin(num_ranks + 1, 0);  // of each rank's splats in splats_
         for (std::size_t r = 0; r < num_ranks; ++r) {
             begin[r + 1] = begin[r] + (renders ? std::size_t(counts[r][mine]) : 0);
-            if (first + r < num_views) out[r] = bytes_of(packed_[first + r].splats);
+            if (first + r < num_views) out[r] = bytes_of(projected_[first + r].splats);
         }
         splats_.resize(begin[num_ranks]);
         const auto part = [&](auto& values, std::size_t r) {
@@ -86,7 +86,7 @@ void RankWorker::render_views(const std::vector<CameraParams<float>>& cameras, R
                 out[r] = std::as_bytes(part(computed, r));
                 in[r] = {};
                 if (first + r >= num_views) continue;
-                sums[first + r].resize(packed_[first + r].splats.size());
+                sums[first + r].resize(projected_[first + r].splats.size());
                 in[r] = room_of(sums[first + r]);
             }
             exchange(out, in);
@@ -162,7 +162,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     if (stats.consecutive_skips) {
         shard_.skip_step(views);
     } else {
-        std::vector<float> shared = shard_.update_rows(views, packed_, sums_, num_gaussians_);
+        std::vector<float> shared = shard_.update_rows(views, projected_, sums_, num_gaussians_);
         sum_over_ranks(ranks_, shared);
         for (float& gradient : isp_gradient) gradient *= float(mean);
         sum_over_ranks(ranks_, isp_gradient);
@@ -201,7 +201,7 @@ std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
             shard_.scores_of_splats(splats_, views[first + k], of_view);
         });
         for (std::size_t k = 0; k < size; ++k)
-            for (std::size_t i = 0; i < sums[k].size(); ++i) totals[packed_[k].rows[i]] += sums[k][i];
+            for (std::size_t i = 0; i < sums[k].size(); ++i) totals[projected_[k].rows[i]] += sums[k][i];
     }
     return {totals.begin(), totals.end()};
 }
@@ -217,7 +217,7 @@ ResidualScores RankWorker::residual_scores(const std::vector<StepRequest>& views
             some[k].target = target(first + k);
             shard_.residuals_of_splats(splats_, some[k], of_view);
         });
-        for (std::size_t k = 0; k < some.size(); ++k) shard_.add_residual_sums(packed_[k], sums[k], totals);
+        for (std::size_t k = 0; k < some.size(); ++k) shard_.add_residual_sums(projected_[k], sums[k], totals);
     }
     return shard_.residual_scores_of_rows(totals);
 }

@@ -70,7 +70,7 @@ class RankWorker {
   private:
     /// Projects `cameras` and calls view(k) on the rank that renders view k, when its splats are in splats_. `sums` are
     /// per view, and view(k) fills sums_of_view for splats_. Afterwards `sums[k]` has those of the splats in
-    /// packed_[k].
+    /// projected_[k].
     template <class Sum, class Fn>
     void render_views(const std::vector<CameraParams<float>>& cameras, RenderMode mode,
                       std::vector<std::vector<Sum>>& sums, Fn&& view);
@@ -84,9 +84,9 @@ class RankWorker {
     std::vector<RankRows> rows_;
     std::int64_t num_gaussians_ = 0;
     std::size_t isp_size_ = 0;                         ///< values of PPISP
-    std::vector<PackedView> packed_;                   ///< per view: the rank's splats
-    std::vector<PackedSplat> splats_;                  ///< of the view that is rendered: those of all ranks, by rank
-    std::vector<std::vector<SplatSums<float>>> sums_;  ///< per view: of packed_
+    std::vector<ProjectedView> projected_;             ///< per view: the rank's splats
+    std::vector<WireSplat> splats_;                    ///< of the view that is rendered: those of all ranks, by rank
+    std::vector<std::vector<SplatSums<float>>> sums_;  ///< per view: of projected_
     RankCosts costs_;
 };
 

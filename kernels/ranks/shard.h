@@ -7,13 +7,13 @@
 
 #include "kernels/blend/residual_score.h"
 #include "kernels/requests.h"
-#include "kernels/splat/packed_splat.h"
+#include "kernels/splat/wire_splat.h"
 
 namespace gs {
 
 /// The splats of some Gaussians in one view, and the rows of these, ascending.
-struct PackedView {
-    std::vector<PackedSplat> splats;
+struct ProjectedView {
+    std::vector<WireSplat> splats;
     std::vector<std::uint32_t> rows;
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
@@ -36,34 +36,35 @@ struct ResidualSplatSums {
 class Shard {
   public:
     /// Computes the splats of the rank's Gaussians that touch a tile of the view.
-    virtual void project(const CameraParams<float>& camera, RenderMode mode, PackedView& out) = 0;
+    virtual void project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) = 0;
 
     /// Renders a view as Backend::render does.
-    virtual void render_splats(const std::vector<PackedSplat>& splats, const RenderRequest& request,
+    virtual void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
                                RenderedImage& out) = 0;
     /// Computes the loss of a view, and the gradient sums of each splat if the loss is finite. Adds the gradient of the
     /// view's PPISP to `isp_gradient` (PpispState::size()) where it learns.
-    virtual ViewLoss loss_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& request,
+    virtual ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
                                     std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
     /// Trains a controller as Backend::distill does.
-    virtual void distill_splats(const std::vector<PackedSplat>& splats, const StepRequest& request) = 0;
-    virtual double squared_error_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& request) = 0;
+    virtual void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& request) = 0;
+    virtual double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request) = 0;
     /// Computes what a view adds to the score of each splat (Backend::scores).
-    virtual void scores_of_splats(const std::vector<PackedSplat>& splats, const RenderRequest& request,
+    virtual void scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
                                   std::vector<double>& scores) = 0;
     /// Computes what a view says of the residual of each splat (Backend::residual_scores).
-    virtual void residuals_of_splats(const std::vector<PackedSplat>& splats, const StepRequest& request,
+    virtual void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
                                      std::vector<ResidualSplatSums>& sums) = 0;
 
     /// Adds what a view says of the residuals to `totals` (rows with a residual).
-    virtual void add_residual_sums(const PackedView& packed, const std::vector<ResidualSplatSums>& sums,
+    virtual void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
                                    std::vector<ResidualSums>& totals) = 0;
     virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
 
-    /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `packed` and `sums` hold the
+    /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the
     /// splats that project() made and what other ranks computed of them. `num_gaussians` counts those of all ranks.
     /// Returns the gradient of the shared weights by the rank's Gaussians.
-    virtual std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<PackedView>& packed,
+    virtual std::vector<float> update_rows(const std::vector<StepRequest>& views,
+                                           const std::vector<ProjectedView>& projected,
                                            const std::vector<std::vector<SplatSums<float>>>& sums,
                                            std::int64_t num_gaussians) = 0;
     /// Ends the step: takes that of the shared weights and of PPISP, with gradients summed over ranks, and counts it.

@@ -77,6 +77,19 @@ def equal_quality(program, root):
         check(abs(psnr(run, length) - found[1]) < 0.15, f"{begun} then {ranks} ranks:", psnr(run, length), found)
 
 
+def steps_on_several_views(program, root):
+    """Steps end where something is due, whatever the number of their views."""
+    run = root / "batch"
+    code, _, err = finish(train(program, "-m", run, "--batch", 3, "--iterations", 130, "--save-iterations", 50, "--checkpoint-iterations", 64))
+    check(code == 0, err)
+    for iteration in (50, 130):
+        check((run / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply").exists(), iteration, list(run.glob("*/*")))
+    for iteration in (64, 130):
+        check((run / "checkpoints" / f"iteration_{iteration}.safetensors").exists(), iteration, list(run.glob("*/*")))
+    lines = [json.loads(line) for line in (run / "stats" / "train.jsonl").read_text().splitlines()]
+    check([line["iteration"] for line in lines if line["event"] == "step"] == [100, 130], lines)
+
+
 def lost_rank(program, root, sent, expected):
     """A rank that dies or hangs ends the others, and the last checkpoint is whole."""
     run = root / f"lost-{sent}"
@@ -158,6 +171,7 @@ def main():
     program = os.path.abspath(sys.argv[1])
     with tempfile.TemporaryDirectory() as name:
         root = pathlib.Path(name)
+        steps_on_several_views(program, root)
         started_by_others(program, root)
         lost_rank(program, root, signal.SIGKILL, "rank 2 was ended by signal 9")
         lost_rank(program, root, signal.SIGSTOP, "has not been heard of")

@@ -8,7 +8,7 @@
 namespace gs {
 
 /// What sorting and blending need of a Gaussian in one view.
-struct PackedSplat {
+struct WireSplat {
     float mean_x, mean_y;    ///< pixels
     float a, b, c;           ///< conic, as in Splat
     float opacity;           ///< activated
@@ -16,7 +16,7 @@ struct PackedSplat {
     float cov_xx, cov_yy;    ///< diagonal of the dilated 2-D covariance. The conic's inverse loses it for needles.
     float depth;             ///< along the camera's axis, frame units
 
-    static PackedSplat of(const Splat<float>& s, const Sym2<float>& cov2d, float depth) {
+    static WireSplat of(const Splat<float>& s, const Sym2<float>& cov2d, float depth) {
         return {s.mean.x,  s.mean.y,  s.a,       s.b,      s.c,      s.opacity,
                 s.color.x, s.color.y, s.color.z, cov2d.xx, cov2d.yy, depth};
     }
@@ -27,6 +27,6 @@ struct PackedSplat {
         return pixel_bounds(s.mean, Sym2<float>{cov_xx, 0, cov_yy}, touch_threshold(s), width_padded, height_padded);
     }
 };
-static_assert(sizeof(PackedSplat) == 48);
+static_assert(sizeof(WireSplat) == 48);
 
 }  // namespace gs
