@@ -76,7 +76,8 @@ void add_train_command(CLI::App& app, Command& selected) {
             options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
-            const auto team = RankTeam::join(wanted_ranks(options));
+            require_ranks_possible(options);
+            const auto team = RankTeam::join(options.ranks);
             if (team && team->rank() > 0) return follow_training(*team, options);
             if (team) {
                 show_options(*team, options);

@@ -130,10 +130,9 @@ std::vector<Option> run_options() {
         number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
         choice("device", &O::device, "where the model is trained; auto: the GPU where there is one"),
         number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it"),
-        text("ranks", &O::ranks, "a number, or all",
-             "processes of this machine that train one model together, each with a part of the Gaussians: one for each "
-             "GPU that is to take part, or all; on the CPU they share the cores. torchrun and srun start them on "
-             "several machines (docs/ranks.md)")
+        number("ranks", &O::ranks, {1, 4096, "processes"},
+               "processes of this machine that train one model together, each with a part of the Gaussians, so far on "
+               "the CPU only; torchrun and srun start them on several machines (docs/ranks.md)")
             .also("--gpus"),
         number("batch", &O::batch, {0, 4096, "views"},
                "views of which a step takes the mean gradient; each counts as an iteration; 0: one for each rank"),

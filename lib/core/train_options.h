@@ -46,7 +46,7 @@ struct TrainOptions {
     std::uint64_t seed = 0;
     Device device = Device::kAuto;
     int threads = 0;                   ///< 0 = all cores
-    std::string ranks = "1";           ///< processes that train together, or "all" GPUs
+    int ranks = 1;                     ///< processes of this machine that train together
     int batch = 0;                     ///< views of a step; 0 = one for each rank
     bool separate_appearance = false;  ///< GPU only: appearance in kernels of its own
     bool deterministic = false;        ///< GPU only: fixed order of all sums

@@ -5,14 +5,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <set>
 #include <sstream>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
-#include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/message.h"
 #include "kernels/ranks/ranked_backend.h"
 #include "lib/core/log.h"
@@ -113,23 +111,11 @@ void train_once(RankTeam& team, const TrainOptions& options, const Scene& loaded
 
 }  // namespace
 
-int wanted_ranks(const TrainOptions& options) {
-    constexpr int kMost = 4096;
-    if (options.ranks == "all") {
-        if (!uses_cuda(options.device))
-            throw UsageError("option ranks: 'all' counts GPUs, and none is used here; name a number");
-        return cuda_device_count();
-    }
-    int count = 0;
-    const char *first = options.ranks.data(), *last = first + options.ranks.size();
-    const auto [end, error] = std::from_chars(first, last, count);
-    if (error != std::errc() || end != last || count < 1 || count > kMost)
+void require_ranks_possible(const TrainOptions& options) {
+    if (uses_cuda(options.device) && (options.ranks > 1 || options.batch > 1))
         throw UsageError(
-            fmt::format("option ranks: '{}' is neither 'all' nor a number from 1 to {}", options.ranks, kMost));
-    if (uses_cuda(options.device) && count > cuda_device_count())
-        throw UsageError(
-            fmt::format("option ranks: {} is more than the {} GPUs of this machine", count, cuda_device_count()));
-    return count;
+            fmt::format("option {}: only the CPU takes part in steps on several views so far; use --device cpu",
+                        options.ranks > 1 ? "ranks" : "batch"));
 }
 
 void show_options(RankTeam& team, const TrainOptions& options) { team.set(kOptionsKey, agreed_text(options)); }

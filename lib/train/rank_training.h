@@ -11,9 +11,8 @@
 
 namespace gs {
 
-/// Returns the number of ranks that options.ranks names, for this machine. Throws UsageError for what is no number, and
-/// for "all" without a GPU.
-int wanted_ranks(const TrainOptions& options);
+/// Throws UsageError if options ask for ranks or batches on a GPU, which there are not yet.
+void require_ranks_possible(const TrainOptions& options);
 
 /// Makes the other ranks tell if their build or their options are not those of this one: they must be given the same.
 /// Must be called by rank 0 before the others call follow_training.

@@ -163,7 +163,7 @@ def started_by_others(program, root):
     check(code == 4 and "it is taken" in err, code, err)
     for value in ("0", "two", "-1", "all"):
         code, _, err = finish(train(program, "-m", root / "x", "--ranks", value))
-        check(code == 2 and "option ranks" in err, value, code, err)
+        check(code == 2 and "ranks" in err, value, code, err)
     check(not (root / "x").exists(), "nothing is written")
 
 
