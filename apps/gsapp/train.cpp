@@ -76,8 +76,9 @@ void add_train_command(CLI::App& app, Command& selected) {
             options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
-            require_ranks_possible(options);
+            require_ranks_possible(options, options.ranks);
             const auto team = RankTeam::join(options.ranks);
+            if (team) require_ranks_possible(options, team->size());
             if (team && team->rank() > 0) return follow_training(*team, options);
             if (team) {
                 show_options(*team, options);

@@ -170,7 +170,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
             if (corrected && r.isp_rate > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
         }
         count_work(transmittance_.size());
-        return {loss.loss, loss.l1, loss.ssim, raster_.num_instances(), 0};
+        return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
     void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
     double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r) override {
@@ -245,13 +245,13 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
                        std::vector<float>& isp_gradient) override {
         const int num_views = int(views.size());
-        skip_step(views);  // counts it
+        count_step(views);
         step_shared(update_args(views[0], state_.step, 1, num_views), shared_gradient);
         if (!learns_correction(views)) return;
         const StageTimer timer(correction_seconds_);
         if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++stats_.num_nonfinite_gradients;
     }
-    void skip_step(const std::vector<StepRequest>& views) override {
+    void count_step(const std::vector<StepRequest>& views) override {
         state_.step += std::int64_t(views.size());
         if (learns_correction(views)) state_.ppisp.step += std::int64_t(views.size());
     }

@@ -42,6 +42,10 @@ class GlooCommunicator final : public Communicator {
         : Communicator(rank, size), context_(std::move(context)) {}
 
     void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+        {
+            const std::lock_guard lock(mutex_);
+            if (aborted_) throw DeviceError(kEnded);  // nothing is sent that nobody expects
+        }
         const auto self = std::size_t(rank());
         if (!out[self].empty() && !in[self].empty()) std::memcpy(in[self].data(), out[self].data(), in[self].size());
         std::vector<std::unique_ptr<Buffer>> receives, sends;
@@ -59,7 +63,9 @@ class GlooCommunicator final : public Communicator {
             }
             for (auto& buffer : sends) wait_for(*buffer, [](Buffer& b) { return b.waitSend(kPatience); });
             for (auto& buffer : receives) wait_for(*buffer, [](Buffer& b) { return b.waitRecv(kPatience); });
-        } catch (const gloo::Exception& e) {
+        } catch (const Error&) {
+            throw;
+        } catch (const std::exception& e) {  // of Gloo, whose checks throw other types than its connections
             throw DeviceError(std::string("the connection to another rank broke (") + e.what() + ")");
         }
     }
@@ -111,7 +117,9 @@ std::unique_ptr<Communicator> connect_with_gloo(MeetingPlace& place, int rank, i
         context->connectFullMesh(store, device);
         context->setTimeout(kPatience);
         return std::make_unique<GlooCommunicator>(std::move(context), rank, size);
-    } catch (const gloo::Exception& e) {
+    } catch (const Error&) {
+        throw;
+    } catch (const std::exception& e) {
         throw DeviceError("rank " + std::to_string(rank) + " cannot reach the other ranks (" + e.what() + ")");
     }
 }

@@ -146,7 +146,6 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     render_views(cameras_of(views), RenderMode::kFull, sums_, [&](std::size_t k, auto& sums) {
         bring_target(views[k]);
         losses[k] = shard_.loss_of_splats(splats_, views[k], sums, isp_gradient);
-        losses[k].num_nonfinite = shard_.take_nonfinite();
     });
     const auto all_losses = all_gather(ranks_, losses);
     StepStats stats;
@@ -156,17 +155,20 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         const ViewLoss& one = all_losses[k % all_losses.size()][k];
         stats.loss += mean * one.loss, stats.l1 += mean * one.l1, stats.ssim += mean * one.ssim;
         stats.num_instances += one.num_instances;
-        stats.num_nonfinite_gradients += one.num_nonfinite;
     }
     stats.consecutive_skips = std::isfinite(stats.loss) ? 0 : 1;
     if (stats.consecutive_skips) {
-        shard_.skip_step(views);
+        shard_.count_step(views);
     } else {
         std::vector<float> shared = shard_.update_rows(views, projected_, sums_, num_gaussians_);
+        shared.push_back(float(shard_.take_nonfinite()));
         sum_over_ranks(ranks_, shared);
+        stats.num_nonfinite_gradients = std::int64_t(shared.back());
+        shared.pop_back();
         for (float& gradient : isp_gradient) gradient *= float(mean);
         sum_over_ranks(ranks_, isp_gradient);
         shard_.update_common(views, shared, isp_gradient);
+        stats.num_nonfinite_gradients += shard_.take_nonfinite();  // on all ranks the same
     }
     const RankCosts now = std::exchange(costs_, before);
     costs_.bytes += now.bytes, costs_.waiting_seconds += now.waiting_seconds;

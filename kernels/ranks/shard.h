@@ -22,7 +22,6 @@ struct ProjectedView {
 struct ViewLoss {
     double loss = 0, l1 = 0, ssim = 0;
     std::int64_t num_instances = 0;
-    std::int64_t num_nonfinite = 0;  ///< Gaussians whose update the view's rank skipped since its last view
 };
 
 /// The sums of one splat over the pixels of a view that say what its residual is worth.
@@ -71,8 +70,8 @@ class Shard {
     virtual void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
                                std::vector<float>& isp_gradient) = 0;
     /// Counts a step that is not taken.
-    virtual void skip_step(const std::vector<StepRequest>& views) = 0;
-    /// Returns the Gaussians whose update was skipped since the last call.
+    virtual void count_step(const std::vector<StepRequest>& views) = 0;
+    /// Returns the number of updates that were skipped since the last call because a gradient was not finite.
     virtual std::int64_t take_nonfinite() = 0;
 
     /// Removes the rows that `rows` (ascending) does not name.

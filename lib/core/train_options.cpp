@@ -134,7 +134,7 @@ std::vector<Option> run_options() {
                "processes of this machine that train one model together, each with a part of the Gaussians, so far on "
                "the CPU only; torchrun and srun start them on several machines (docs/ranks.md)")
             .also("--gpus"),
-        number("batch", &O::batch, {0, 4096, "views"},
+        number("batch", &O::batch, {0, 100, "views"},
                "views of which a step takes the mean gradient; each counts as an iteration; 0: one for each rank"),
         flag("deterministic", &O::deterministic,
              "on the GPU: add in a fixed order, slower, so that runs with equal options give equal bytes on one GPU; "

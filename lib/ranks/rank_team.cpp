@@ -23,6 +23,7 @@
 #include "kernels/ranks/message.h"
 #include "lib/ranks/local_ranks.h"
 #include "lib/ranks/roster.h"
+#include "lib/ranks/route.h"
 
 namespace gs {
 namespace {
@@ -56,7 +57,8 @@ class ExplainingCommunicator final : public Communicator {
             connection_->exchange(out, in);
         } catch (const DeviceError& e) {
             const std::string reason = reason_();
-            throw DeviceError(reason.empty() ? e.what() : reason);
+            if (!reason.empty()) throw DeviceError(reason);
+            throw DeviceError(rank() == 0 ? e.what() : "the connection to rank 0 was lost");
         }
     }
     void abort() override { connection_->abort(); }
@@ -104,6 +106,24 @@ struct RankTeam::Implementation final : MeetingPlace {
             if (auto value = roster->get(key, 1)) return *value;
             if (const std::string text = reason(); !text.empty()) throw DeviceError(text);
         }
+    }
+
+    /// Returns the address by which the other ranks reach this one. Those on other machines know that of rank 0.
+    std::string own_address() {
+        constexpr const char *kSeen = "gsapp/address of rank 0 seen by ", *kChosen = "gsapp/address of rank 0";
+        const auto text = [](const std::vector<char>& bytes) { return std::string(bytes.begin(), bytes.end()); };
+        if (place.local_size == place.size) return "127.0.0.1";
+        if (client) {
+            const Route route = route_to(place.master, place.port);
+            const std::string seen = route.is_local() ? "" : route.other;
+            set(kSeen + std::to_string(place.rank), {seen.begin(), seen.end()});
+            return route.is_local() ? text(get(kChosen)) : route.own;
+        }
+        std::string chosen = "127.0.0.1";  // if all are on this machine
+        for (int r = 1; r < place.size; ++r)
+            if (const std::string seen = text(get(kSeen + std::to_string(r))); !seen.empty()) chosen = seen;
+        set(kChosen, {chosen.begin(), chosen.end()});
+        return chosen;
     }
 
     /// Waits for `time`, or returns true at once when the team ends.
@@ -233,11 +253,9 @@ std::string RankTeam::get(const std::string& key) {
 Communicator& RankTeam::communicator() {
     Implementation& team = *implementation_;
     if (team.communicator) return *team.communicator;
-    // Ranks of one machine need no network.
-    const std::string host = team.place.local_size == team.place.size ? "127.0.0.1" : host_name();
     std::unique_ptr<Communicator> connection;
     try {
-        connection = connect_with_gloo(team, rank(), size(), host);
+        connection = connect_with_gloo(team, rank(), size(), team.own_address());
     } catch (const DeviceError& e) {
         const std::string reason = team.awaited_reason();
         throw DeviceError(reason.empty() ? e.what() : reason);
@@ -246,6 +264,8 @@ Communicator& RankTeam::communicator() {
         std::make_unique<ExplainingCommunicator>(std::move(connection), [&team] { return team.awaited_reason(); });
     const std::lock_guard lock(team.mutex);
     team.communicator = std::move(explaining);
+    // A failure from before was told to nobody.
+    if (!team.failure.empty() || (team.roster && !team.roster->failure().empty())) team.communicator->abort();
     return *team.communicator;
 }
 

@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
@@ -14,6 +15,8 @@
 namespace gs {
 namespace {
 
+/// The longest pause between two looks at the ranks, seconds; in a longer one this process did not run.
+constexpr double kLongestPause = 3;
 /// How long a request for a value waits before it is asked again, and the status of an answer that has none yet.
 constexpr double kWaitForValue = 2;
 constexpr int kNotYet = 404;
@@ -26,7 +29,7 @@ constexpr std::chrono::milliseconds kTryAgain(200);
 
 }  // namespace
 
-Roster::Roster(int size) : heard_(std::size_t(size)), start_(seconds_now()) {}
+Roster::Roster(int size) : heard_(std::size_t(size)), start_(seconds_now()), last_look_(start_) {}
 
 void Roster::set(const std::string& key, const std::vector<char>& value) {
     const std::lock_guard lock(mutex_);
@@ -63,6 +66,9 @@ void Roster::look_for_lost_ranks() {
     {
         const std::lock_guard lock(mutex_);
         const double now = seconds_now();
+        // While this process was stopped, or its machine asleep, it heard of nobody.
+        if (std::exchange(last_look_, now) + kLongestPause < now)
+            for (Heard& heard : heard_) heard.seconds = heard.seconds > 0 ? now : 0;
         for (std::size_t r = 1; r < heard_.size(); ++r) {
             const Heard& heard = heard_[r];
             if (heard.seconds == 0 && now - start_ > kLongestWait)
@@ -90,6 +96,9 @@ RosterServer::RosterServer(Roster& roster, const std::string& address, int port)
         response.status = kFailed;
         response.set_content(failure, "text/plain");
     };
+    // Every rank may wait for a value while it also reports.
+    const std::size_t threads = 2 * std::size_t(roster.size());
+    server.new_task_queue = [threads] { return new httplib::ThreadPool(threads); };
     server.Post("/value", [&roster, answer](const httplib::Request& request, httplib::Response& response) {
         roster.set(request.get_param_value("key"), {request.body.begin(), request.body.end()});
         answer(response);
@@ -171,7 +180,7 @@ std::string RosterClient::report(const std::string& host, double patience) {
 }
 
 void RosterClient::fail(const std::string& message) {
-    implementation_->ask([&](httplib::Client& c) { return c.Post("/failed", message, "text/plain"); }, kLongestSilence);
+    implementation_->ask([&](httplib::Client& c) { return c.Post("/failed", message, "text/plain"); }, 0);
 }
 
 }  // namespace gs

@@ -22,6 +22,7 @@ class Roster {
   public:
     explicit Roster(int size);
 
+    int size() const { return int(heard_.size()); }
     void set(const std::string& key, const std::vector<char>& value);
     /// Returns the value, once it is there; nothing after `seconds`, or when something has failed.
     std::optional<std::vector<char>> get(const std::string& key, double seconds);
@@ -44,7 +45,7 @@ class Roster {
     std::condition_variable changed_;
     std::map<std::string, std::vector<char>> values_;
     std::vector<Heard> heard_;  ///< by rank
-    double start_;
+    double start_, last_look_;
     std::string failure_;
 };
 
@@ -73,6 +74,7 @@ class RosterClient {
     /// Tells rank 0 that this rank is alive, and tries for `patience` seconds to reach it. Returns what went wrong, or
     /// an empty text.
     std::string report(const std::string& host, double patience);
+    /// Tries only once, since this rank ends in any case.
     void fail(const std::string& message);
 
   private:

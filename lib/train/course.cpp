@@ -93,6 +93,7 @@ void Course::advance(std::int64_t count, std::int64_t views) {
     const double before = moment_.position;
     for (std::int64_t k = 0; k < views; ++k) advance_one(count);
     moment_.before = before;
+    if (limits_time() && !stretch_) finished_ = ends_here();
 }
 
 void Course::advance_one(std::int64_t count) {
@@ -109,8 +110,12 @@ void Course::advance_one(std::int64_t count) {
     const std::int64_t steps = moment_.iteration - first_iteration_;
     if (steps == kWarmUpSteps) warm_position_ = moment_.position;
     if (steps >= 2 * kWarmUpSteps) moment_.pace = (moment_.position - warm_position_) / double(steps - kWarmUpSteps);
+    finished_ = ends_here();
+}
+
+bool Course::ends_here() const {
     // The time of a step may be long on a CPU: stop where the end is nearest.
-    finished_ = moment_.position + 0.5 * moment_.stride() >= kReferenceIterations;
+    return moment_.position + 0.5 * moment_.stride() >= kReferenceIterations;
 }
 
 std::int64_t Course::expected_iterations() const {

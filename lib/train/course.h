@@ -67,6 +67,7 @@ class Course {
 
   private:
     void advance_one(std::int64_t count);
+    bool ends_here() const;
     void advance_stretch(std::int64_t count);
 
     const TrainOptions& options_;

@@ -25,6 +25,8 @@ namespace gs {
 namespace {
 
 constexpr const char* kOptionsKey = "options";
+/// The most views of a step, which is that of the option batch: steps end at multiples of kLogInterval.
+constexpr int kMostViewsOfStep = int(kLogInterval);
 
 /// Returns the build and all options in which ranks must agree, a line each.
 std::string agreed_text(const TrainOptions& options) {
@@ -84,7 +86,7 @@ class TeamBackend final : public RankedBackend {
     }
 };
 
-void train_once(RankTeam& team, const TrainOptions& options, const Scene& loaded, MessageReader begin) {
+void train_once(RankTeam& team, TrainOptions options, const Scene& loaded, MessageReader begin) {
     Communicator& ranks = team.communicator();
     AppearanceSpec appearance;
     begin.get(appearance.model);
@@ -92,6 +94,7 @@ void train_once(RankTeam& team, const TrainOptions& options, const Scene& loaded
     begin.get(appearance.activation);
     const auto backend_options = begin.get<BackendOptions>();
     const auto views_per_step = begin.get<int>();
+    begin.get(options.seed);  // of several runs each has its own
     Scene scene = loaded;
     take_views(begin, scene);
     TrainingViews views(options, scene);
@@ -111,11 +114,11 @@ void train_once(RankTeam& team, const TrainOptions& options, const Scene& loaded
 
 }  // namespace
 
-void require_ranks_possible(const TrainOptions& options) {
-    if (uses_cuda(options.device) && (options.ranks > 1 || options.batch > 1))
+void require_ranks_possible(const TrainOptions& options, int ranks) {
+    if (uses_cuda(options.device) && (ranks > 1 || options.batch > 1))
         throw UsageError(
             fmt::format("option {}: only the CPU takes part in steps on several views so far; use --device cpu",
-                        options.ranks > 1 ? "ranks" : "batch"));
+                        ranks > 1 ? "ranks" : "batch"));
 }
 
 void show_options(RankTeam& team, const TrainOptions& options) { team.set(kOptionsKey, agreed_text(options)); }
@@ -128,7 +131,7 @@ int threads_of_rank(const RankTeam& team, const TrainOptions& options) {
 
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options) {
-    const int batch = options.batch > 0 ? options.batch : team ? team->size() : 1;
+    const int batch = options.batch > 0 ? options.batch : team ? std::min(team->size(), kMostViewsOfStep) : 1;
     auto own = choose_backend(options.device, appearance, backend_options);
     if (!team) {
         static SingleRank single;
@@ -137,7 +140,7 @@ std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions&
     Communicator& ranks = team->communicator();
     MessageWriter message;
     message.put(TeamCall::kTrain).put(appearance.model).put(appearance.max_degree).put(appearance.activation);
-    message.put(backend_options).put(batch);
+    message.put(backend_options).put(batch).put(options.seed);
     put_views(message, scene);
     send_to_others(ranks, message);
     return std::make_unique<TeamBackend>(ranks, std::move(own), batch);

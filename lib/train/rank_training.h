@@ -11,8 +11,8 @@
 
 namespace gs {
 
-/// Throws UsageError if options ask for ranks or batches on a GPU, which there are not yet.
-void require_ranks_possible(const TrainOptions& options);
+/// Throws UsageError for `ranks` above 1, or batches, on a GPU, where there are none yet.
+void require_ranks_possible(const TrainOptions& options, int ranks);
 
 /// Makes the other ranks tell if their build or their options are not those of this one: they must be given the same.
 /// Must be called by rank 0 before the others call follow_training.

@@ -114,6 +114,17 @@ def lost_rank(program, root, sent, expected):
     check(code == 0, "it resumes:", err)
 
 
+def stopped_together(program, root):
+    """Ranks that were stopped together, as Ctrl-Z does, go on together."""
+    process = train(program, "-m", root / "stopped", "--ranks", 2, "--iterations", 400, "--appearance", "neural", "--ppisp", "on", start_new_session=True)
+    time.sleep(1)
+    os.killpg(process.pid, signal.SIGSTOP)
+    time.sleep(17)
+    os.killpg(process.pid, signal.SIGCONT)
+    code, _, err = finish(process, 60)
+    check(code == 0, code, err)
+
+
 def interrupted(program, root):
     """Ctrl-C, which all processes of a terminal get, is for rank 0."""
     run = root / "interrupted"
@@ -135,19 +146,21 @@ def free_port():
 
 def started_by_others(program, root):
     """The variables of torchrun; ranks that differ are found before the training."""
-    def world(size, *different, master="127.0.0.1", cwd=None):
+    def world(size, *different, local_size=None):
         port = str(free_port())
         processes = []
         for rank in range(size):
-            environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": str(size), "MASTER_ADDR": master, "MASTER_PORT": port,
-                           "LOCAL_RANK": str(rank), "LOCAL_WORLD_SIZE": str(size)}
+            environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": str(size), "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port,
+                           "LOCAL_RANK": str(rank % (local_size or size)), "LOCAL_WORLD_SIZE": str(local_size or size)}
             processes.append(train(program, "-m", root / "world", "--overwrite", *(different if rank == 1 else ()), "--iterations", 60,
-                                   env=environment, cwd=cwd(rank) if cwd else None))
+                                   env=environment))
         return [finish(p) for p in processes]
 
     results = world(2)
     check([code for code, _, _ in results] == [0, 0], results)
     check(results[1][1] == "" and results[1][2] == "", "only rank 0 speaks:", results[1])
+    results = world(3, local_size=1)
+    check([code for code, _, _ in results] == [0, 0, 0], "ranks that take each other for other machines:", results)
     results = world(2, "--lambda-dssim", "0.3")
     check(results[0][0] == 4 and "--lambda-dssim 0.3" in results[0][2] and "rank 1" in results[0][2], results)
     check(results[1][0] == 4 and results[1][2] == "", "rank 0 says it:", results[1])
@@ -175,6 +188,7 @@ def main():
         started_by_others(program, root)
         lost_rank(program, root, signal.SIGKILL, "rank 2 was ended by signal 9")
         lost_rank(program, root, signal.SIGSTOP, "has not been heard of")
+        stopped_together(program, root)
         interrupted(program, root)
         equal_quality(program, root)
     print("passed")

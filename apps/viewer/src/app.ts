@@ -113,7 +113,7 @@ export class App implements Stage {
     Object.assign(this.settings, settings);
     if (this.settings.movement !== movement) this.loaded?.navigator.setMovement(this.settings.movement);
     this.panel.show(this.settings);
-    this.levels.choose(this.settings.detail);
+    if ('detail' in settings) this.levels.choose(this.settings.detail);
     this.redraw();
   }
 
@@ -210,7 +210,7 @@ export class App implements Stage {
   private lose(): void {
     this.playing.abort();
     if (this.loaded) this.wanted = this.fragment();
-    const { smaller } = this.levels;
+    const smaller = this.levels.smallerAfterLoss();
     this.loader.stop(smaller);
     this.unload();
     this.renderer.forget();
@@ -375,7 +375,8 @@ export class App implements Stage {
   }
 
   /** The file of the level to begin with. */
-  firstLevel(levels: Level[]): string {
+  firstLevel(levels: Level[], tooLarge?: number): string {
+    if (tooLarge !== undefined) this.levels.refuse(tooLarge);
     return this.levels.begin(levels, this.wantedDetail);
   }
 

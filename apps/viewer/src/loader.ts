@@ -30,7 +30,7 @@ export interface Stage {
   /** What lies beside the model, of which `file` is shown. */
   setSite(site: Site, file: string): void;
   /** The file of the level to begin with. */
-  firstLevel(levels: Level[]): string;
+  firstLevel(levels: Level[], tooLarge?: number): string;
   fail(title: string, message: string): void;
 }
 
@@ -124,12 +124,9 @@ export class ModelLoader {
     const { signal } = this.loading;
     const { levels } = await fetchSite(testCameras.length).catch((): Partial<Site> => ({}));
     if (signal.aborted) return; // another file is on its way
-    let file = levels ? this.stage.firstLevel(levels) : FIRST_MODEL;
-    if (obstacle instanceof RenderError && file === FIRST_MODEL) {
-      if (!levels?.[1]) return this.stage.fail(`${FIRST_MODEL} cannot be shown`, `${obstacle.message} gsapp export --lod writes smaller levels.`);
-      file = levels[1].file;
-    }
-    return this.openBeside(file);
+    const isTooLarge = obstacle instanceof RenderError;
+    if (isTooLarge && !levels?.[1]) return this.stage.fail(`${FIRST_MODEL} cannot be shown`, `${obstacle.message} gsapp export --lod writes smaller levels.`);
+    return this.openBeside(levels ? this.stage.firstLevel(levels, isTooLarge ? levels[0].bytes : undefined) : FIRST_MODEL);
   }
 
   /** Shows what is read, in the place of what is shown. With `keep`, the camera stays as it is. */
@@ -163,6 +160,7 @@ export class ModelLoader {
   /** Shows another level of the model where the camera is. Returns false where this should be tried again, if the model is still there. */
   async showLevel(file: string): Promise<boolean> {
     const { signal } = this.loading;
+    if (this.stage.isReserved) return false; // before anything is transferred
     try {
       await this.replace(await fetchSource(file, signal), true, signal);
     } catch (error) {

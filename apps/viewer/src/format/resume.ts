@@ -36,9 +36,13 @@ export function resumed(url: string, first: Response, size: number | undefined, 
     const response = await fetch(url, { signal, headers: { range: `bytes=${at}-`, ...same } }).catch(() => undefined);
     signal.throwIfAborted();
     if (!response) return false; // still no connection
+    if (response.status === 429 || response.status >= 500) { // the server is just starting, or has too much to do
+      await response.body?.cancel();
+      return false;
+    }
     if (response.status !== 206 || response.headers.get('content-range') !== `bytes ${at}-${size - 1}/${size}` || !response.body) {
       await response.body?.cancel();
-      throw new Error('the connection broke, and the server does not go on where it stopped');
+      throw new Error(`the connection broke, and the server ${response.status === 200 ? 'has another file by now' : 'does not go on where it stopped'}`);
     }
     reader = response.body.getReader();
     return true;

@@ -20,7 +20,7 @@ export interface Trailer {
   name?: string;
   /** Undefined: the file has the scene's own coordinates. */
   frame?: Frame;
-  /** Of the test views, in decibels: of the model, and of what the file keeps of it. */
+  /** The means of the test views, in decibels: of the model, and of what the file keeps of it. */
   psnr?: { model: number; packed: number };
   /** Whether a site.json lies beside the file. */
   hasSite?: boolean;

@@ -10,7 +10,7 @@ export interface Level {
   file: string;
   count: number;
   bytes: number;
-  /** Of the test views, in decibels. */
+  /** The mean of the test views, in decibels. */
   psnr?: number;
 }
 
@@ -27,6 +27,8 @@ export class Levels {
   /** The finest that is shown unasked, for memory and for speed. */
   private fits = 0;
   private fast = 0;
+  /** The bytes of the smallest level that the device could not hold. It is not shown again unasked while the page lives. */
+  private tooLarge = Infinity;
   private isBusy = false;
   private pace = new Pace();
   private readonly panel: DetailPanel;
@@ -44,7 +46,17 @@ export class Levels {
 
   /** The file to begin with. */
   begin(levels: Level[], chosen: number | undefined): string {
-    return levels[this.known(levels, chosen) ?? finestThatFits(levels, memoryHere())].file;
+    return levels[this.known(levels, chosen) ?? this.finestHere(levels)].file;
+  }
+
+  /** The device could not hold so many bytes of a model. */
+  refuse(bytes: number): void {
+    this.tooLarge = Math.min(this.tooLarge, bytes);
+  }
+
+  private finestHere(levels: Level[]): number {
+    const smaller = levels.findIndex(({ bytes }) => bytes < this.tooLarge);
+    return Math.max(finestThatFits(levels, memoryHere()), smaller < 0 ? levels.length - 1 : smaller);
   }
 
   /** What there is of the model, of which `file` is shown. */
@@ -53,7 +65,7 @@ export class Levels {
     this.all = levels;
     this.pace = new Pace();
     this.shown = Math.max(0, levels.findIndex((level) => level.file === file));
-    this.fits = finestThatFits(levels, memoryHere());
+    this.fits = this.finestHere(levels);
     this.chosen = this.known(levels, chosen);
     this.fast = this.chosen === undefined ? this.shown : this.fits; // if this is coarser, there was a reason
     this.panel.setLevels(levels, this.chosen);
@@ -83,8 +95,10 @@ export class Levels {
   }
 
   /** The file of the next coarser level, for a device that lost its memory; undefined where there is none, or the user chose. */
-  get smaller(): string | undefined {
-    return this.chosen === undefined ? this.all[this.shown + 1]?.file : undefined;
+  smallerAfterLoss(): string | undefined {
+    if (this.chosen !== undefined || this.all.length <= this.shown + 1) return undefined;
+    this.refuse(this.all[this.shown].bytes);
+    return this.all[this.shown + 1].file;
   }
 
   /** Brings what is shown to what is wanted. */

@@ -9,7 +9,7 @@ export class SortClient {
   private spare: Uint32Array<ArrayBuffer> | undefined;
   private wanted: Omit<SortRequest, 'order'> | undefined;
   private waiting: (() => void)[] = [];
-  /** Of the last sort; undefined before the first has ended. */
+  /** The time of the last sort; undefined before the first has ended. */
   milliseconds: number | undefined;
 
   /** For `count` Gaussians. `apply` takes a finished order and its count, and returns an array of the same length that is no longer needed. */

@@ -14,7 +14,7 @@ export interface Sides {
 export const MODE_NAMES: Record<Mode, string> = { full: 'Full', base: 'Base', residual: 'Residual', depth: 'Depth', appearance: 'View-dependence' };
 const OTHER = 'Other model';
 
-/** Of the width: what an arrow key and what page keys move. */
+/** The parts of the width that an arrow key and page keys move. */
 const STEP = 0.01, PAGE = 0.1;
 const KEYS: Record<string, (split: number) => number> = {
   ArrowLeft: (split) => split - STEP, ArrowDown: (split) => split - STEP, ArrowRight: (split) => split + STEP, ArrowUp: (split) => split + STEP,

@@ -12,7 +12,7 @@ export interface FilmStage {
   view(): View;
   show(view: View): void;
   turntable(): CameraPath;
-  /** Of the model's coordinates. */
+  /** The frame of the model's coordinates. */
   frame(): Frame | undefined;
   /** Until the end, or until `stop`. */
   play(path: CameraPath, seconds: number): Promise<void>;
