@@ -63,10 +63,22 @@ describe('a transfer that breaks', () => {
     asked = serve((begin) => rest(begin));
     await read('a.ply', new Response(body(0, 30), { headers: { ...RANGES, etag: 'W/"weak"', 'last-modified': 'Mon, 23 Nov 2026 10:00:00 GMT' } }));
     expect(asked[0].get('if-range')).toBe('Mon, 23 Nov 2026 10:00:00 GMT');
-    for (const other of [new Response(body(0)), new Response(body(35), { status: 206, headers: { 'content-range': 'bytes 35-98/99' } }), new Response(null, { status: 404 })]) {
+    const others: [Response, string][] = [
+      [new Response(body(0)), 'has another file by now'],
+      [new Response(body(35), { status: 206, headers: { 'content-range': 'bytes 35-98/99' } }), 'does not go on'],
+      [new Response(null, { status: 404 }), 'does not go on'],
+    ];
+    for (const [other, message] of others) {
       serve(() => other);
-      await expect(read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }))).rejects.toThrow('does not go on');
+      await expect(read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }))).rejects.toThrow(message);
     }
+  });
+
+  it('waits for a server that is just starting', async () => {
+    let asked = 0;
+    serve((begin) => (++asked === 1 ? new Response(null, { status: 503 }) : rest(begin)));
+    expect(await read('a.ngsplat', new Response(body(0, 30), { headers: RANGES }))).toEqual([...FILE]);
+    expect(asked).toBe(2);
   });
 
   it('ends where nothing says that it is the same file, or the server sends no ranges', async () => {
