@@ -7,7 +7,6 @@
 #include <gloo/transport/tcp/device.h>
 #include <gloo/transport/unbound_buffer.h>
 
-#include <algorithm>
 #include <mutex>
 
 #include "kernels/core/error.h"

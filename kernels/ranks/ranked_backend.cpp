@@ -47,20 +47,12 @@ MessageWriter message_of(Call call) {
 
 // What all ranks do of calls that are more than one function of the worker.
 
-struct Counted {
-    std::int64_t numbers[kNumGroups + 1] = {};
-};
-
 /// Removes the rank's Gaussians that `request` selects by themselves. Returns the statistics of all ranks.
 PruneStats prune_rows(Communicator& ranks, RankWorker& worker, const PruneRequest& request) {
-    const PruneStats own = worker.backend().prune(request);
-    Counted counted;
-    counted.numbers[kNumGroups] = own.removed;
-    std::copy(own.by_group.begin(), own.by_group.end(), counted.numbers);
     PruneStats all;
-    for (const Counted& one : all_gather(ranks, counted)) {
-        all.removed += one.numbers[kNumGroups];
-        for (int g = 0; g < kNumGroups; ++g) all.by_group[g] += one.numbers[g];
+    for (const PruneStats& one : all_gather(ranks, worker.backend().prune(request))) {
+        all.removed += one.removed;
+        for (int g = 0; g < kNumGroups; ++g) all.by_group[g] += one.by_group[g];
     }
     worker.count_rows();
     return all;

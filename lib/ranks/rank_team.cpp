@@ -5,8 +5,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
@@ -239,7 +237,6 @@ RankTeam::~RankTeam() {
 
 int RankTeam::rank() const { return implementation_->place.rank; }
 int RankTeam::size() const { return implementation_->place.size; }
-int RankTeam::local_rank() const { return implementation_->place.local_rank; }
 int RankTeam::local_size() const { return implementation_->place.local_size; }
 
 void RankTeam::set(const std::string& key, const std::string& value) {

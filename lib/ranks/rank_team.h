@@ -21,8 +21,7 @@ class RankTeam {
 
     int rank() const;
     int size() const;
-    /// Returns the place among the ranks of this machine, and their number.
-    int local_rank() const;
+    /// Returns the number of ranks on this machine.
     int local_size() const;
 
     /// Shows all ranks a value, and waits for one. Throws DeviceError when a rank is lost first.
