@@ -99,8 +99,16 @@ def check_after(browser, gsapp, run, port):
     saved.address()
     wait_for(browser, f"{STATE}.startsWith('Saved at iteration')", "and it goes on with the program that serves the run again")
     check(len(curve(browser, "live-loss").split()) > 2, "with the curve that was")
+    browser.evaluate("fetch('live/status.json').then(r => r.json()).then(s => fetch(s.model.url)).then(r => r.blob()).then(b => { keptModel = b; })")
     saved.process.terminate()
     check(saved.exit_code() == 0, "which Ctrl-C ends")
+    before = browser.evaluate(MIDDLE)
+    browser.evaluate("""{ const input = document.getElementById('file'), transfer = new DataTransfer();
+        transfer.items.add(new File([keptModel], 'kept.ngsplat'));
+        input.files = transfer.files;
+        input.dispatchEvent(new Event('change')); }""")
+    wait_for(browser, "document.getElementById('camera').value === '0' && document.getElementById('notice').hidden", "a file is opened at its first view")
+    check(browser.evaluate(MIDDLE) == before, "and is drawn, although nobody serves the page any more")
 
 
 def check_point_cloud(browser, gsapp, run):

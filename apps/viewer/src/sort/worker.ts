@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sorts in a thread of its own. The first message says how many Gaussians there will be. Then come parts of their geometry, and requests.
+// Sorts in a thread of its own. A number begins anew and says how many Gaussians there will be. Then come parts of their geometry, and requests.
 
 import type { View } from '../camera/view';
 import { DepthSorter } from './sort';
 
 export interface SortRequest {
+  /** Comes back with the result: who has asked. */
+  client: number;
   view: View;
   size: number;
   order: Uint32Array<ArrayBuffer>;
 }
 export interface SortResult {
+  client: number;
   order: Uint32Array<ArrayBuffer>;
   count: number;
   milliseconds: number;
@@ -23,7 +26,7 @@ self.onmessage = ({ data }: MessageEvent<number | Uint32Array | SortRequest>) =>
   else {
     const begin = performance.now();
     const count = sorter!.sort(data.view, data.size, data.order);
-    const result: SortResult = { order: data.order, count, milliseconds: performance.now() - begin };
+    const result: SortResult = { client: data.client, order: data.order, count, milliseconds: performance.now() - begin };
     self.postMessage(result, { transfer: [data.order.buffer] });
   }
 };
