@@ -118,8 +118,8 @@ std::vector<Option> run_options() {
         text("frame-limit", &O::frame_limit, "a duration, e.g. 2ms",
              "train a model whose frames at 1280x720 take at most this long on this device"),
         number("target-psnr", &O::target_psnr, {0, 60, "dB"},
-               "train until every 8th training view, held out for it, has this PSNR on average, and make the model as "
-               "small as that allows; --iterations is then the most; 0: off"),
+               "train until every 8th training view, held out for it, has this PSNR on average, then make the model as "
+               "small as that allows; --iterations is the most until it is reached; 0: off"),
         choice("recipe", &O::recipe,
                "paper: rates and images as the paper has them; frontier: defaults that give more quality in the same "
                "time (docs/guide.md); auto: frontier with a limit or a preset, else paper"),

@@ -66,6 +66,8 @@ TEST(Train, LeavesTheDocumentedRunFolder) {
     for (const char* line : {"point cloud: run/point_cloud/iteration_20/point_cloud.ply",
                              "look at it with: gsapp view run", "make a web page of it with: gsapp export run -o DIR"})
         EXPECT_NE(outcome.err.find(line), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("device: "), std::string::npos) << outcome.err;
+    EXPECT_EQ(outcome.err.find("device: "), outcome.err.rfind("device: ")) << "said once: " << outcome.err;
     const auto results = parse_json(program.read("run/results.json"));
     EXPECT_TRUE(results.contains("ours_10"));
     EXPECT_GT(results["ours_20"]["PSNR"], 5.0);
