@@ -11,7 +11,9 @@
 #include <cstdlib>
 #include <functional>
 #include <mutex>
+#include <new>
 #include <optional>
+#include <sstream>
 #include <thread>
 #include <utility>
 
@@ -50,7 +52,10 @@ class ExplainingCommunicator final : public Communicator {
         : Communicator(connection->rank(), connection->size()),
           connection_(std::move(connection)),
           reason_(std::move(reason)) {}
-    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+    void abort() override { connection_->abort(); }
+
+  private:
+    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
         try {
             connection_->exchange(out, in);
         } catch (const DeviceError& e) {
@@ -59,9 +64,7 @@ class ExplainingCommunicator final : public Communicator {
             throw DeviceError(rank() == 0 ? e.what() : "the connection to rank 0 was lost");
         }
     }
-    void abort() override { connection_->abort(); }
 
-  private:
     const std::unique_ptr<Communicator> connection_;
     const std::function<std::string()> reason_;
 };
@@ -266,6 +269,30 @@ Communicator& RankTeam::communicator() {
     return *team.communicator;
 }
 
+void RankTeam::agree(const std::string& text) {
+    constexpr const char* kStarted = "options";
+    if (rank() == 0) return set(kStarted, text);
+    const std::string first = get(kStarted);
+    std::istringstream a(first), b(text);
+    for (std::string line_a, line_b; std::getline(a, line_a) && std::getline(b, line_b);)
+        if (line_a != line_b)
+            throw UsageError(fmt::format("it was started with '{}', rank 0 with '{}'", line_b, line_a));
+    if (first != text) throw UsageError("its options are not those of rank 0");
+}
+
+void RankTeam::follow(const std::function<void()>& part) {
+    try {
+        part();
+    } catch (const std::bad_alloc&) {
+        if (!fail("out of memory")) throw;
+        throw DeviceError("");
+    } catch (const std::exception& e) {
+        if (!fail(e.what())) throw;
+        throw DeviceError("");  // rank 0 says it
+    }
+}
+
+/// Tells why this rank ends. Returns false if rank 0 cannot be told.
 bool RankTeam::fail(const std::string& message) {
     try {
         implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));
