@@ -45,6 +45,14 @@ std::string host_name() {
     return name;
 }
 
+/// Returns what tells a job from others that meet at the same port.
+std::string job_of(const std::string& work, int size) {
+    std::string job = fmt::format("{} ranks: {}", size, work);
+    for (const char* name : {"SLURM_JOB_ID", "SLURM_STEP_ID", "TORCHELASTIC_RUN_ID"})
+        if (const char* value = environment(name)) job += fmt::format("\n{} {}", name, value);
+    return job;
+}
+
 /// Says of an error of the connection why it broke.
 class ExplainingCommunicator final : public Communicator {
   public:
@@ -181,28 +189,29 @@ struct RankTeam::Implementation final : MeetingPlace {
     }
 };
 
-std::unique_ptr<RankTeam> RankTeam::join(int local_ranks) {
+std::unique_ptr<RankTeam> RankTeam::join(int local_ranks, const std::string& work) {
     const auto place = rank_place(environment);
     if (place && local_ranks > 1 && local_ranks != place->size)
         throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
                                      local_ranks, place->size));
     if (!place && local_ranks <= 1) return nullptr;
+    const std::string job = job_of(work, place ? place->size : local_ranks);
     auto team = std::make_unique<Implementation>();
     if (!place) {
         team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
         team->roster.emplace(local_ranks);
-        team->server.emplace(*team->roster, "127.0.0.1", 0);
+        team->server.emplace(*team->roster, "127.0.0.1", 0, job);
         team->processes.emplace(local_ranks, team->server->port());
     } else {
         team->place = *place;
         if (place->rank == 0) {
             team->roster.emplace(place->size);
-            team->server.emplace(*team->roster, "0.0.0.0", place->port);
+            team->server.emplace(*team->roster, "0.0.0.0", place->port, job);
         } else {
             end_with_rank_0();
             // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
             for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
-            team->client.emplace(place->rank, place->master, place->port);
+            team->client.emplace(place->rank, place->master, place->port, job);
             const std::string failure = team->client->report(host_name(), kLongestWait);
             if (!failure.empty()) throw DeviceError(failure);
         }
