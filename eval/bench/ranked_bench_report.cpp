@@ -44,7 +44,7 @@ TextTable set_table(const std::vector<RankedBenchResult>& results) {
 TextTable rank_table(const std::vector<RankedBenchResult>& results) {
     TextTable table{.title = {},
                     .header = {"Gaussians", "rank of", "its Gaussians", "resident MB", "device MB", "sent MB/step",
-                               "received MB/step", "messages/step", "exchanges/step", "in exchanges %"},
+                               "received MB/step", "messages/step", "exchanges/step", "in exchanges %", "CPU ms/step"},
                     .num_labels = 0};
     for (const RankedBenchResult& r : results)
         for (std::size_t k = 0; k < r.ranks.size(); ++k) {
@@ -60,7 +60,8 @@ TextTable rank_table(const std::vector<RankedBenchResult>& results) {
                  {fmt::format("{:.4f}", traffic.received / r.steps / kMega)},
                  {fmt::format("{:.1f}", double(traffic.messages) / r.steps)},
                  {fmt::format("{:.1f}", double(traffic.exchanges) / r.steps)},
-                 {fmt::format("{:.1f}", 100 * exchange_share(rank))}});
+                 {fmt::format("{:.1f}", 100 * exchange_share(rank))},
+                 {fmt::format("{:.1f}", 1e3 * rank.costs.cpu_seconds / r.steps)}});
         }
     return table;
 }
@@ -88,6 +89,7 @@ OrderedJson json_of_ranks(const RankedBenchResult& r) {
                                  {"resident_bytes", rank.resident_bytes},
                                  {"device_bytes", rank.device_bytes},
                                  {"seconds", rank.costs.seconds},
+                                 {"cpu_seconds", rank.costs.cpu_seconds},
                                  {"exchange_seconds", traffic.seconds},
                                  {"splats_sent", rank.costs.splats_sent},
                                  {"bytes_sent", traffic.sent},

@@ -220,6 +220,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
 void RankWorker::count_step(const Mark& begin) {
     ++costs_.steps;
     costs_.seconds += seconds_now() - begin.seconds;
+    costs_.cpu_seconds += cpu_seconds() - begin.cpu_seconds;
     costs_.traffic += ranks_.traffic() - begin.traffic;
     costs_.splats_sent += splats_sent_ - begin.splats_sent;
 }

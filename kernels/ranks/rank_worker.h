@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "kernels/backend.h"
+#include "kernels/core/process_use.h"
 #include "kernels/ranks/communicator.h"
 #include "kernels/ranks/dealt_rows.h"
 #include "kernels/ranks/shard.h"
@@ -20,7 +21,8 @@ using TargetSource = std::function<TargetImage(const StepRequest& request)>;
 struct RankCosts {
     std::int64_t steps = 0;
     double seconds = 0;
-    Traffic traffic;  ///< of these steps, the commands of rank 0 included
+    double cpu_seconds = 0;  ///< of all threads of the process
+    Traffic traffic;         ///< of these steps, the commands of rank 0 included
     double splats_sent = 0;
 };
 
@@ -74,11 +76,11 @@ class RankWorker {
 
     /// The costs of a rank up to the beginning of a step.
     struct Mark {
-        double seconds;
+        double seconds, cpu_seconds;
         Traffic traffic;
         double splats_sent;
     };
-    Mark mark() const { return {seconds_now(), ranks_.traffic(), splats_sent_}; }
+    Mark mark() const { return {seconds_now(), cpu_seconds(), ranks_.traffic(), splats_sent_}; }
     /// Counts what a step has cost since `begin`.
     void count_step(const Mark& begin);
     RankCosts take_costs() { return std::exchange(costs_, {}); }

@@ -7,7 +7,7 @@
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
-#include "kernels/core/resident_memory.h"
+#include "kernels/core/process_use.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
 #include "kernels/densify/residual_handles.h"

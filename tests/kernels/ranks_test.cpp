@@ -349,6 +349,7 @@ TEST(Ranks, ExchangeWhatTheFormatsOfTheMessagesSay) {
                     EXPECT_EQ(costs.steps, kSteps);
                     EXPECT_EQ(costs.traffic.sent, kSteps * expected[r]) << r;
                     EXPECT_GT(costs.seconds, 0);
+                    EXPECT_GT(costs.cpu_seconds, 0);
                     EXPECT_LE(costs.traffic.seconds, costs.seconds);
                     EXPECT_GT(reports[r].resident_bytes, 1 << 20);
                     sent += costs.traffic.sent, received += costs.traffic.received;
