@@ -68,7 +68,7 @@ void bench_generated_sets_on_ranks(const TrainArguments& train, const BenchArgum
     if (arguments.compare_deterministic)
         throw UsageError("bench --ranks does not measure --compare-deterministic; name one of them");
     if (arguments.repeats.frame_repeat > 0)
-        throw UsageError("bench --ranks times steps and no frames; --frame-repeat says nothing to it");
+        throw UsageError("bench --ranks times steps and no frames; leave out --frame-repeat");
     TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
     const auto team = join_ranks(options.ranks, options.device, "bench", "", options.threads);
     setup_log(shown_messages(options));
