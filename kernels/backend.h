@@ -60,6 +60,13 @@ class Backend {
 
     /// Renders a view into `out` and waits for it.
     virtual void render(const RenderRequest& request, RenderedImage& out) = 0;
+    /// Returns how many views render_all renders at the same time.
+    virtual int views_at_once() const { return 1; }
+    /// Renders views as `render` does, and waits for all.
+    virtual void render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
+        out.resize(views.size());
+        for (std::size_t k = 0; k < views.size(); ++k) render(views[k], out[k]);
+    }
     /// Takes one optimizer step on one view. It may return before the step is done; the memory that `request` points to
     /// is free again on return.
     virtual void step(const StepRequest& request) = 0;

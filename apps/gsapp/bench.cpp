@@ -8,7 +8,9 @@
 #include <memory>
 
 #include "apps/gsapp/printing.h"
+#include "apps/gsapp/ranks.h"
 #include "eval/bench/bench_cases.h"
+#include "eval/bench/ranked_bench.h"
 #include "eval/runs/bench_subject.h"
 #include "eval/runs/saved_run.h"
 #include "kernels/core/error.h"
@@ -18,6 +20,7 @@
 #include "lib/core/options_cli.h"
 #include "lib/model/appearance_spec.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/sharded_backend.h"
 
 namespace gs {
 namespace {
@@ -56,6 +59,27 @@ void bench_generated_sets(const TrainArguments& train, const BenchArguments& arg
     for (const std::int64_t count : arguments.generate)
         results.add(bench_generated(*backend, options, count, bench, arguments.compare_deterministic));
     results.end();
+}
+
+/// Measures generated sets that several ranks hold. In the processes of the other ranks it does their part.
+void bench_generated_sets_on_ranks(const TrainArguments& train, const BenchArguments& arguments) {
+    if (arguments.generate.empty())
+        throw UsageError("bench --ranks measures generated sets; name their sizes with --generate");
+    if (arguments.compare_deterministic)
+        throw UsageError("bench --ranks does not measure --compare-deterministic; name one of them");
+    if (arguments.repeats.frame_repeat > 0)
+        throw UsageError("bench --ranks times steps and no frames; leave out --frame-repeat");
+    TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
+    const auto team = join_ranks(options.ranks, options.device, "bench", "", options.threads);
+    setup_log(shown_messages(options));
+    if (!team) set_num_threads(options.threads);
+    if (team && team->rank() > 0) return follow_sharding(*team, started_as("bench"));
+    const BenchOptions bench = bench_options(options.device, arguments.repeats.repeat, 0);
+    std::vector<RankedBenchResult> results;
+    for (const std::int64_t count : arguments.generate)
+        results.push_back(bench_ranks(team.get(), options, count, bench));
+    const std::string text = arguments.json ? ranked_bench_json(results) : format_ranked_bench(results, stdout_style());
+    std::fputs(text.c_str(), stdout);
 }
 
 void bench_scene(const TrainArguments& train, const BenchArguments& arguments) {
@@ -106,7 +130,7 @@ CLI::Option* add_generate_option(CLI::App& command, std::vector<std::int64_t>& s
         ->delimiter(',')
         ->transform(CLI::AsNumberWithUnit(std::map<std::string, std::int64_t>{{"k", 1000}, {"m", 1000000}},
                                           CLI::AsNumberWithUnit::CASE_INSENSITIVE))
-        ->check(CLI::Range(std::int64_t(1), std::int64_t(1000000000)));
+        ->check(CLI::Range(std::int64_t(0), std::int64_t(1000000000)));
 }
 
 CLI::Option* add_iteration_option(CLI::App& command, std::int64_t& iteration) {
@@ -166,7 +190,9 @@ void add_bench_command(CLI::App& app, Command& selected) {
                                      "'; write the options after it");
             return;
         }
-        selected = [train, arguments] {
+        const bool on_ranks = command->get_option("--ranks")->count() > 0;
+        selected = [train, arguments, on_ranks] {
+            if (on_ranks) return bench_generated_sets_on_ranks(*train, *arguments);
             arguments->generate.empty() ? bench_scene(*train, *arguments) : bench_generated_sets(*train, *arguments);
         };
     });

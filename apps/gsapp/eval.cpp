@@ -13,6 +13,7 @@
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/eval.h"
 #include "apps/gsapp/printing.h"
+#include "apps/gsapp/ranks.h"
 #include "eval/report/comparison_format.h"
 #include "eval/report/report.h"
 #include "eval/runs/evaluate_run.h"
@@ -94,6 +95,10 @@ void run_eval(const EvalArguments& arguments) {
     RunChanges changes = arguments.scene ? arguments.scene->changes(arguments.runs) : RunChanges{};
     changes.device = arguments.metrics.device;
     changes.scores = true;
+    const auto team =
+        join_ranks(arguments.ranks, changes.device, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
+    if (team && team->rank() > 0) return follow_sharding(*team, started_as("eval"));
+    changes.team = team.get();
     std::vector<TableRow> rows;
     std::optional<WorkFolder> temporary;
     for (const Subject& subject : subjects(arguments, changes, temporary)) {
@@ -172,6 +177,7 @@ void add_eval_command(CLI::App& app, Command& selected) {
             "colour-aligned (fits each view to its "
             "photograph), scene-aligned (no vignetting, and fits the scene's colours to all photographs at once)")
         ->excludes(skip);
+    add_ranks_option(*command, arguments->ranks)->excludes(skip);
     arguments->scene = std::make_shared<SceneArguments>(
         *command,
         "Score on the test views of this scene: needed for a .ply file; a run is scored on it instead of its own, with "

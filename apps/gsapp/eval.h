@@ -27,6 +27,7 @@ struct EvalArguments {
     MetricArguments metrics{"psnr,ssim", ""};
     bool skip_render = false, decompose = false;
     bool json = false;
+    int ranks = 1;
 };
 
 /// Adds the folders of runs, which may also stand after -m as in 3DGS's scripts. Returns the option.

@@ -13,6 +13,7 @@
 
 #include "apps/gsapp/command.h"
 #include "apps/gsapp/printing.h"
+#include "apps/gsapp/ranks.h"
 #include "apps/gsapp/scene_arguments.h"
 #include "eval/runs/appearance_colors.h"
 #include "eval/runs/camera_path.h"
@@ -37,6 +38,7 @@ struct RenderArguments {
                      orbit_target, orbit_up;
     std::shared_ptr<SceneArguments> scene;
     int orbit = 0;
+    int ranks = 1;
     double orbit_elevation = 0, fps = kUsualFps;
     std::int64_t iteration = -1;  ///< -1 = the last saved one
     RenderParts parts;
@@ -108,7 +110,7 @@ fs::path folder_of(const RenderArguments& arguments, const SavedRun& run, const 
     return arguments.views == "all" ? folder / set : folder;
 }
 
-/// Writes the pictures, and returns where they are.
+/// Writes the pictures, and returns where they are; null in a rank that only holds rows.
 nlohmann::ordered_json run_render(const RenderArguments& arguments) {
     if (!arguments.video.empty() && arguments.views == "all")
         throw UsageError("--video makes a film of one folder: name --views test or --views train");
@@ -123,6 +125,12 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
                         "--output DIR",
                         arguments.run));
     RunChanges changes = arguments.scene->changes({arguments.run});
+    const auto team = join_ranks(arguments.ranks, changes.device, "render", arguments.run);
+    if (team && team->rank() > 0) {
+        follow_sharding(*team, started_as("render"));
+        return nullptr;
+    }
+    changes.team = team.get();
     // The colours of --show appearance are those that the training cameras see.
     changes.needs_scene = (arguments.path.empty() && arguments.orbit == 0) || arguments.show == "appearance";
     SavedRun run = open_saved_run(arguments.run,
@@ -257,12 +265,13 @@ void add_render_command(CLI::App& app, Command& selected) {
         "Scene of the views: of a .ply file, which --orbit and --path show without one; of a run that was moved since "
         "the training",
         DeviceOption::kDeclared);
+    add_ranks_option(*command, arguments->ranks);
     add_outcome_flag(*command, arguments->json);
     add_quiet_flag(*command);
     command->callback([arguments, &selected] {
         selected = [arguments] {
             const nlohmann::ordered_json written = run_render(*arguments);
-            if (arguments->json) print_json(written);
+            if (arguments->json && !written.is_null()) print_json(written);
         };
     });
 }

@@ -15,6 +15,7 @@
 #include "lib/core/options_cli.h"
 #include "lib/core/progress.h"
 #include "lib/train/rank_training.h"
+#include "lib/train/sharded_backend.h"
 
 namespace gs {
 namespace {
@@ -77,12 +78,12 @@ void add_train_command(CLI::App& app, Command& selected) {
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
             require_ranks_possible(options, options.ranks);
-            const auto team = RankTeam::join(options.ranks);
+            const auto team = RankTeam::join(options.ranks, "train " + options.model);
             if (team) require_ranks_possible(options, team->size());
             if (team && team->rank() > 0) return follow_training(*team, options);
             if (team) {
-                show_options(*team, options);
-                options.threads = threads_of_rank(*team, options);
+                agree_on_options(*team, options);
+                options.threads = threads_of_rank(*team, options.threads);
             }
             const auto train = [&](const TrainOptions& one) { return train_run(one, *frame_rounds, live, team.get()); };
             if (*num_runs > 0)

@@ -10,7 +10,7 @@
 #include "eval/metrics/psnr.h"
 #include "eval/metrics/quantize.h"
 #include "eval/runs/decompose.h"
-#include "kernels/core/clock.h"
+#include "eval/runs/render_queue.h"
 #include "kernels/core/error.h"
 #include "lib/model/run_folder.h"
 #include "lib/scene/camera_params.h"
@@ -23,12 +23,17 @@ struct Pair {
     double render_seconds = 0;
 };
 
-/// Renders views and, in the aligned modes, fits their colours to the photographs.
+/// Renders views, each with its parts if these are wanted, and in the aligned modes fits their colours to the
+/// photographs.
 class Renderer {
   public:
     Renderer(Backend& backend, const Vec3<float>& background, const EvalCorrection& correction,
-             const Protocol& protocol)
-        : backend_(backend), background_(background), correction_(correction), protocol_(protocol) {
+             const Protocol& protocol, bool with_parts = false)
+        : backend_(backend),
+          background_(background),
+          correction_(correction),
+          protocol_(protocol),
+          with_parts_(with_parts) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
         before_ = backend_.download_ppisp();
         if (before_.active()) backend_.upload_ppisp(without_vignetting(before_));
@@ -42,16 +47,18 @@ class Renderer {
     /// Fits the map that all views share in the mode kSceneAligned.
     void align(const std::vector<View>& views) {
         if (correction_.mode != CorrectionMode::kSceneAligned) return;
+        RenderQueue renders(backend_, requests(views, false));
         ColourFit fit;
-        for (const View& view : views) fit.add(rendered(view), photograph_of(view, background_, protocol_));
+        for (const View& view : views) fit.add(renders.next(), photograph_of(view, background_, protocol_));
         common_ = fit.solve();
     }
+    /// Names the views that pair() is then called with, in their order.
+    void begin(const std::vector<View>& views) { renders_.emplace(backend_, requests(views, with_parts_)); }
 
     Pair pair(const View& view) {
-        const double start = seconds_now();
-        RenderedImage image = rendered(view);
+        RenderedImage image = renders_->next();
         Pair pair;
-        pair.render_seconds = seconds_now() - start;
+        pair.render_seconds = renders_->seconds();
         pair.truth = photograph_of(view, background_, protocol_);
         if (correction_.mode == CorrectionMode::kColourAligned) {
             ColourFit fit;
@@ -64,34 +71,36 @@ class Renderer {
         return pair;
     }
 
+    /// Returns the next part of the view of the last pair(), base or residual.
+    RenderedImage part() { return renders_->next(); }
+
   private:
-    RenderedImage rendered(const View& view) {
-        RenderRequest request;
-        request.camera = camera_params(view.camera);
-        request.background = background_;
-        request.isp = view_isp(view, correction_);
-        RenderedImage image;
-        backend_.render(request, image);
-        return image;
+    std::vector<RenderRequest> requests(const std::vector<View>& views, bool with_parts) const {
+        std::vector<RenderRequest> all;
+        for (const View& view : views)
+            for (const auto& [mode, name] : kPictureParts)
+                if (mode == RenderMode::kFull || with_parts)
+                    all.push_back(
+                        part_request(camera_params(view.camera), background_, mode, view_isp(view, correction_)));
+        return all;
     }
 
     Backend& backend_;
     const Vec3<float> background_;
     const EvalCorrection correction_;
     const Protocol protocol_;
+    const bool with_parts_;
+    std::optional<RenderQueue> renders_;
     PpispState before_;  ///< the backend's own state while it is changed
     std::optional<ColourMap> common_;
 };
 
-/// Renders base and residual, writes them where pictures are wanted, and returns the residual's mean.
-double decompose(Backend& backend, const View& view, int index, const Vec3<float>& background,
-                 const EvalOptions& options) {
+/// Takes base and residual of a view, writes them where pictures are wanted, and returns the residual's mean.
+double decompose(Renderer& renderer, int index, const EvalOptions& options) {
     double residual_mean = 0;
     for (const auto& [mode, name] : kPictureParts) {
         if (mode == RenderMode::kFull) continue;
-        RenderedImage image;
-        backend.render(part_request(camera_params(view.camera), background, mode, view_isp(view, options.correction)),
-                       image);
+        const RenderedImage image = renderer.part();
         if (mode == RenderMode::kResidualOnly) residual_mean = mean_value(image);
         if (!options.run_folder.empty())
             write_image(RunFolder{options.run_folder}.picture_part(options.split, options.iteration, name, index),
@@ -143,8 +152,9 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
             fmt::format("there are no {} views to evaluate; --eval holds some out when training", options.split));
     EvalResult result;
     if (options.decompose) result.residual_mean = 0;
-    Renderer renderer(backend, background, options.correction, options.protocol);
+    Renderer renderer(backend, background, options.correction, options.protocol, options.decompose);
     renderer.align(views);
+    renderer.begin(views);
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Pair pair = renderer.pair(views[i]);
         result.views.push_back({views[i].name, psnr(pair.render, pair.truth),
@@ -153,7 +163,7 @@ EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, cons
         for (const Metric& metric : options.metrics)
             score.scores[metric.info.key] = metric.compute(pair.render, pair.truth);
         if (options.decompose) {
-            score.residual_mean = decompose(backend, views[i], int(i), background, options);
+            score.residual_mean = decompose(renderer, int(i), options);
             *result.residual_mean += *score.residual_mean / double(views.size());
         }
         result.psnr += score.psnr / double(views.size());
@@ -175,9 +185,12 @@ void write_comparison(const std::filesystem::path& path, Backend& backend, const
     std::vector<Pair> pairs;
     Renderer renderer(backend, background, correction, protocols().front());  // a protocol of 8 bits
     renderer.align(views);
+    std::vector<View> some;
+    for (int i = 0; i < count; ++i) some.push_back(views[std::size_t(i) * views.size() / std::size_t(count)]);
+    renderer.begin(some);
     Image sheet{0, 0, 3, {}, {}};
-    for (int i = 0; i < count; ++i) {
-        pairs.push_back(renderer.pair(views[std::size_t(i) * views.size() / std::size_t(count)]));
+    for (const View& view : some) {
+        pairs.push_back(renderer.pair(view));
         sheet.width = std::max(sheet.width, 2 * pairs.back().truth.width);
         sheet.height += pairs.back().truth.height;
     }

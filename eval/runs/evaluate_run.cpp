@@ -4,11 +4,58 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+#include <cstdio>
+#include <optional>
+#include <set>
+
 #include "eval/bench/bench.h"
+#include "lib/core/input_file.h"
 #include "lib/core/log.h"
+#include "lib/io/temporary.h"
 #include "lib/train/scene_options.h"
 
 namespace gs {
+
+namespace fs = std::filesystem;
+namespace {
+
+/// The pictures of an evaluation on their way to their folder, which stays as it was until all are there.
+class NewPictures {
+  public:
+    NewPictures(const fs::path& folder, const std::string& split) : folder_(folder) {
+        for (fs::path at = folder_; !at.empty() && !path_exists(at); at = at.parent_path()) missing_.push_back(at);
+        work_.emplace(folder_ / split);
+    }
+    ~NewPictures() {
+        work_.reset();
+        std::error_code ignored;  // only empty folders are removed: nothing came of them
+        for (const fs::path& made : missing_) fs::remove(made, ignored);
+    }
+    NewPictures(const NewPictures&) = delete;
+    NewPictures& operator=(const NewPictures&) = delete;
+
+    const fs::path& path() const { return work_->path(); }
+
+    /// Moves the pictures to their places. Throws DataError.
+    void commit() {
+        std::set<fs::path> changed;
+        for (const auto& entry : fs::recursive_directory_iterator(path())) {
+            if (!entry.is_regular_file()) continue;
+            const fs::path target = folder_ / entry.path().lexically_relative(path());
+            if (changed.insert(target.parent_path()).second) create_folders(target.parent_path(), target);
+            if (std::rename(entry.path().c_str(), target.c_str()) != 0) fail_to_write("replace", target, errno);
+        }
+        for (const fs::path& part : changed) sync_folder(part, part);
+    }
+
+  private:
+    const fs::path folder_;
+    std::vector<fs::path> missing_;  ///< the folder and those above it that did not exist
+    std::optional<WorkFolder> work_;
+};
+
+}  // namespace
 
 std::filesystem::path results_folder(const std::filesystem::path& run, const std::string& source) {
     return source.empty() ? run : run / ("on-" + scene_name(source));
@@ -21,7 +68,13 @@ EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rou
         is_point_cloud(run.folder) ? folder : fmt::format("{}: iteration {}", folder, run.iteration);
     log_info("{}, {} Gaussians, {} test views of {}, photometric correction: {}", model, run.backend->count(),
              run.scene.test.size(), run.options.source, correction_name(options.correction.mode));
-    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, options);
+    std::optional<NewPictures> pictures;
+    EvalOptions own = options;
+    if (!options.run_folder.empty()) {
+        pictures.emplace(options.run_folder, options.split);
+        own.run_folder = pictures->path();
+    }
+    const EvalResult result = evaluate_views(*run.backend, run.scene.test, run.background, own);
     if (result.residual_mean) log_info("{}: mean of the residual pictures {:.4f}", folder, *result.residual_mean);
     for (const auto& [key, score] : result.scores) {
         if (!score.value) log_warning("{}: {} {}", folder, key, score.reason);
@@ -29,6 +82,7 @@ EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rou
     RunFacts facts = run_facts(run.options, run.scene, run.background, *run.backend);
     if (frame_rounds > 0)
         facts.frame_seconds = frame_seconds(*run.backend, run.scene.test, run.background, frame_rounds);
+    if (pictures) pictures->commit();
     write_results(RunFolder{results}, options, result, facts);
     return result;
 }

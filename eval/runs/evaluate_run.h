@@ -15,7 +15,8 @@ std::filesystem::path results_folder(const std::filesystem::path& run, const std
 
 /// Scores the test views of `run` as `options` say (evaluate_views) and writes results.json and per_view.json to
 /// `results`, with the mean frame time over `frame_rounds` rounds through the views unless that is 0. Says
-/// in the log what could not be measured. Throws what evaluate_views and write_results throw.
+/// in the log what could not be measured. Pictures and results appear when all are there. Throws what evaluate_views
+/// and write_results throw.
 EvalResult evaluate_run(SavedRun& run, const EvalOptions& options, int frame_rounds,
                         const std::filesystem::path& results);
 

@@ -9,6 +9,7 @@
 #include "eval/runs/depth_colors.h"
 #include "eval/runs/frame_folder.h"
 #include "eval/runs/geometry_renderer.h"
+#include "eval/runs/render_queue.h"
 #include "kernels/core/error.h"
 #include "lib/core/interrupt.h"
 #include "lib/io/atomic_file.h"
@@ -94,14 +95,20 @@ void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorre
     std::unique_ptr<GeometryRenderer> geometry;
     if (parts.depth || parts.normals) geometry = std::make_unique<GeometryRenderer>(run);
     DepthRangeFinder range;
+    std::vector<RenderRequest> requests;
+    for (const View& view : views)
+        for (const auto& [mode, name] : kPictureParts)
+            if (parts.decompose || mode == RenderMode::kFull)
+                requests.push_back(
+                    part_request(camera_params(view.camera), run.background, mode, view_isp(view, correction)));
+    RenderQueue renders(*run.backend, std::move(requests));
     RenderedImage image;
     for (std::size_t i = 0; i < views.size(); ++i) {
         if (interrupted()) throw Interrupted(fmt::format("stopped after {} of {} pictures", i, views.size()));
         const Camera& camera = views[i].camera;
         for (const auto& [mode, name] : kPictureParts) {
             if (!parts.decompose && mode != RenderMode::kFull) continue;
-            run.backend->render(
-                part_request(camera_params(camera), run.background, mode, view_isp(views[i], correction)), image);
+            image = renders.next();
             write_image(folder / (parts.decompose ? name : "") / frame_name(i, "png"), quantized_render(image));
         }
         if (parts.alpha) {

@@ -22,6 +22,7 @@
 #include "lib/model/run_folder.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
+#include "lib/train/sharded_backend.h"
 
 namespace gs {
 
@@ -142,7 +143,13 @@ SavedRun open_saved_run(const fs::path& run_folder, std::optional<std::int64_t> 
     }
     run.iteration = model.iteration;
     run.correction = model.correction;
-    run.backend = choose_backend(run.options.device, model.state.appearance, backend_options(run.options));
+    const BackendOptions backend = backend_options(run.options);
+    if (instead.team) {
+        run.backend = make_sharded_backend(instead.team, run.options.device, model.state.appearance, backend);
+        log_info("device: {}", run.backend->describe());
+    } else {
+        run.backend = choose_backend(run.options.device, model.state.appearance, backend);
+    }
     run.backend->upload(model.state);
     run.background = run.options.background.color;
     return run;

@@ -10,6 +10,7 @@
 #include "eval/runs/results.h"
 #include "kernels/backend.h"
 #include "lib/core/train_options.h"
+#include "lib/ranks/rank_team.h"
 #include "lib/scene/scene.h"
 
 namespace gs {
@@ -57,7 +58,8 @@ struct RunChanges {
     /// The options of point clouds without a run, which are refused where this is empty. `source` and `device` of this
     /// struct count for them, too.
     std::optional<TrainOptions> point_cloud = {};
-    bool needs_scene = true;  ///< whether a point cloud without a run is refused where no source is named
+    RankTeam* team = nullptr;  ///< ranks that hold the model's rows; null: this process alone
+    bool needs_scene = true;   ///< whether a point cloud without a run is refused where no source is named
 };
 
 /// Returns the options of a run with the changes, those of `instead` for a point cloud without a run. Throws UsageError

@@ -3,15 +3,37 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <type_traits>
 #include <vector>
 
+#include "kernels/core/clock.h"
+
 namespace gs {
 
 using Bytes = std::span<std::byte>;
 using ConstBytes = std::span<const std::byte>;
+
+/// What a rank has exchanged with others. Counts what is handed to the connection and what it delivers, without the
+/// headers that TCP and Gloo add.
+struct Traffic {
+    double sent = 0, received = 0;  ///< bytes
+    std::int64_t messages = 0;      ///< sent or received
+    std::int64_t exchanges = 0;     ///< calls of exchange()
+    double seconds = 0;             ///< in these, waiting for other ranks included
+
+    Traffic operator-(const Traffic& before) const {
+        return {sent - before.sent, received - before.received, messages - before.messages,
+                exchanges - before.exchanges, seconds - before.seconds};
+    }
+    Traffic& operator+=(const Traffic& more) {
+        sent += more.sent, received += more.received, messages += more.messages;
+        exchanges += more.exchanges, seconds += more.seconds;
+        return *this;
+    }
+};
 
 /// Connects all ranks with each other. Calls wait for what they need from other ranks, and throw DeviceError when one
 /// of these is lost.
@@ -23,7 +45,19 @@ class Communicator {
 
     /// Sends out[r] to rank r and receives in[r] from it, for all r at once, its own included. What one rank sends and
     /// what the other expects must have the same size; nothing is sent where that is 0.
-    virtual void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) = 0;
+    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) {
+        const double start = seconds_now();
+        transfer(out, in);
+        for (std::size_t r = 0; r < out.size(); ++r) {
+            if (int(r) == rank_) continue;
+            traffic_.sent += double(out[r].size()), traffic_.received += double(in[r].size());
+            traffic_.messages += int(!out[r].empty()) + int(!in[r].empty());
+        }
+        ++traffic_.exchanges;
+        traffic_.seconds += seconds_now() - start;
+    }
+    /// Returns what was exchanged since the beginning.
+    const Traffic& traffic() const { return traffic_; }
     /// Makes the call that waits, and all that follow, throw. May be called from any thread.
     virtual void abort() = 0;
 
@@ -31,17 +65,23 @@ class Communicator {
     Communicator(int rank, int size) : rank_(rank), size_(size) {}
 
   private:
+    /// Does what exchange() says.
+    virtual void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) = 0;
+
     int rank_, size_;
+    Traffic traffic_;
 };
 
 /// The only rank of a training on one device.
 class SingleRank final : public Communicator {
   public:
     SingleRank() : Communicator(0, 1) {}
-    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+    void abort() override {}
+
+  private:
+    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
         if (!out[0].empty()) std::memcpy(in[0].data(), out[0].data(), out[0].size());
     }
-    void abort() override {}
 };
 
 template <class T> ConstBytes bytes_of(const std::vector<T>& values) {

@@ -40,7 +40,16 @@ class GlooCommunicator final : public Communicator {
     GlooCommunicator(std::shared_ptr<gloo::Context> context, int rank, int size)
         : Communicator(rank, size), context_(std::move(context)) {}
 
-    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+    void abort() override {
+        const std::lock_guard lock(mutex_);
+        aborted_ = true;
+        if (!waits_for_) return;
+        waits_for_->abortWaitSend();
+        waits_for_->abortWaitRecv();
+    }
+
+  private:
+    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
         {
             const std::lock_guard lock(mutex_);
             if (aborted_) throw DeviceError(kEnded);  // nothing is sent that nobody expects
@@ -69,15 +78,6 @@ class GlooCommunicator final : public Communicator {
         }
     }
 
-    void abort() override {
-        const std::lock_guard lock(mutex_);
-        aborted_ = true;
-        if (!waits_for_) return;
-        waits_for_->abortWaitSend();
-        waits_for_->abortWaitRecv();
-    }
-
-  private:
     template <class Wait> void wait_for(Buffer& buffer, Wait&& wait) {
         const Waiting waiting(*this, buffer);
         if (!wait(buffer)) throw DeviceError(kEnded);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
@@ -23,10 +24,10 @@ Shard& shard_of(Backend& backend) {
 /// Nothing, for views whose splats have no sums.
 struct NoSums {};
 
-std::vector<CameraParams<float>> cameras_of(const std::vector<StepRequest>& views) {
-    std::vector<CameraParams<float>> cameras;
-    for (const StepRequest& view : views) cameras.push_back(view.camera);
-    return cameras;
+std::vector<ShownView> shown(const std::vector<StepRequest>& steps) {
+    std::vector<ShownView> views;
+    for (const StepRequest& step : steps) views.push_back({step.camera});
+    return views;
 }
 
 }  // namespace
@@ -34,32 +35,21 @@ std::vector<CameraParams<float>> cameras_of(const std::vector<StepRequest>& view
 RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targets)
     : ranks_(ranks), backend_(backend), shard_(shard_of(backend)), targets_(std::move(targets)) {}
 
-template <class Out, class In> void RankWorker::exchange(const Out& out, const In& in) {
-    const double start = seconds_now();
-    for (std::size_t r = 0; r < out.size(); ++r)
-        if (int(r) != ranks_.rank()) costs_.bytes += double(out[r].size());
-    ranks_.exchange(out, in);
-    costs_.waiting_seconds += seconds_now() - start;
-}
-
 void RankWorker::bring_target(StepRequest& request) const {
     if (!request.target.u8 && !request.target.f32) request.target = targets_(request);
 }
 
 template <class Sum, class Fn>
-void RankWorker::render_views(const std::vector<CameraParams<float>>& cameras, RenderMode mode,
-                              std::vector<std::vector<Sum>>& sums, Fn&& view) {
-    const std::size_t num_views = cameras.size(), num_ranks = std::size_t(ranks_.size());
+void RankWorker::render_views(const std::vector<ShownView>& views, std::vector<std::vector<Sum>>& sums, Fn&& view) {
+    const std::size_t num_views = views.size(), num_ranks = std::size_t(ranks_.size());
     projected_.resize(std::max(projected_.size(), num_views));
     sums.resize(num_views);
     std::vector<std::int64_t> own_counts(num_views);
     for (std::size_t k = 0; k < num_views; ++k) {
-        shard_.project(cameras[k], mode, projected_[k]);
+        shard_.project(views[k].camera, views[k].mode, projected_[k]);
         own_counts[k] = std::int64_t(projected_[k].splats.size());
     }
-    const double start = seconds_now();
     const auto counts = all_gather(ranks_, own_counts);  // by rank, by view
-    costs_.waiting_seconds += seconds_now() - start;
     for (std::size_t first = 0; first < num_views; first += num_ranks) {
         const std::size_t mine = first + std::size_t(ranks_.rank());
         const bool renders = mine < num_views;
@@ -68,15 +58,18 @@ void RankWorker::render_views(const std::vector<CameraParams<float>>& cameras, R
         std::vector<std::size_t> begin(num_ranks + 1, 0);  // of each rank's splats in splats_
         for (std::size_t r = 0; r < num_ranks; ++r) {
             begin[r + 1] = begin[r] + (renders ? std::size_t(counts[r][mine]) : 0);
-            if (first + r < num_views) out[r] = bytes_of(projected_[first + r].splats);
+            if (first + r >= num_views) continue;
+            out[r] = bytes_of(projected_[first + r].splats);
+            if (int(r) != ranks_.rank()) splats_sent_ += double(projected_[first + r].splats.size());
         }
         splats_.resize(begin[num_ranks]);
         const auto part = [&](auto& values, std::size_t r) {
             return std::span(values).subspan(begin[r], begin[r + 1] - begin[r]);
         };
         for (std::size_t r = 0; r < num_ranks; ++r) in[r] = std::as_writable_bytes(part(splats_, r));
-        exchange(out, in);
+        ranks_.exchange(out, in);
         if constexpr (std::is_same_v<Sum, NoSums>) {
+            order_by_rows(first, num_views, begin);
             if (renders) view(mine);
         } else {
             std::vector<Sum> computed;
@@ -89,9 +82,39 @@ void RankWorker::render_views(const std::vector<CameraParams<float>>& cameras, R
                 sums[first + r].resize(projected_[first + r].splats.size());
                 in[r] = room_of(sums[first + r]);
             }
-            exchange(out, in);
+            ranks_.exchange(out, in);
         }
     }
+}
+
+void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views, const std::vector<std::size_t>& begin) {
+    const std::size_t num_ranks = std::size_t(ranks_.size());
+    if (num_ranks == 1) return;
+    std::vector<std::uint32_t> rows(splats_.size());
+    std::vector<ConstBytes> out(num_ranks);
+    std::vector<Bytes> in(num_ranks);
+    for (std::size_t r = 0; r < num_ranks; ++r) {
+        if (first_view + r < num_views) out[r] = bytes_of(projected_[first_view + r].rows);
+        in[r] = std::as_writable_bytes(std::span(rows).subspan(begin[r], begin[r + 1] - begin[r]));
+    }
+    ranks_.exchange(out, in);
+    // The order of row_order: with a residual or without, row, rank. Those of each rank are in it.
+    struct Place {
+        bool plain;
+        std::uint32_t row, rank, at;
+        auto operator<=>(const Place&) const = default;
+    };
+    std::vector<Place> places(rows.size());
+    for (std::size_t r = 0; r < num_ranks; ++r)
+        for (std::size_t i = begin[r]; i < begin[r + 1]; ++i)
+            places[i] = {rows[i] >= rows_[r].num_residuals, rows[i], std::uint32_t(r), std::uint32_t(i)};
+    const auto at = [&](std::size_t rank) { return places.begin() + std::ptrdiff_t(begin[std::min(rank, num_ranks)]); };
+    for (std::size_t merged = 1; merged < num_ranks; merged *= 2)
+        for (std::size_t r = 0; r < num_ranks; r += 2 * merged)
+            std::inplace_merge(at(r), at(r + merged), at(r + 2 * merged));
+    ordered_.clear();
+    for (const Place& place : places) ordered_.push_back(splats_[place.at]);
+    splats_.swap(ordered_);
 }
 
 void RankWorker::upload(const Gaussians& part) {
@@ -131,19 +154,40 @@ std::vector<Gaussians> RankWorker::download(bool with_moments) {
     return parts;
 }
 
-void RankWorker::render(const RenderRequest& request, RenderedImage& out) {
+void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
+    std::vector<ShownView> show;
+    for (const RenderRequest& view : views) show.push_back({view.camera, view.mode});
     std::vector<std::vector<NoSums>> none;
-    render_views({request.camera}, request.mode, none,
-                 [&](std::size_t) { shard_.render_splats(splats_, request, out); });
+    std::vector<RenderedImage> own;
+    std::vector<RenderedImage>& images = ranks_.rank() == 0 ? out : own;
+    images.resize(views.size());
+    render_views(show, none, [&](std::size_t k) { shard_.render_splats(splats_, views[k], images[k]); });
+    const std::size_t num_ranks = std::size_t(ranks_.size());
+    for (std::size_t first = 0; num_ranks > 1 && first < views.size(); first += num_ranks) {
+        for (std::vector<float> RenderedImage::*plane : {&RenderedImage::rgb, &RenderedImage::alpha}) {
+            std::vector<ConstBytes> send(num_ranks);
+            std::vector<Bytes> receive(num_ranks);
+            const std::size_t end = std::min(first + num_ranks, views.size());
+            for (std::size_t k = first; ranks_.rank() == 0 && k < end; ++k) {
+                if (k == first) continue;  // is here
+                const CameraParams<float>& camera = views[k].camera;
+                images[k].width = camera.width, images[k].height = camera.height;
+                const std::size_t channels = plane == &RenderedImage::rgb ? 3 : 1;
+                (images[k].*plane).resize(channels * std::size_t(camera.width) * std::size_t(camera.height));
+                receive[k - first] = room_of(images[k].*plane);
+            }
+            if (const std::size_t mine = first + std::size_t(ranks_.rank()); ranks_.rank() > 0 && mine < end)
+                send[0] = bytes_of(images[mine].*plane);
+            ranks_.exchange(send, receive);
+        }
+    }
 }
 
 StepStats RankWorker::step(std::vector<StepRequest> views) {
-    const double start = seconds_now();
-    const RankCosts before = std::exchange(costs_, {});  // without what was exchanged for other calls since
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
     std::vector<float> isp_gradient(isp_size_, 0.0f);
-    render_views(cameras_of(views), RenderMode::kFull, sums_, [&](std::size_t k, auto& sums) {
+    render_views(shown(views), sums_, [&](std::size_t k, auto& sums) {
         bring_target(views[k]);
         losses[k] = shard_.loss_of_splats(splats_, views[k], sums, isp_gradient);
     });
@@ -170,23 +214,26 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         shard_.update_common(views, shared, isp_gradient);
         stats.num_nonfinite_gradients += shard_.take_nonfinite();  // on all ranks the same
     }
-    const RankCosts now = std::exchange(costs_, before);
-    costs_.bytes += now.bytes, costs_.waiting_seconds += now.waiting_seconds;
-    costs_.seconds += seconds_now() - start;
-    ++costs_.steps;
     return stats;
+}
+
+void RankWorker::count_step(const Mark& begin) {
+    ++costs_.steps;
+    costs_.seconds += seconds_now() - begin.seconds;
+    costs_.cpu_seconds += cpu_seconds() - begin.cpu_seconds;
+    costs_.traffic += ranks_.traffic() - begin.traffic;
+    costs_.splats_sent += splats_sent_ - begin.splats_sent;
 }
 
 void RankWorker::distill(const StepRequest& request) {
     std::vector<std::vector<NoSums>> none;
-    render_views({request.camera}, RenderMode::kFull, none,
-                 [&](std::size_t) { shard_.distill_splats(splats_, request); });
+    render_views({{request.camera}}, none, [&](std::size_t) { shard_.distill_splats(splats_, request); });
 }
 
 double RankWorker::squared_error(const StepRequest& request) {
     std::vector<std::vector<NoSums>> none;
     double error = 0;
-    render_views({request.camera}, RenderMode::kFull, none,
+    render_views({{request.camera}}, none,
                  [&](std::size_t) { error = shard_.squared_error_of_splats(splats_, request); });
     return error;
 }
@@ -197,9 +244,9 @@ std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
     std::vector<std::vector<double>> sums;
     for (std::size_t first = 0; first < views.size(); first += batch) {
         const std::size_t size = std::min(batch, views.size() - first);
-        std::vector<CameraParams<float>> cameras;
-        for (std::size_t k = 0; k < size; ++k) cameras.push_back(views[first + k].camera);
-        render_views(cameras, RenderMode::kFull, sums, [&](std::size_t k, auto& of_view) {
+        std::vector<ShownView> some;
+        for (std::size_t k = 0; k < size; ++k) some.push_back({views[first + k].camera});
+        render_views(some, sums, [&](std::size_t k, auto& of_view) {
             shard_.scores_of_splats(splats_, views[first + k], of_view);
         });
         for (std::size_t k = 0; k < size; ++k)
@@ -208,15 +255,14 @@ std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
     return {totals.begin(), totals.end()};
 }
 
-ResidualScores RankWorker::residual_scores(const std::vector<StepRequest>& views,
-                                           const std::function<TargetImage(std::size_t view)>& target) {
+ResidualScores RankWorker::residual_scores(std::size_t num_views,
+                                           const std::function<std::vector<StepRequest>(std::size_t first)>& batch_on) {
     std::vector<ResidualSums> totals(std::size_t(backend_.num_residuals()), ResidualSums{});
-    const std::size_t batch = std::size_t(ranks_.size());
     std::vector<std::vector<ResidualSplatSums>> sums;
-    for (std::size_t first = 0; first < views.size(); first += batch) {
-        std::vector<StepRequest> some(views.begin() + first, views.begin() + std::min(views.size(), first + batch));
-        render_views(cameras_of(some), RenderMode::kFull, sums, [&](std::size_t k, auto& of_view) {
-            some[k].target = target(first + k);
+    for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
+        std::vector<StepRequest> some = batch_on(first);
+        render_views(shown(some), sums, [&](std::size_t k, auto& of_view) {
+            bring_target(some[k]);
             shard_.residuals_of_splats(splats_, some[k], of_view);
         });
         for (std::size_t k = 0; k < some.size(); ++k) shard_.add_residual_sums(projected_[k], sums[k], totals);

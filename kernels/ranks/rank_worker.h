@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "kernels/backend.h"
+#include "kernels/core/process_use.h"
 #include "kernels/ranks/communicator.h"
 #include "kernels/ranks/dealt_rows.h"
 #include "kernels/ranks/shard.h"
@@ -20,8 +21,15 @@ using TargetSource = std::function<TargetImage(const StepRequest& request)>;
 struct RankCosts {
     std::int64_t steps = 0;
     double seconds = 0;
-    double waiting_seconds = 0;  ///< part of these spent in exchanges, where a rank also waits for slower ones
-    double bytes = 0;            ///< of splats and of their gradients, sent to other ranks
+    double cpu_seconds = 0;  ///< of all threads of the process
+    Traffic traffic;         ///< of these steps, the commands of rank 0 included
+    double splats_sent = 0;
+};
+
+/// A view as the Gaussians are projected for it.
+struct ShownView {
+    CameraParams<float> camera;
+    RenderMode mode = RenderMode::kFull;
 };
 
 class RankWorker {
@@ -36,8 +44,9 @@ class RankWorker {
     void upload_ppisp(const PpispState& state);
     /// Returns the parts of all ranks on rank 0, and nothing on the others.
     std::vector<Gaussians> download(bool with_moments);
-    /// Renders a view on rank 0; `out` is left alone on the others.
-    void render(const RenderRequest& request, RenderedImage& out);
+    /// Renders views, view k on rank k modulo their number, and brings the images to rank 0; `out` is left alone on the
+    /// others. The images are those that one rank would render, to the bit.
+    void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out);
     /// Takes a step; view k is rendered by rank k modulo their number. Returns the statistics of this step alone.
     StepStats step(std::vector<StepRequest> views);
     /// Trains a controller on rank 0.
@@ -46,10 +55,11 @@ class RankWorker {
     double squared_error(const StepRequest& request);
     /// Returns the scores of the rank's Gaussians.
     std::vector<float> scores(const std::vector<RenderRequest>& views);
-    /// Returns what the residuals of the rank's Gaussians are worth to `views`. target(k) brings the image of view k,
-    /// which stays valid until the next call.
-    ResidualScores residual_scores(const std::vector<StepRequest>& views,
-                                   const std::function<TargetImage(std::size_t view)>& target);
+    /// Returns what the residuals of the rank's Gaussians are worth to `num_views` views. batch_on(first) returns the
+    /// steps on as many views as there are ranks, or on the last ones, from `first` on; it may return them without
+    /// pixels.
+    ResidualScores residual_scores(std::size_t num_views,
+                                   const std::function<std::vector<StepRequest>(std::size_t first)>& batch_on);
     /// Applies the rule of `request` to the rank's Gaussians, of which each rank may then have `shares[rank]`.
     DensifyStats densify(DensifyRequest request, const std::vector<std::int64_t>& shares);
 
@@ -64,17 +74,27 @@ class RankWorker {
     /// Returns the values of the rank's rows. Rank 0 gives one per row of the whole model, others nothing.
     std::vector<std::uint8_t> scatter_rows(const std::vector<std::uint8_t>& values);
 
+    /// The costs of a rank up to the beginning of a step.
+    struct Mark {
+        double seconds, cpu_seconds;
+        Traffic traffic;
+        double splats_sent;
+    };
+    Mark mark() const { return {seconds_now(), cpu_seconds(), ranks_.traffic(), splats_sent_}; }
+    /// Counts what a step has cost since `begin`.
+    void count_step(const Mark& begin);
     RankCosts take_costs() { return std::exchange(costs_, {}); }
     Backend& backend() { return backend_; }
 
   private:
-    /// Projects `cameras` and calls view(k) on the rank that renders view k, when its splats are in splats_. `sums` are
+    /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. `sums` are
     /// per view, and view(k) fills sums_of_view for splats_. Afterwards `sums[k]` has those of the splats in
-    /// projected_[k].
+    /// projected_[k]. Views without sums have their splats in the order of the whole model's rows, the others by rank.
     template <class Sum, class Fn>
-    void render_views(const std::vector<CameraParams<float>>& cameras, RenderMode mode,
-                      std::vector<std::vector<Sum>>& sums, Fn&& view);
-    template <class Out, class In> void exchange(const Out& out, const In& in);
+    void render_views(const std::vector<ShownView>& views, std::vector<std::vector<Sum>>& sums, Fn&& view);
+    /// Sorts splats_, of which those of rank r begin at begin[r], by their rows in the whole model. All ranks call it,
+    /// with the view that each of the ranks from 0 on renders.
+    void order_by_rows(std::size_t first_view, std::size_t num_views, const std::vector<std::size_t>& begin);
     void bring_target(StepRequest& request) const;
 
     Communicator& ranks_;
@@ -87,6 +107,8 @@ class RankWorker {
     std::vector<ProjectedView> projected_;             ///< per view: the rank's splats
     std::vector<WireSplat> splats_;                    ///< of the view that is rendered: those of all ranks, by rank
     std::vector<std::vector<SplatSums<float>>> sums_;  ///< per view: of projected_
+    std::vector<WireSplat> ordered_;                   ///< splats_ while they are sorted
+    double splats_sent_ = 0;                           ///< to other ranks, since the beginning
     RankCosts costs_;
 };
 

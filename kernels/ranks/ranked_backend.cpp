@@ -7,6 +7,7 @@
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
+#include "kernels/core/process_use.h"
 #include "kernels/densify/densify.h"
 #include "kernels/densify/mcmc_device.h"
 #include "kernels/densify/residual_handles.h"
@@ -32,7 +33,9 @@ enum class Call : std::uint32_t {
     kPruneNonFinite,
     kPruneInvisible,
     kPruneLowest,
-    kMortonSort
+    kMortonSort,
+    kReport,
+    kMeasureLink
 };
 
 /// By how much a rank may have more Gaussians than the mean before all are dealt anew. Fair samples of one model stay
@@ -67,6 +70,10 @@ DensifyStats densify_rows(Communicator& ranks, RankWorker& worker, const Densify
     }
     worker.count_rows();
     return all;
+}
+
+RankReport report(RankWorker& worker) {
+    return {worker.take_costs(), worker.backend().count(), worker.backend().memory().bytes, resident_bytes()};
 }
 
 /// Keeps the marked rows; `marks` is of the whole model on rank 0, empty on the others.
@@ -137,13 +144,22 @@ void RankedBackend::upload_ppisp(const PpispState& state) {
 }
 
 void RankedBackend::render(const RenderRequest& request, RenderedImage& out) {
-    together(message_of(Call::kRender).put(request), [&] { worker_.render(request, out); });
+    std::vector<RenderedImage> images(1);
+    std::swap(images[0], out);  // whose memory is used again
+    render_all({request}, images);
+    out = std::move(images[0]);
+}
+
+void RankedBackend::render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
+    together(message_of(Call::kRender).put(views), [&] { worker_.render(views, out); });
 }
 
 void RankedBackend::step_on(const std::vector<StepRequest>& views) {
     MessageWriter message = message_of(Call::kStep);
     put(message, views);
+    const RankWorker::Mark begin = worker_.mark();
     const StepStats one = together(message, [&] { return worker_.step(views); });
+    worker_.count_step(begin);
     stats_.loss = one.loss, stats_.l1 = one.l1, stats_.ssim = one.ssim, stats_.num_instances = one.num_instances;
     ++stats_.steps;
     stats_.num_nonfinite_gradients += one.num_nonfinite_gradients;
@@ -196,15 +212,20 @@ std::int64_t RankedBackend::num_residuals() const {
 
 ResidualScores RankedBackend::residual_scores(std::size_t num_views, const StepSource& step_on) {
     ResidualScores all;
-    std::vector<StepRequest> views;
-    for (std::size_t k = 0; k < num_views; ++k) {
-        views.push_back(step_on(k));
-        views.back().target.u8 = nullptr, views.back().target.f32 = nullptr;  // gone with the next call of step_on
-    }
-    MessageWriter message = message_of(Call::kResidualScores);
-    put(message, views);
-    together(message, [&] {
-        const ResidualScores own = worker_.residual_scores(views, [&](std::size_t k) { return step_on(k).target; });
+    const auto batch_on = [&](std::size_t first) {
+        std::vector<StepRequest> views(std::min(num_views - first, std::size_t(ranks_.size())));
+        // Rank 0 renders the first, whose pixels are gone with the next call of step_on.
+        for (std::size_t k = views.size(); k-- > 0;) {
+            views[k] = step_on(first + k);
+            if (k > 0) views[k].target.u8 = nullptr, views[k].target.f32 = nullptr;
+        }
+        MessageWriter message;
+        put(message, views);
+        send_to_others(ranks_, message);
+        return views;
+    };
+    together(message_of(Call::kResidualScores).put(std::uint64_t(num_views)), [&] {
+        const ResidualScores own = worker_.residual_scores(num_views, batch_on);
         all.worth = worker_.gather_rows_of_all(own.worth, 1);
         all.mean_base = worker_.gather_rows_of_all(own.mean_base, 3);
     });
@@ -253,6 +274,14 @@ void RankedBackend::morton_sort() {
     together(message_of(Call::kMortonSort), [&] { own_->morton_sort(); });
 }
 
+std::vector<RankReport> RankedBackend::take_reports() {
+    return together(message_of(Call::kReport), [&] { return all_gather(ranks_, report(worker_)); });
+}
+
+LinkSpeed RankedBackend::measure_connection() {
+    return together(message_of(Call::kMeasureLink), [&] { return measure_link(ranks_); });
+}
+
 double RankedBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
     RenderedImage image;
     double start = 0;
@@ -266,6 +295,7 @@ double RankedBackend::time_frames(const std::vector<RenderRequest>& views, int r
 void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) {
     RankWorker worker(ranks, backend, targets);
     while (true) {
+        const RankWorker::Mark begin = worker.mark();
         MessageReader message = receive_from_rank_0(ranks);
         switch (message.get<Call>()) {
             case Call::kEnd:
@@ -285,12 +315,15 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
                 worker.upload_ppisp(get_ppisp(message));
                 break;
             case Call::kRender: {
-                RenderedImage nowhere;
-                worker.render(message.get<RenderRequest>(), nowhere);
+                std::vector<RenderRequest> views;
+                std::vector<RenderedImage> nowhere;
+                message.get(views);
+                worker.render(views, nowhere);
                 break;
             }
             case Call::kStep:
                 worker.step(get_steps(message));
+                worker.count_step(begin);
                 break;
             case Call::kDistill:
                 worker.distill(get_step(message));
@@ -312,9 +345,10 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
                 break;
             }
             case Call::kResidualScores: {
-                const std::vector<StepRequest> views = get_steps(message);
-                const ResidualScores own =
-                    worker.residual_scores(views, [&](std::size_t k) { return targets(views[k]); });
+                const ResidualScores own = worker.residual_scores(message.get<std::uint64_t>(), [&](std::size_t) {
+                    MessageReader batch = receive_from_rank_0(ranks);
+                    return get_steps(batch);
+                });
                 worker.gather_rows_of_all(own.worth, 1);
                 worker.gather_rows_of_all(own.mean_base, 3);
                 break;
@@ -333,6 +367,12 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
                 break;
             case Call::kMortonSort:
                 backend.morton_sort();
+                break;
+            case Call::kReport:
+                all_gather(ranks, report(worker));
+                break;
+            case Call::kMeasureLink:
+                measure_link(ranks);
                 break;
         }
     }

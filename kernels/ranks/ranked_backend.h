@@ -6,10 +6,19 @@
 #include <memory>
 
 #include "kernels/backend.h"
+#include "kernels/ranks/link_speed.h"
 #include "kernels/ranks/message.h"
 #include "kernels/ranks/rank_worker.h"
 
 namespace gs {
+
+/// What a rank holds, and the costs of its steps since the last report.
+struct RankReport {
+    RankCosts costs;
+    std::int64_t rows = 0;
+    std::int64_t device_bytes = 0;    ///< Backend::memory(); 0 on the CPU
+    std::int64_t resident_bytes = 0;  ///< of the process, at the time of the report
+};
 
 class RankedBackend : public Backend, private BackendTimer {
   public:
@@ -28,6 +37,8 @@ class RankedBackend : public Backend, private BackendTimer {
     void upload_ppisp(const PpispState& state) override;
     PpispState download_ppisp() override { return own_->download_ppisp(); }
     void render(const RenderRequest& request, RenderedImage& out) override;
+    int views_at_once() const override { return ranks_.size(); }
+    void render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) override;
     void step(const StepRequest& request) override { step_on({request}); }
     void step_on(const std::vector<StepRequest>& views) override;
     void distill(const StepRequest& request) override;
@@ -45,8 +56,12 @@ class RankedBackend : public Backend, private BackendTimer {
     PruneStats prune(const PruneRequest& request) override;
     void morton_sort() override;
 
-    /// Returns rank 0's costs of the steps since the last call.
+    /// Returns rank 0's costs of the steps since the last call of this or of take_reports().
     RankCosts take_costs() { return worker_.take_costs(); }
+    /// Returns the reports of all ranks, by rank.
+    std::vector<RankReport> take_reports();
+    /// Measures the connection between the ranks (measure_link).
+    LinkSpeed measure_connection();
 
   private:
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override;

@@ -11,7 +11,9 @@
 #include <cstdlib>
 #include <functional>
 #include <mutex>
+#include <new>
 #include <optional>
+#include <sstream>
 #include <thread>
 #include <utility>
 
@@ -43,6 +45,14 @@ std::string host_name() {
     return name;
 }
 
+/// Returns what tells a job from others that meet at the same port.
+std::string job_of(const std::string& work, int size) {
+    std::string job = fmt::format("{} ranks: {}", size, work);
+    for (const char* name : {"SLURM_JOB_ID", "SLURM_STEP_ID", "TORCHELASTIC_RUN_ID"})
+        if (const char* value = environment(name)) job += fmt::format("\n{} {}", name, value);
+    return job;
+}
+
 /// Says of an error of the connection why it broke.
 class ExplainingCommunicator final : public Communicator {
   public:
@@ -50,7 +60,10 @@ class ExplainingCommunicator final : public Communicator {
         : Communicator(connection->rank(), connection->size()),
           connection_(std::move(connection)),
           reason_(std::move(reason)) {}
-    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
+    void abort() override { connection_->abort(); }
+
+  private:
+    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
         try {
             connection_->exchange(out, in);
         } catch (const DeviceError& e) {
@@ -59,9 +72,7 @@ class ExplainingCommunicator final : public Communicator {
             throw DeviceError(rank() == 0 ? e.what() : "the connection to rank 0 was lost");
         }
     }
-    void abort() override { connection_->abort(); }
 
-  private:
     const std::unique_ptr<Communicator> connection_;
     const std::function<std::string()> reason_;
 };
@@ -178,28 +189,29 @@ struct RankTeam::Implementation final : MeetingPlace {
     }
 };
 
-std::unique_ptr<RankTeam> RankTeam::join(int local_ranks) {
+std::unique_ptr<RankTeam> RankTeam::join(int local_ranks, const std::string& work) {
     const auto place = rank_place(environment);
     if (place && local_ranks > 1 && local_ranks != place->size)
         throw UsageError(fmt::format("option ranks: {} is not the number of processes that were started, which is {}",
                                      local_ranks, place->size));
     if (!place && local_ranks <= 1) return nullptr;
+    const std::string job = job_of(work, place ? place->size : local_ranks);
     auto team = std::make_unique<Implementation>();
     if (!place) {
         team->place = {0, local_ranks, 0, local_ranks, "127.0.0.1", 0};
         team->roster.emplace(local_ranks);
-        team->server.emplace(*team->roster, "127.0.0.1", 0);
+        team->server.emplace(*team->roster, "127.0.0.1", 0, job);
         team->processes.emplace(local_ranks, team->server->port());
     } else {
         team->place = *place;
         if (place->rank == 0) {
             team->roster.emplace(place->size);
-            team->server.emplace(*team->roster, "0.0.0.0", place->port);
+            team->server.emplace(*team->roster, "0.0.0.0", place->port, job);
         } else {
             end_with_rank_0();
             // Signals to all processes of a job are for rank 0, which ends the others when it has saved the model.
             for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_IGN);
-            team->client.emplace(place->rank, place->master, place->port);
+            team->client.emplace(place->rank, place->master, place->port, job);
             const std::string failure = team->client->report(host_name(), kLongestWait);
             if (!failure.empty()) throw DeviceError(failure);
         }
@@ -266,6 +278,30 @@ Communicator& RankTeam::communicator() {
     return *team.communicator;
 }
 
+void RankTeam::agree(const std::string& text) {
+    constexpr const char* kStarted = "options";
+    if (rank() == 0) return set(kStarted, text);
+    const std::string first = get(kStarted);
+    std::istringstream a(first), b(text);
+    for (std::string line_a, line_b; std::getline(a, line_a) && std::getline(b, line_b);)
+        if (line_a != line_b)
+            throw UsageError(fmt::format("it was started with '{}', rank 0 with '{}'", line_b, line_a));
+    if (first != text) throw UsageError("its options are not those of rank 0");
+}
+
+void RankTeam::follow(const std::function<void()>& part) {
+    try {
+        part();
+    } catch (const std::bad_alloc&) {
+        if (!fail("out of memory")) throw;
+        throw DeviceError("");
+    } catch (const std::exception& e) {
+        if (!fail(e.what())) throw;
+        throw DeviceError("");  // rank 0 says it
+    }
+}
+
+/// Tells why this rank ends. Returns false if rank 0 cannot be told.
 bool RankTeam::fail(const std::string& message) {
     try {
         implementation_->client->fail(fmt::format("rank {} on {}: {}", rank(), host_name(), message));

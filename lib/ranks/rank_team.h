@@ -2,6 +2,7 @@
 // The ranks of a training: finds or starts them, connects them, and ends them all when one is lost.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -13,9 +14,11 @@ namespace gs {
 class RankTeam {
   public:
     /// Joins the ranks that torchrun or Slurm started (rank_place), or else starts `local_ranks` - 1 processes beside
-    /// this one, which becomes rank 0. They get the same command line. Returns null for a process that trains alone.
-    /// Throws UsageError if both are asked for and differ, DeviceError when rank 0 cannot be reached.
-    static std::unique_ptr<RankTeam> join(int local_ranks);
+    /// this one, which becomes rank 0. They get the same command line. `work` says what they are started for, such as
+    /// the run folder: ranks that were started for something else, and meet at the same port, do not disturb these.
+    /// Returns null for a process that works alone. Throws UsageError if both are asked for and differ, DeviceError
+    /// when rank 0 cannot be reached.
+    static std::unique_ptr<RankTeam> join(int local_ranks, const std::string& work);
     /// Rank 0 tells the others that there is nothing more to do.
     ~RankTeam();
 
@@ -32,16 +35,22 @@ class RankTeam {
     /// went wrong, if it did, within kLongestSilence.
     Communicator& communicator();
 
-    /// On another rank than 0: tells why this rank ends. Returns false if rank 0 cannot be told.
-    bool fail(const std::string& message);
+    /// Makes sure that all ranks were started alike. Rank 0 shows `text`, a choice in each line. The others throw
+    /// UsageError naming the first line in which theirs differs.
+    void agree(const std::string& text);
+    /// On another rank than 0: calls part(), and tells rank 0 what goes wrong there, which prints it. Throws
+    /// DeviceError without a message then; what part() threw if rank 0 cannot be told.
+    void follow(const std::function<void()>& part);
 
   private:
+    bool fail(const std::string& message);
+
     struct Implementation;
     explicit RankTeam(std::unique_ptr<Implementation> implementation);
     std::unique_ptr<Implementation> implementation_;
 };
 
-/// The messages with which rank 0 begins and ends what the others do.
-enum class TeamCall : std::uint8_t { kTrain, kLeave };
+/// The messages with which rank 0 begins and ends what the others do: train a scene, hold rows of a model, or leave.
+enum class TeamCall : std::uint8_t { kTrain, kHold, kLeave };
 
 }  // namespace gs

@@ -22,10 +22,20 @@ constexpr double kWaitForValue = 2;
 constexpr int kNotYet = 404;
 /// The status of every answer after a failure, whose text is the answer.
 constexpr int kFailed = 410;
+/// The header by which a rank says of which job it is, and the status of every answer to one of another.
+constexpr const char* kJobHeader = "Gsapp-Job";
+constexpr int kOtherJob = 409;
 /// The seconds that rank 0 may take to answer.
 constexpr int kAnswerTime = 10;
 /// Between two tries to reach rank 0, which may still be starting.
 constexpr std::chrono::milliseconds kTryAgain(200);
+
+/// Returns a job's name as a header can hold it (64-bit FNV-1a).
+std::string job_number(const std::string& job) {
+    std::uint64_t hash = 0xcbf29ce484222325ull;
+    for (const char c : job) hash = (hash ^ std::uint8_t(c)) * 0x100000001b3ull;
+    return fmt::format("{:016x}", hash);
+}
 
 }  // namespace
 
@@ -87,7 +97,7 @@ struct RosterServer::Implementation {
     int port = 0;
 };
 
-RosterServer::RosterServer(Roster& roster, const std::string& address, int port)
+RosterServer::RosterServer(Roster& roster, const std::string& address, int port, const std::string& job)
     : implementation_(std::make_unique<Implementation>()) {
     httplib::Server& server = implementation_->server;
     const auto answer = [&roster](httplib::Response& response) {
@@ -99,6 +109,12 @@ RosterServer::RosterServer(Roster& roster, const std::string& address, int port)
     // Every rank may wait for a value while it also reports.
     const std::size_t threads = 2 * std::size_t(roster.size());
     server.new_task_queue = [threads] { return new httplib::ThreadPool(threads); };
+    server.set_pre_routing_handler(
+        [own = job_number(job)](const httplib::Request& request, httplib::Response& response) {
+            if (request.get_header_value(kJobHeader) == own) return httplib::Server::HandlerResponse::Unhandled;
+            response.status = kOtherJob;
+            return httplib::Server::HandlerResponse::Handled;
+        });
     server.Post("/value", [&roster, answer](const httplib::Request& request, httplib::Response& response) {
         roster.set(request.get_param_value("key"), {request.body.begin(), request.body.end()});
         answer(response);
@@ -137,6 +153,7 @@ struct RosterClient::Implementation {
     int rank;
     std::string master;
     int port;
+    std::string job;  ///< job_number
 
     /// Calls request(client) until there is an answer. Throws DeviceError when rank 0 is silent for too long.
     template <class Fn> httplib::Result ask(Fn&& request, double patience) const {
@@ -145,7 +162,14 @@ struct RosterClient::Implementation {
             httplib::Client client(master, port);  // one for each, so that threads can ask at once
             client.set_connection_timeout(kAnswerTime);
             client.set_read_timeout(kAnswerTime);
-            if (httplib::Result result = request(client)) return result;
+            client.set_default_headers({{kJobHeader, job}});
+            if (httplib::Result result = request(client)) {
+                if (result->status != kOtherJob) return result;
+                throw DeviceError(
+                    fmt::format("rank {} found another job at {} port {}: two jobs must not have the same MASTER_PORT "
+                                "there, and all ranks of one the same command",
+                                rank, master, port));
+            }
             if (seconds_now() - start > patience)
                 throw DeviceError(fmt::format("rank {} cannot reach rank 0 at {} port {}", rank, master, port));
             std::this_thread::sleep_for(kTryAgain);
@@ -153,8 +177,8 @@ struct RosterClient::Implementation {
     }
 };
 
-RosterClient::RosterClient(int rank, const std::string& master, int port)
-    : implementation_(std::make_unique<Implementation>(Implementation{rank, master, port})) {}
+RosterClient::RosterClient(int rank, const std::string& master, int port, const std::string& job)
+    : implementation_(std::make_unique<Implementation>(Implementation{rank, master, port, job_number(job)})) {}
 RosterClient::~RosterClient() = default;
 
 void RosterClient::set(const std::string& key, const std::vector<char>& value) {

@@ -52,8 +52,9 @@ class Roster {
 /// Serves a roster until it is destroyed.
 class RosterServer {
   public:
-    /// Binds `port` of `address`, or any free one for 0. Throws DeviceError if it is taken.
-    RosterServer(Roster& roster, const std::string& address, int port);
+    /// Binds `port` of `address`, or any free one for 0. Ranks of another `job`, which were given the same port, are
+    /// refused. Throws DeviceError if the port is taken.
+    RosterServer(Roster& roster, const std::string& address, int port, const std::string& job = "");
     ~RosterServer();
     int port() const;
 
@@ -62,10 +63,11 @@ class RosterServer {
     std::unique_ptr<Implementation> implementation_;
 };
 
-/// The roster as another rank sees it. All functions throw DeviceError when rank 0 cannot be reached.
+/// The roster as another rank sees it. All functions throw DeviceError when rank 0 cannot be reached, or is of another
+/// `job`.
 class RosterClient {
   public:
-    RosterClient(int rank, const std::string& master, int port);
+    RosterClient(int rank, const std::string& master, int port, const std::string& job = "");
     ~RosterClient();
 
     void set(const std::string& key, const std::vector<char>& value);

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
@@ -18,13 +17,13 @@
 #include "lib/core/version.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/scene_options.h"
+#include "lib/train/sharded_backend.h"
 #include "lib/train/target_image.h"
 #include "lib/train/training_views.h"
 
 namespace gs {
 namespace {
 
-constexpr const char* kOptionsKey = "options";
 /// The most views of a step, which is that of the option batch: steps end at multiples of kLogInterval.
 constexpr int kMostViewsOfStep = int(kLogInterval);
 
@@ -36,15 +35,6 @@ std::string agreed_text(const TrainOptions& options) {
     for (const Option& option : train_option_table())
         if (!own.contains(option.key)) text += "--" + option.key + " " + option_text(option, options) + "\n";
     return text;
-}
-
-/// Throws UsageError naming the first line in which two such texts differ.
-void require_agreement(const std::string& first, const std::string& own) {
-    std::istringstream a(first), b(own);
-    for (std::string line_a, line_b; std::getline(a, line_a) && std::getline(b, line_b);)
-        if (line_a != line_b)
-            throw UsageError(fmt::format("it was started with '{}', rank 0 with '{}'", line_b, line_a));
-    if (first != own) throw UsageError("its options are not those of rank 0");
 }
 
 /// The views that rank 0 trains on, by name and size.
@@ -80,9 +70,9 @@ class TeamBackend final : public RankedBackend {
     ~TeamBackend() override {
         constexpr double kMegabyte = 1e6;
         const RankCosts costs = take_costs();
-        if (costs.steps == 0 || costs.bytes == 0) return;
+        if (costs.steps == 0 || costs.traffic.sent == 0) return;
         log_info("ranks: rank 0 sent {:.2f} MB in a step and spent {:.0f} % of it in exchanges, waiting included",
-                 costs.bytes / double(costs.steps) / kMegabyte, 100 * costs.waiting_seconds / costs.seconds);
+                 costs.traffic.sent / double(costs.steps) / kMegabyte, 100 * costs.traffic.seconds / costs.seconds);
     }
 };
 
@@ -121,13 +111,7 @@ void require_ranks_possible(const TrainOptions& options, int ranks) {
                         ranks > 1 ? "ranks" : "batch"));
 }
 
-void show_options(RankTeam& team, const TrainOptions& options) { team.set(kOptionsKey, agreed_text(options)); }
-
-int threads_of_rank(const RankTeam& team, const TrainOptions& options) {
-    if (options.threads > 0) return options.threads;
-    set_num_threads(0);
-    return std::max(1, num_threads() / team.local_size());
-}
+void agree_on_options(RankTeam& team, const TrainOptions& options) { team.agree(agreed_text(options)); }
 
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options) {
@@ -147,9 +131,9 @@ std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions&
 }
 
 void follow_training(RankTeam& team, TrainOptions options) {
-    try {
-        require_agreement(team.get(kOptionsKey), agreed_text(options));
-        options.threads = threads_of_rank(team, options);
+    team.follow([&] {
+        agree_on_options(team, options);
+        options.threads = threads_of_rank(team, options.threads);
         set_num_threads(options.threads);
         SceneOptions choices = scene_options(options);
         choices.scores = false;
@@ -159,13 +143,7 @@ void follow_training(RankTeam& team, TrainOptions options) {
             if (message.get<TeamCall>() == TeamCall::kLeave) return;
             train_once(team, options, scene, std::move(message));
         }
-    } catch (const std::bad_alloc&) {
-        if (!team.fail("out of memory")) throw;
-        throw DeviceError("");
-    } catch (const std::exception& e) {
-        if (!team.fail(e.what())) throw;
-        throw DeviceError("");  // rank 0 says it
-    }
+    });
 }
 
 }  // namespace gs

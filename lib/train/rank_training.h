@@ -14,9 +14,8 @@ namespace gs {
 /// Throws UsageError for `ranks` above 1, or batches, on a GPU, where there are none yet.
 void require_ranks_possible(const TrainOptions& options, int ranks);
 
-/// Makes the other ranks tell if their build or their options are not those of this one: they must be given the same.
-/// Must be called by rank 0 before the others call follow_training.
-void show_options(RankTeam& team, const TrainOptions& options);
+/// Makes sure that all ranks have the same build and the same options (RankTeam::agree).
+void agree_on_options(RankTeam& team, const TrainOptions& options);
 
 /// Makes the backend of rank 0, which trains on options.batch views in a step. The other ranks, if there is a team,
 /// hold their parts of the model and read the images of `scene` that they render. All references must outlive the
@@ -27,8 +26,5 @@ std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions&
 /// Does the part of a rank other than 0 in one training after another until rank 0 ends. Throws DataError naming file
 /// or view, and UsageError naming the option in which it differs from rank 0; without a message where rank 0 prints it.
 void follow_training(RankTeam& team, TrainOptions options);
-
-/// Returns the CPU threads of one rank: as many as named, or its part of the machine.
-int threads_of_rank(const RankTeam& team, const TrainOptions& options);
 
 }  // namespace gs

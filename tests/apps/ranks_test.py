@@ -145,6 +145,23 @@ def free_port():
         return s.getsockname()[1]
 
 
+def two_jobs_at_one_port(program, root):
+    """A rank of another job that was given the same port goes by itself, and leaves the first job alone."""
+    port = str(free_port())
+
+    def start(rank, run):
+        environment = {**os.environ, "RANK": str(rank), "WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
+        return train(program, "-m", root / run, "--iterations", 20, env=environment)
+
+    first = start(0, "job-one")
+    code, _, err = finish(start(1, "job-two"))
+    check(code == 4 and "found another job" in err and err.count("error:") == 1, code, err)
+    check(first.poll() is None, "the first job still waits")
+    results = [finish(p) for p in (start(1, "job-one"), first)]
+    check([code for code, _, _ in results] == [0, 0], results)
+    check(not (root / "job-two").exists(), "nothing is written")
+
+
 def started_by_others(program, root):
     """The variables of torchrun; ranks that differ are found before the training."""
     def world(size, *different, local_size=None):
@@ -160,6 +177,7 @@ def started_by_others(program, root):
     results = world(2)
     check([code for code, _, _ in results] == [0, 0], results)
     check(results[1][1] == "" and results[1][2] == "", "only rank 0 speaks:", results[1])
+    two_jobs_at_one_port(program, root)
     results = world(3, local_size=1)
     check([code for code, _, _ in results] == [0, 0, 0], "ranks that take each other for other machines:", results)
     results = world(2, "--lambda-dssim", "0.3")

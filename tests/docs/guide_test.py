@@ -138,7 +138,8 @@ def shortened(words):
     if words[:2] == ["bench", "suite"] and "--appearances" not in words:
         out += ["--appearances", "none"]
     if words[:1] == ["bench"] and words[1:2] not in (["suite"], ["stability"]):
-        out += ["--device", "cpu", "--frame-repeat", "1"] + ([] if words[1:2] == ["frames"] else ["--repeat", "1"])
+        out += ["--device", "cpu"] + ([] if "--ranks" in words else ["--frame-repeat", "1"])
+        out += [] if words[1:2] == ["frames"] else ["--repeat", "1"]
     return out
 
 

@@ -8,6 +8,7 @@
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
 #include "kernels/model/adam_device.h"
+#include "kernels/ranks/messages.h"
 #include "tests/kernels/random_scene.h"
 #include "tests/kernels/rank_threads.h"
 
@@ -253,6 +254,137 @@ TEST(Ranks, RenderAndScoreAsOne) {
             expect_near(residuals.worth, found.worth, 1e-4, "worth of residuals");
             expect_near(residuals.mean_base, found.mean_base, 1e-5, "mean bases");
             EXPECT_NEAR(backend.squared_error(views.step(2)), error, 1e-5 * error);
+        });
+    }
+}
+
+TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
+    Views views(some_model(), kRows, 90);
+    // Rows at the same place have the same depth, so that their order decides.
+    auto& means = views.model[Group::kMean].param;
+    for (std::int64_t i = 0; i < kRows; ++i) std::copy_n(&means[3 * (i % 7)], 3, &means[3 * i]);
+    std::vector<RenderRequest> requests(7);
+    for (std::size_t k = 0; k < requests.size(); ++k) {
+        requests[k].camera = views.cameras[k % kViews];
+        requests[k].mode = RenderMode(k % 3);
+        requests[k].background = {0.1f * float(k), 0.5f, 0};
+    }
+    const auto plain = make_cpu_backend(views.model.appearance);
+    plain->upload(views.model);
+    std::vector<RenderedImage> expected;
+    plain->render_all(requests, expected);
+    for (const int ranks : {1, 2, 3, 8}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            EXPECT_EQ(backend.views_at_once(), ranks);
+            backend.upload(views.model);
+            std::vector<RenderedImage> found;
+            backend.render_all(requests, found);
+            ASSERT_EQ(found.size(), expected.size());
+            for (std::size_t k = 0; k < found.size(); ++k) {
+                EXPECT_EQ(found[k].width, kWidth) << k;
+                EXPECT_EQ(found[k].height, kHeight) << k;
+                EXPECT_EQ(found[k].rgb, expected[k].rgb) << k;
+                EXPECT_EQ(found[k].alpha, expected[k].alpha) << k;
+            }
+        });
+    }
+}
+
+/// The bytes that each rank sends in steps on all views, as the formats of the messages say.
+std::vector<double> expected_bytes_sent(const Views& views, int ranks) {
+    constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kLoss = 32, kFloat = 4;
+    std::vector<std::vector<std::size_t>> shown;  // splats by rank, by view
+    for (int r = 0; r < ranks; ++r) {
+        const auto backend = make_cpu_backend(views.model.appearance);
+        backend->upload(dealt_part(views.model, ranks, r));
+        shown.emplace_back();
+        for (const auto& camera : views.cameras) {
+            ProjectedView projected;
+            backend->shard()->project(camera, RenderMode::kFull, projected);
+            shown.back().push_back(projected.splats.size());
+        }
+    }
+    MessageWriter steps;
+    put(steps, views.steps());
+    std::vector<double> sent;
+    for (int r = 0; r < ranks; ++r) {
+        std::size_t bytes = 0;
+        for (int view = 0; view < kViews; ++view)
+            for (int other = 0; other < ranks; ++other) {
+                if (other == r) continue;
+                if (view % ranks == other) bytes += kSplat * shown[std::size_t(r)][std::size_t(view)];
+                if (view % ranks == r) bytes += kSums * shown[std::size_t(other)][std::size_t(view)];
+            }
+        // To each other rank: how many splats each view has, the losses, how many gradients are not finite, and the
+        // gradient of PPISP.
+        std::size_t each = (kCount + kLoss) * kViews + kFloat + kFloat * views.model.ppisp.size();
+        if (r == 0) each += kLength + kCall + steps.bytes().size();
+        sent.push_back(double(bytes + std::size_t(ranks - 1) * each));
+    }
+    return sent;
+}
+
+TEST(Ranks, ExchangeWhatTheFormatsOfTheMessagesSay) {
+    constexpr int kSteps = 3;
+    for (const std::int64_t rows : {std::int64_t(0), std::int64_t(2), kRows}) {
+        const Views views(some_model(), rows);
+        for (const int ranks : {1, 2, 3}) {
+            SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(ranks) + " ranks");
+            const std::vector<double> expected = expected_bytes_sent(views, ranks);
+            with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+                std::vector<StepRequest> steps = views.steps();
+                for (StepRequest& step : steps)  // what is shown stays what it is
+                    std::fill_n(step.rates, kNumGroups, 0.0), step.isp_rate = 1e-9;
+                backend.upload(views.model);
+                backend.step_on(steps);
+                backend.take_reports();  // what came before does not count
+                for (int k = 0; k < kSteps; ++k) backend.step_on(steps);
+                const std::vector<RankReport> reports = backend.take_reports();
+                ASSERT_EQ(reports.size(), std::size_t(ranks));
+                double sent = 0, received = 0;
+                std::int64_t held = 0;
+                for (std::size_t r = 0; r < reports.size(); ++r) {
+                    const RankCosts& costs = reports[r].costs;
+                    EXPECT_EQ(costs.steps, kSteps);
+                    EXPECT_EQ(costs.traffic.sent, kSteps * expected[r]) << r;
+                    EXPECT_GT(costs.seconds, 0);
+                    EXPECT_GT(costs.cpu_seconds, 0);
+                    EXPECT_LE(costs.traffic.seconds, costs.seconds);
+                    EXPECT_GT(reports[r].resident_bytes, 1 << 20);
+                    sent += costs.traffic.sent, received += costs.traffic.received;
+                    held += reports[r].rows;
+                }
+                EXPECT_EQ(sent, received);
+                EXPECT_EQ(held, rows);
+                const LinkSpeed link = backend.measure_connection();
+                EXPECT_EQ(link.bytes_per_second > 0, ranks > 1);
+                EXPECT_EQ(link.latency_seconds > 0, ranks > 1);
+            });
+        }
+    }
+}
+
+TEST(Ranks, AskForEachImageOnce) {
+    const Views views(some_model(), kRows, 90);
+    const auto plain = make_cpu_backend(views.model.appearance);
+    plain->upload(views.model);
+    const ResidualScores expected = plain->residual_scores(kViews, [&](std::size_t view) { return views.step(view); });
+    for (const int ranks : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            std::vector<int> asked(kViews, 0);
+            std::vector<float> pixels;  // of the last view alone
+            const ResidualScores found = backend.residual_scores(kViews, [&](std::size_t view) {
+                ++asked[view];
+                StepRequest step = views.step(view);
+                pixels = views.photographs[view];
+                step.target.f32 = pixels.data();
+                return step;
+            });
+            EXPECT_EQ(asked, std::vector<int>(kViews, 1));
+            expect_near(expected.worth, found.worth, 1e-4, "worth of residuals");
         });
     }
 }

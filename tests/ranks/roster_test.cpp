@@ -50,6 +50,28 @@ TEST(Roster, TheFirstFailureIsToldToAll) {
     EXPECT_FALSE(roster.get("never", 60));
 }
 
+TEST(Roster, RanksOfAnotherJobDoNotDisturb) {
+    Roster roster(2);
+    const RosterServer server(roster, "127.0.0.1", 0, "one");
+    RosterClient own(1, "127.0.0.1", server.port(), "one"), other(1, "127.0.0.1", server.port(), "two");
+    const auto refused = [](auto&& call) {
+        try {
+            call();
+            ADD_FAILURE() << "it is of another job";
+        } catch (const DeviceError& e) {
+            EXPECT_NE(std::string(e.what()).find("rank 1 found another job at 127.0.0.1 port"), std::string::npos);
+        }
+    };
+    refused([&] { other.report("elsewhere", 5); });
+    refused([&] { other.set("key", bytes("wrong")); });
+    refused([&] { other.get("key"); });
+    refused([&] { other.fail("a failure of the other job"); });
+    EXPECT_EQ(roster.failure(), "");
+    EXPECT_EQ(own.report("here", 5), "");
+    own.set("key", bytes("right"));
+    EXPECT_EQ(own.get("key"), bytes("right"));
+}
+
 TEST(Roster, RanksThatAreHeardOfAreNotLost) {
     Roster roster(2);
     roster.hear_of(1, "here");

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// Takes steps on several views of a generated set, between two reports of all ranks.
+#include "eval/bench/ranked_bench.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "eval/bench/generated_set.h"
+#include "kernels/core/clock.h"
+#include "lib/model/appearance_spec.h"
+#include "lib/train/choose_backend.h"
+#include "lib/train/sharded_backend.h"
+#include "lib/train/step_composer.h"
+
+namespace gs {
+namespace {
+
+constexpr double kFrozenRates = 1e-6;  // Adam moves parameters by the rate, whatever the gradient
+/// The most views of a step, as of the option batch.
+constexpr int kMostViewsOfAStep = 100;
+/// Steps before the clock starts, in which memory is taken and connections find their speed.
+constexpr int kFirstSteps = 3;
+
+}  // namespace
+
+RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::int64_t count,
+                              const BenchOptions& bench) {
+    const AppearanceSpec appearance = appearance_spec(options);
+    RankedBenchResult result;
+    result.subject = fmt::format("generated set of {:.3g} M Gaussians, seed {}", double(count) / 1e6, options.seed);
+    result.num_gaussians = count;
+    result.steps = bench.repeat;
+    result.views_per_step = options.batch > 0 ? options.batch : std::min(team ? team->size() : 1, kMostViewsOfAStep);
+    Gaussians model = generated_gaussians(count, options.seed, appearance);
+    Scene scene;
+    {
+        const auto renders = make_sharded_backend(team, options.device, appearance, backend_options(options));
+        renders->upload(model);
+        scene = generated_scene(*renders, options.background.color);
+    }
+    result.width = scene.train[0].camera.width, result.height = scene.train[0].camera.height;
+    std::vector<ViewImage> images;
+    std::vector<Image> targets;
+    for (const View& view : scene.train) {
+        images.push_back(view.load());
+        targets.push_back(images.back().color);
+    }
+    const auto backend = make_sharded_backend(team, options.device, appearance, backend_options(options),
+                                              result.views_per_step, targets);
+    result.device = backend->describe();
+    backend->upload(model);
+    model = {};  // so that rank 0 holds what it holds in a training
+    const StepComposer composer(options, appearance, scene, nullptr, kFrozenRates);
+    std::int64_t iteration = 0;
+    const auto step = [&] {
+        std::vector<StepRequest> views;
+        for (int k = 0; k < result.views_per_step; ++k, ++iteration) {
+            const std::size_t view = std::size_t(iteration) % images.size();
+            views.push_back(
+                composer.compose({view, backend->needs_pixels(k) ? &images[view] : nullptr, options.background.color},
+                                 Moment{iteration, double(iteration)}));
+        }
+        StepComposer::combine(views);
+        backend->step_on(views);
+    };
+    for (int k = 0; k < kFirstSteps; ++k) step();
+    backend->take_reports();
+    const double start = seconds_now();
+    for (int k = 0; k < result.steps; ++k) step();
+    backend->synchronize();
+    result.seconds = seconds_now() - start;
+    result.ranks = backend->take_reports();
+    result.link = backend->measure_connection();
+    return result;
+}
+
+double exchange_floor(const RankedBenchResult& result) {
+    if (result.ranks.size() < 2) return 0;
+    double most = 0;
+    for (const RankReport& rank : result.ranks)
+        most = std::max({most, rank.costs.traffic.sent, rank.costs.traffic.received});
+    const double exchanges = double(result.ranks[0].costs.traffic.exchanges) / result.steps;
+    return most / result.steps / result.link.bytes_per_second + exchanges * result.link.latency_seconds;
+}
+
+}  // namespace gs

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measures the steps of several ranks that hold one generated set: speed, memory and what crosses the network.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "eval/bench/bench.h"
+#include "eval/pages/text_table.h"
+#include "kernels/ranks/ranked_backend.h"
+#include "lib/core/train_options.h"
+#include "lib/ranks/rank_team.h"
+
+namespace gs {
+
+/// The measurements of bench_ranks, all of the same steps. Times are in seconds.
+struct RankedBenchResult {
+    std::string subject;  ///< name of the measured set, for readers
+    std::string device;
+    std::int64_t num_gaussians = 0;
+    int width = 0, height = 0;  ///< of the views, px
+    int views_per_step = 1;
+    int steps = 0;
+    double seconds = 0;             ///< of all steps, on rank 0
+    std::vector<RankReport> ranks;  ///< by rank
+    LinkSpeed link;                 ///< of rank 0
+
+    double step_seconds() const { return seconds / steps; }
+    double views_per_second() const { return steps * double(views_per_step) / seconds; }
+};
+
+/// Measures `bench.repeat` steps on a generated set (eval/bench/generated_set.h) of `count` Gaussians, which the ranks
+/// of `team` hold (null: this process alone). A step has options.batch views, or as many as there are ranks. As in
+/// run_bench all images are decoded, and rates are too small to change the model. The other ranks must be in
+/// follow_sharding.
+RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::int64_t count,
+                              const BenchOptions& bench);
+
+/// Returns the least seconds of a step's exchanges: the most bytes that a rank sends or receives over the bandwidth of
+/// the link, and its latency for each exchange. 0 for one rank.
+double exchange_floor(const RankedBenchResult& result);
+
+/// Writes the results as text: one line for each set, and one for each of its ranks.
+std::string format_ranked_bench(const std::vector<RankedBenchResult>& results,
+                                TableStyle style = TableStyle::kMarkdown);
+
+/// Returns all figures of the results as one JSON object, times in seconds, bytes and messages summed over the steps.
+std::string ranked_bench_json(const std::vector<RankedBenchResult>& results);
+
+}  // namespace gs

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tells the other ranks what to hold, and follows rank 0 there.
+#include "lib/train/sharded_backend.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "kernels/core/error.h"
+#include "kernels/core/parallel.h"
+#include "kernels/ranks/message.h"
+#include "lib/core/log.h"
+#include "lib/core/version.h"
+#include "lib/train/choose_backend.h"
+
+namespace gs {
+namespace {
+
+void hold_once(Communicator& ranks, MessageReader begin) {
+    AppearanceSpec appearance;
+    const auto device = begin.get<Device>();
+    begin.get(appearance.model), begin.get(appearance.max_degree), begin.get(appearance.activation);
+    const auto options = begin.get<BackendOptions>();
+    std::vector<Image> targets(begin.get<std::uint64_t>());
+    for (Image& image : targets)
+        begin.get(image.width), begin.get(image.height), begin.get(image.channels), begin.get(image.u8);
+    const auto backend = make_backend(device, appearance, options);
+    follow(ranks, *backend, [&](const StepRequest& request) {
+        const Image& image = targets.at(std::size_t(request.target.id));
+        TargetImage target = request.target;
+        target.width = image.width, target.height = image.height, target.channels = image.channels;
+        target.u8 = image.u8.data();
+        return target;
+    });
+}
+
+}  // namespace
+
+void require_ranks_possible(Device device, int ranks) {
+    if (ranks > 1 && uses_cuda(device))
+        throw UsageError("option ranks: only the CPU takes part in work of several ranks so far; use --device cpu");
+}
+
+std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
+                                                    const BackendOptions& options, int views_per_step,
+                                                    const std::vector<Image>& targets) {
+    require_ranks_possible(device, team ? team->size() : 1);
+    auto own = make_backend(device, appearance, options);
+    if (!team) {
+        static SingleRank single;
+        return std::make_unique<RankedBackend>(single, std::move(own), views_per_step);
+    }
+    MessageWriter message;
+    message.put(TeamCall::kHold).put(device);
+    message.put(appearance.model).put(appearance.max_degree).put(appearance.activation).put(options);
+    message.put(std::uint64_t(targets.size()));
+    for (const Image& image : targets) message.put(image.width).put(image.height).put(image.channels).put(image.u8);
+    send_to_others(team->communicator(), message);
+    return std::make_unique<RankedBackend>(team->communicator(), std::move(own), views_per_step);
+}
+
+void follow_sharding(RankTeam& team, const std::string& started_as) {
+    team.follow([&] {
+        team.agree(started_as);
+        while (true) {
+            MessageReader message = receive_from_rank_0(team.communicator());
+            if (message.get<TeamCall>() == TeamCall::kLeave) return;
+            hold_once(team.communicator(), std::move(message));
+        }
+    });
+}
+
+std::string started_as(const std::string& command) { return version_text() + "\ngsapp " + command + "\n"; }
+
+int threads_of_rank(const RankTeam& team, int wanted) {
+    if (wanted > 0) return wanted;
+    set_num_threads(0);
+    return std::max(1, num_threads() / team.local_size());
+}
+
+}  // namespace gs

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model whose rows several ranks hold, for commands that render and measure it instead of training a scene.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "kernels/ranks/ranked_backend.h"
+#include "lib/core/train_options.h"
+#include "lib/io/image.h"
+#include "lib/ranks/rank_team.h"
+
+namespace gs {
+
+/// Throws UsageError for more than one rank on a device that does not take part so far.
+void require_ranks_possible(Device device, int ranks);
+
+/// Makes the backend of rank 0. The other ranks of `team`, which must be in follow_sharding, make theirs; null: there
+/// are none. Steps take up to `views_per_step` views; `targets`, 8-bit, are their photographs by TargetImage::id. The
+/// team must outlive the backend.
+std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
+                                                    const BackendOptions& options, int views_per_step = 1,
+                                                    const std::vector<Image>& targets = {});
+
+/// Does the part of a rank other than 0 for one such backend after another until rank 0 ends. `started_as` are the
+/// choices in which it must agree with rank 0 (RankTeam::agree). Throws DeviceError without a message where rank 0
+/// says it.
+void follow_sharding(RankTeam& team, const std::string& started_as);
+
+/// Returns the choices in which the ranks of a command must agree: the build and the command's name.
+std::string started_as(const std::string& command);
+
+/// Returns the CPU threads of a rank that may use `wanted` (0: all that its machine has, shared out).
+int threads_of_rank(const RankTeam& team, int wanted);
+
+}  // namespace gs
