@@ -447,9 +447,19 @@ export class App implements Stage {
     });
   }
 
-  /** Which way the page draws, and the order of the Gaussians in its last picture. */
-  async drawing(): Promise<{ way: SceneRenderer['way']; order: Uint32Array }> {
-    return { way: this.renderer.way, order: await this.renderer.order() };
+  /** Which way the page draws. */
+  get way(): SceneRenderer['way'] {
+    return this.renderer.way;
+  }
+
+  /** The order in which a test view's Gaussians are drawn. */
+  testViewOrder(index: number): Promise<Uint32Array> {
+    return this.reserve(async ({ scene }) => {
+      const view = scene.testCameras[index];
+      await this.sort(view);
+      await this.renderer.renderPixels(view, this.picture('full', index));
+      return this.renderer.order();
+    });
   }
 
   benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {

@@ -9,7 +9,7 @@ import { findDevice } from './webgpu/device';
 /** What tests of the page use, as `window.gsapp`; it is there once the first model is shown or could not be. */
 declare global {
   interface Window {
-    gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'drawing' | 'benchmark'>;
+    gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'testViewOrder' | 'way' | 'benchmark'>;
     /** The same from the beginning, while the first model is on its way. */
     gsappLoading?: Window['gsapp'];
   }

@@ -17,7 +17,7 @@ fn payload_pair() -> vec2u { return pairs[row]; }
 @compute @workgroup_size(256) fn color_visible(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= counts.visible) { return; }
     let i = order[id.x];
-    let color = vec4f(shown_color(i32(i), geometry[i]), 1.0);
+    let color = vec4f(shown_color_(i32(i), geometry[i]), 1.0);
     // As a texture with eight bits or with half-precision numbers would hold it.
     if (kEightBits) { colors[id.x] = vec2u(pack4x8unorm(color), 0u); }
     else { colors[id.x] = vec2u(pack2x16float(color.xy), pack2x16float(color.zw)); }

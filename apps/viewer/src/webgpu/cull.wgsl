@@ -15,7 +15,7 @@ const kBlock = 4096u;
 fn depth_bits(i: u32) -> u32 {
     if (i >= view.count) { return 0u; }
     let g = geometry[i];
-    let offset = decode_mean(g) - view.position;
+    let offset = decode_mean_(g) - view.position;
     let depth = dot(view.forward, offset);
     if (!(depth >= view.near_plane && depth <= view.far_plane)) { return 0u; }
     let code = f32(max(max(g.w & 255u, (g.w >> 8u) & 255u), (g.w >> 16u) & 255u));

@@ -7,4 +7,4 @@
 /// One triangle over the whole target.
 @vertex fn corner(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i & 2u) * 2.0 - 1.0, 0.0, 1.0); }
 
-@fragment fn pixel(@builtin(position) position: vec4f) -> @location(0) vec4f { return vec4f(resolved(textureLoad(blended, vec2i(position.xy), 0)), 1.0); }
+@fragment fn pixel(@builtin(position) position: vec4f) -> @location(0) vec4f { return vec4f(resolved_(textureLoad(blended, vec2i(position.xy), 0)), 1.0); }

@@ -19,12 +19,12 @@ struct Corner {
     if (kEightBits) { color = unpack4x8unorm(packed.x).rgb; }
     var shown: vec4f;
     var offset: vec2f;
-    let position = place_corner(geometry[order[instance]], color, vec2f(2.0 * f32(vertex & 1u) - 1.0, f32(vertex & 2u) - 1.0), &shown, &offset);
+    let position = place_corner_(geometry[order[instance]], color, vec2f(2.0 * f32(vertex & 1u) - 1.0, f32(vertex & 2u) - 1.0), &shown, &offset);
     return Corner(position, shown, offset);
 }
 
 @fragment fn blend(corner: Corner) -> @location(0) vec4f {
-    let result = fragment_of(corner.shown, corner.offset);
+    let result = fragment_of_(corner.shown, corner.offset);
     if (result.a == 0.0) { discard; }
     return result;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // From GLSL to WGSL, in one pass over the text: functions, constants and variables, without what connects a shader to the page. README.md says
-// which part of GLSL this is. Names of variables in functions get an underscore, so that none is a word of WGSL.
+// which part of GLSL this is. Every name gets an underscore, so that none is a word of WGSL or stands for something else around it.
 
 import type { Defines } from '../render/pass';
 import { builtIn, componentOf, converted, elementOf, isMatrix, isType, sizeOf, vectorOf, wgslType, type Typed } from './glsl_types';
@@ -210,13 +210,13 @@ class Translator {
     return `{ let parts = ${all}; ${[...names].map((name, i) => `${of}.${name} = parts.${'xyzw'[i]};`).join(' ')} }`;
   }
 
-  /** Variables behind their type; `how` is what WGSL says in front of one, `suffix` what is added to its name. */
-  private variables(type: string, how: string, suffix: string): string {
+  /** Variables behind their type; `how` is what WGSL says in front of one. */
+  private variables(type: string, how: string): string {
     const all: string[] = [];
     do {
       const name = this.name(), whole = this.dimension(type), value = this.accept('=') ? ` = ${this.expression().code}` : '';
-      this.declare(name, { code: name + suffix, type: whole });
-      all.push(`${how} ${name}${suffix}: ${wgslType(whole)}${value};`);
+      this.declare(name, { code: `${name}_`, type: whole });
+      all.push(`${how} ${name}_: ${wgslType(whole)}${value};`);
     } while (this.accept(','));
     return all.join(' ');
   }
@@ -228,7 +228,7 @@ class Translator {
   private simple(): string {
     if (!this.isDeclaration) return `${this.assignment()};`;
     const how = this.next === 'const' ? 'let' : 'var';
-    return this.variables(this.type(), how, '_');
+    return this.variables(this.type(), how);
   }
 
   /** A statement that other ones may follow, and what comes behind it. */
@@ -281,14 +281,15 @@ class Translator {
   private loop(): string {
     return this.inScope(() => {
       this.expect('(');
-      const begin = this.accept(';') ? ';' : this.finished();
+      const begin = this.accept(';') ? '' : this.finished();
       const condition = this.next === ';' ? '' : this.expression().code;
       this.expect(';');
       this.behind = [];
       const step = this.next === ')' ? '' : this.assignment();
       this.behind = undefined;
       this.expect(')');
-      return `for (${begin} ${condition}; ${step}) ${this.block()}`;
+      // In front of the loop, as there may be several variables.
+      return `{ ${begin} for (; ${condition}; ${step}) ${this.block()} }`;
     });
   }
 
@@ -300,14 +301,14 @@ class Translator {
       const isOut = this.accept('out'), base = this.type(), parameter = this.name();
       parameters.push({ type: this.dimension(base), isOut, name: parameter });
     }
-    this.declare(name, { code: name, type, parameters });
+    this.declare(name, { code: `${name}_`, type, parameters });
     if (this.accept(';')) return ''; // is defined elsewhere
     const head = parameters.map((one) => `${one.name}_in: ${one.isOut ? `ptr<function, ${wgslType(one.type)}>` : wgslType(one.type)}`).join(', ');
     return this.inScope(() => {
       for (const one of parameters) this.declare(one.name, { code: one.isOut ? `(*${one.name}_in)` : `${one.name}_`, type: one.type });
       // GLSL may write to its parameters, and index those that are arrays.
       const copies = parameters.filter((one) => !one.isOut).map((one) => `var ${one.name}_ = ${one.name}_in;`);
-      return `fn ${name}(${head})${type === 'void' ? '' : ` -> ${wgslType(type)}`} {\n${[...copies, this.block()].join('\n')}\n}`;
+      return `fn ${name}_(${head})${type === 'void' ? '' : ` -> ${wgslType(type)}`} {\n${[...copies, this.block()].join('\n')}\n}`;
     });
   }
 
@@ -320,7 +321,7 @@ class Translator {
         this.expect('(');
         all.push(this.function(type, name));
       } else {
-        all.push(this.variables(type, isConstant ? 'const' : 'var<private>', ''));
+        all.push(this.variables(type, isConstant ? 'const' : 'var<private>'));
         this.expect(';');
       }
     }
