@@ -29,6 +29,38 @@ VIEWS = (0, 3)
 # 55 and more were measured: of three channels in a hundred one differs by a step of 1/255.
 LEAST_PSNR = 52
 
+# A device that does not take the shader of the colours.
+REFUSE_SHADER = """(() => {
+  const create = globalThis.GPUDevice?.prototype.createShaderModule;
+  if (!create) return;
+  GPUDevice.prototype.createShaderModule = function ({ code }) { return create.call(this, { code: code.replace('shown_color_(i32', 'no_such_thing(i32') }); };
+})()"""
+
+# The colours in the middle of a saved picture, and of what a film would record.
+SAVED_AND_FILMED = """(async () => {
+  const middle = (image, width, height) => {
+    const context = new OffscreenCanvas(width, height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    return [...context.getImageData(width >> 1, height >> 1, 1, 1).data.slice(0, 3)];
+  };
+  const saved = await new Promise((found) => {
+    const create = URL.createObjectURL;
+    URL.createObjectURL = (blob) => (found(blob), create(blob));
+    document.getElementById('save-picture').click();
+  });
+  const picture = await createImageBitmap(saved);
+  const [track] = document.getElementById('webgpu-canvas').captureStream().getVideoTracks(), reader = new MediaStreamTrackProcessor({ track }).readable.getReader();
+  const next = reader.read();
+  dispatchEvent(new Event('resize'));
+  const { value: frame } = await next, colors = [middle(picture, picture.width, picture.height), middle(frame, frame.displayWidth, frame.displayHeight)];
+  frame.close();
+  track.stop();
+  return colors;
+})()"""
+
+# What the software driver says of reading pixels.
+STALL = "GPU stall due to ReadPixels"
+
 # Keeps the page's device, so that a test can take it away.
 KEEP_DEVICE = """(() => {
   const request = globalThis.GPUAdapter?.prototype.requestDevice;
@@ -155,6 +187,9 @@ def check_page(browser, url, folder):
     wait_for(browser, "document.getElementById('meter').textContent.includes('3,000 drawn · sorted on the GPU')", "the meter says what is drawn")
     result = browser.evaluate("gsapp.benchmark(1)")
     check(result["way"] == "WebGPU" and "sorting and colours" in result["protocol"] and result["frame"]["mean"] > 0, f"the benchmark says how it was drawn: {result}")
+    colors = browser.evaluate(SAVED_AND_FILMED)
+    check(all(max(abs(c - round(255 * b)) for c, b in zip(color, BACKGROUND)) > 10 for color in colors), f"saved pictures and films show the ball: {colors}")
+    check(max(abs(a - b) for a, b in zip(*colors)) <= 12, f"saved pictures and films show the same: {colors}") # films hold colours as YUV
     open_by(browser, url, "webgpu", "nothing.ngsplat")
     check(all(abs(c - 255 * b) < 1 for c, b in zip(pixels(browser, "testViewPixels(0, 'full')"), BACKGROUND)), "without Gaussians there is the background")
 
@@ -171,6 +206,13 @@ def check_end(browser, url):
         check(psnr(before, pixels(browser, picture)) >= LEAST_PSNR, f"{end}: the picture is as before")
         check(message(browser) == "", f"{end}: nothing is left to say: {message(browser)}")
     check(not browser.evaluate("document.getElementById('divider').hidden"), "the comparison is shown")
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=REFUSE_SHADER)["identifier"]
+    open_viewer(browser, url + "?gpu=webgpu&model=ball.ngsplat")
+    wait_for(browser, "gsapp.way === 'WebGL2' && document.getElementById('meter').textContent.includes('sorted in')", "a device that refuses a shader is not used")
+    check(psnr(before, pixels(browser, picture)) >= LEAST_PSNR, "a device that refuses a shader: WebGL2 draws the picture")
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+    check(all("WGSL" in error or "ShaderModule" in error or "Pipeline" in error or "CommandBuffer" in error for error in browser.errors if STALL not in error), f"the browser says of what it refused, and of no more: {browser.errors}")
+    browser.errors.clear()
     browser.open(url + "?gpu=metal")
     wait_for(browser, "document.getElementById('notice').innerText.includes('gpu=metal; it can be webgl or webgpu')", "a way that is not known is named")
 
@@ -200,7 +242,7 @@ def main():
             export(gsapp, case, folder)
             shutil.copy(folder / case / "scene.ngsplat", folder / "site" / (case.replace(", ", "_") + ".ngsplat"))
         check_models(browser, site.url, CASES)
-        errors = [error for error in browser.errors if "GPU stall due to ReadPixels" not in error] # of the software driver
+        errors = [error for error in browser.errors if STALL not in error]
         check(errors == [], f"the console is silent: {errors}")
     print("passed")
     return 0

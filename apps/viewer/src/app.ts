@@ -381,13 +381,13 @@ export class App implements Stage {
 
   /** What the canvas is to show. */
   private drawView(view: View, pinned: number | undefined): void {
-    if (!this.comparison.isOn) this.renderer.render(view, this.picture(this.settings.mode, pinned));
-    else if (this.renderer instanceof Renderer) this.comparison.draw(this.renderer, view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
-    else this.leaveWebGpu('comparisons are drawn by it');
+    if (this.comparison.isOn && this.renderer instanceof Renderer) this.comparison.draw(this.renderer, view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
+    else this.renderer.render(view, this.picture(this.settings.mode, pinned));
   }
 
   private draw(): void {
     if (!this.loaded || this.isReserved) return;
+    if (this.comparison.isOn && !(this.renderer instanceof Renderer)) return this.leaveWebGpu('comparisons are drawn by it');
     const { navigator, sorter } = this.loaded;
     if (this.awaitsOrder && !this.loaded.isComplete) return;
     const { canvas } = this.renderer, view = navigator.view(canvas.width, canvas.height);
