@@ -32,19 +32,19 @@ void network_inputs(vec3 d, float p[GS_HALVES], out vec4 inputs[GS_INPUTS / 4]) 
 #endif
 #endif
     float x = d.x, y = d.y, z = d.z;
-#if GS_BANDS & 2
+#if GS_BANDS / 2 % 2 == 1
     flat_inputs[n++] = -0.4886025119029199 * y;
     flat_inputs[n++] = 0.4886025119029199 * z;
     flat_inputs[n++] = -0.4886025119029199 * x;
 #endif
-#if GS_BANDS & 4
+#if GS_BANDS / 4 % 2 == 1
     flat_inputs[n++] = 1.0925484305920792 * x * y;
     flat_inputs[n++] = -1.0925484305920792 * y * z;
     flat_inputs[n++] = 0.9461746957575601 * z * z - 0.31539156525252005;
     flat_inputs[n++] = -1.0925484305920792 * x * z;
     flat_inputs[n++] = 0.5462742152960396 * (x * x - y * y);
 #endif
-#if GS_BANDS & 8
+#if GS_BANDS / 8 % 2 == 1
     flat_inputs[n++] = 0.5900435899266435 * y * (y * y - 3.0 * x * x);
     flat_inputs[n++] = 2.890611442640554 * x * y * z;
     flat_inputs[n++] = 0.4570457994644658 * y * (1.0 - 5.0 * z * z);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder as a web site, and a Chromium that draws WebGL in software."""
+"""A folder as a web site, and a Chromium that draws WebGL and WebGPU in software."""
 
 import functools
 import http.server
@@ -10,6 +10,8 @@ import zlib
 from browser import check
 
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+# The same with WebGPU; without Vulkan it loses its device when a canvas is shown.
+SOFTWARE_WEBGPU = (*SOFTWARE_WEBGL, "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--use-vulkan=swiftshader", "--enable-features=Vulkan")
 
 # Of rgba pixels (an expression) against a PNG file. Equal ones count as 120 dB.
 PSNR = """(async () => {

@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 from browser import Browser, find_chromium, check
-from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer
+from site_server import PSNR, SOFTWARE_WEBGPU, Site, open_viewer
 
 # View dependence begins at iteration 1000.
 TRAIN = ["-s", "builtin:glossy", "-r", "8", "--eval", "--device", "cpu", "--quiet", "--appearance", "toy", "--toy-lr", "0.002", "--cap-max", "5000",
@@ -29,6 +29,18 @@ def run(*arguments, **options):
     result = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, **options)
     check(result.returncode == 0, f"{arguments[0]} {arguments[1]}: {result.stdout[-2000:]} {result.stderr[-2000:]}")
     return result.stdout
+
+
+def compare(browser, way):
+    for mode in ("full", "residual"):
+        for view in VIEWS:
+            pixels = f"(await gsapp.testViewPixels({view}, '{mode}')).pixels"
+            brightest = browser.evaluate(f"(async () => {pixels}.reduce((most, v, i) => i % 4 < 3 ? Math.max(most, v) : most, 0))()")
+            check(brightest > 10, f"{way}: view {view} shows something in {mode}")
+            psnr = browser.evaluate(PSNR % (pixels, f"reference/{mode}/{view:05}.png"))
+            print(f"toy {way} {mode:9} view {view} {psnr:6.2f} dB", flush=True)
+            check(psnr > LEAST_PSNR, f"{way} {mode} {view}: PSNR above {LEAST_PSNR} dB against gsapp's own picture")
+    check(browser.evaluate("gsapp.way") == way, f"{way} has drawn all of it")
 
 
 def main():
@@ -54,16 +66,13 @@ def main():
         shutil.copy(exported / "scene.ngsplat", site)
         shutil.move(folder / "reference", site)
         served = Site(folder)
-        with Browser(program, flags=SOFTWARE_WEBGL) as browser:
-            open_viewer(browser, served.url + "site/")
-            for mode in ("full", "residual"):
-                for view in VIEWS:
-                    pixels = f"(await gsapp.testViewPixels({view}, '{mode}')).pixels"
-                    brightest = browser.evaluate(f"(async () => {pixels}.reduce((most, v, i) => i % 4 < 3 ? Math.max(most, v) : most, 0))()")
-                    check(brightest > 10, f"view {view} shows something in {mode}")
-                    psnr = browser.evaluate(PSNR % (pixels, f"reference/{mode}/{view:05}.png"))
-                    print(f"toy {mode:9} view {view} {psnr:6.2f} dB", flush=True)
-                    check(psnr > LEAST_PSNR, f"{mode} {view}: PSNR above {LEAST_PSNR} dB against gsapp's own picture")
+        with Browser(program, flags=SOFTWARE_WEBGPU) as browser:
+            for way in ("WebGL2", "WebGPU"):
+                if way == "WebGPU" and not browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
+                    print("this chromium has no WebGPU, not in software either: only WebGL2 is tested")
+                    continue
+                open_viewer(browser, f"{served.url}site/?gpu={'webgl' if way == 'WebGL2' else 'webgpu'}")
+                compare(browser, way)
             check(browser.errors == [], f"the console is silent: {browser.errors}")
     print("passed")
     return 0

@@ -203,7 +203,7 @@ def check_device_limits(browser, url):
     browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
     script = browser.call("Page.addScriptToEvaluateOnNewDocument", source="""{
         const original = WebGL2RenderingContext.prototype.shaderSource;
-        WebGL2RenderingContext.prototype.shaderSource = function (shader, text) { original.call(this, shader, text.replace('shown_color(g)', 'no_such_thing')); };
+        WebGL2RenderingContext.prototype.shaderSource = function (shader, text) { original.call(this, shader, text.replace('shown_color(i, ', 'no_such_thing(i, ')); };
     }""")["identifier"]
     open_viewer(browser, url)
     wait_for(browser, "!document.getElementById('notice').hidden", "a driver that does not take a shader is noticed")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prints what sorting, the checksum and loading cost: npm run bench. Times are the least of several, as other programs may run.
+// Prints what sorting (for WebGL2; with WebGPU the device sorts), the checksum and loading cost: npm run bench. Times are the least of several, as other programs may run.
 
 import type { View } from '../src/camera/view';
 import { crc32 } from '../src/format/crc32';
@@ -59,7 +59,7 @@ function benchSort(): void {
     for (const [name, view] of [['from outside', OUTSIDE], ['from inside', INSIDE]] as const) {
       let drawn = 0;
       const time = best(() => (drawn = sorter.sort(view, 1, order)));
-      console.log(`sort of ${millions} M ${name}, ${(drawn / MILLION).toFixed(2)} M in the view: ${time.toFixed(1)} ms`);
+      console.log(`WebGL2: sort of ${millions} M ${name}, ${(drawn / MILLION).toFixed(2)} M in the view: ${time.toFixed(1)} ms`);
     }
   }
 }

@@ -14,7 +14,8 @@ import type { Plane } from './format/reader';
 import { Levels, type Level } from './levels/levels';
 import { ModelLoader, type Stage } from './loader';
 import type { Mode } from './render/prepass';
-import { Renderer, type Picture } from './render/renderer';
+import { Renderer } from './render/renderer';
+import type { Picture, SceneRenderer } from './render/scene_renderer';
 import { DEFAULTS, type Settings } from './settings';
 import { SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
@@ -26,6 +27,7 @@ import { Meter } from './ui/meter';
 import { hideNotice, showError } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
 import { record } from './ui/recorder';
+import { WebGpuRenderer } from './webgpu/renderer';
 
 /** More pixels than this per CSS pixel are not seen, but paid for. */
 const MOST_DEVICE_PIXELS = 2;
@@ -50,8 +52,9 @@ const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: V
   JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height, size]);
 
 export class App implements Stage {
+  /** What the user points at, and where WebGL2 draws. */
   private readonly canvas = element<HTMLCanvasElement>('canvas');
-  private readonly renderer = new Renderer(this.canvas);
+  private renderer: SceneRenderer;
   private readonly panel: Panel;
   private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
   private readonly film = new FilmPanel({
@@ -60,12 +63,12 @@ export class App implements Stage {
     turntable: () => turntable(this.model.navigator.current(), this.model.navigator.target, this.model.scene.up),
     frame: () => this.model.scene.frame,
     play: (path, seconds) => this.play(path, seconds),
-    record: (path, seconds) => record(this.canvas, () => this.play(path, seconds)),
+    record: (path, seconds) => record(this.renderer.canvas, () => this.play(path, seconds)),
     stop: () => this.playing.abort(),
   });
   private playing = new AbortController();
   private readonly meter = new Meter();
-  private readonly comparison = new Comparison(this.renderer, () => this.redraw());
+  private readonly comparison = new Comparison(() => this.redraw());
   private readonly levels = new Levels((file) => this.loader.showLevel(file), (detail) => this.change({ detail }));
   private loaded: Loaded | undefined;
   /** What opens files and shows them here. */
@@ -82,7 +85,9 @@ export class App implements Stage {
   private awaitsOrder = false;
   private refreshing: ReturnType<typeof setTimeout> | undefined;
 
-  constructor() {
+  /** Draws by WebGPU where there is a device, as long as that can. Throws RenderError where nothing can draw. */
+  constructor(device?: GPUDevice) {
+    this.renderer = device ? new WebGpuRenderer(device, this.canvasBehind(), (message) => this.leaveWebGpu(message)) : new Renderer(this.canvas);
     this.panel = new Panel({
       change: (settings) => this.change(settings),
       camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
@@ -99,13 +104,46 @@ export class App implements Stage {
     });
     this.canvas.addEventListener('webglcontextlost', () => this.lose());
     this.canvas.addEventListener('webglcontextrestored', () => void this.loader.restore());
-    const resize = () => {
-      const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
-      this.renderer.webgl.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)), false);
-      this.draw(); // at once: setting the size has cleared the picture
-    };
-    new ResizeObserver(resize).observe(this.canvas);
-    addEventListener('resize', resize); // another density of the screen may become known after the size
+    new ResizeObserver(this.resize).observe(this.canvas);
+    addEventListener('resize', this.resize); // another density of the screen may become known after the size
+  }
+
+  /** A canvas for WebGPU: one that has drawn by one way cannot draw by the other. */
+  private canvasBehind(): HTMLCanvasElement {
+    const canvas = document.createElement('canvas');
+    canvas.id = 'webgpu-canvas';
+    canvas.ariaHidden = 'true';
+    this.canvas.before(canvas);
+    return canvas;
+  }
+
+  private readonly resize = () => {
+    const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
+    this.renderer.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)));
+    this.draw(); // at once: setting the size has cleared the picture
+  };
+
+  /** From here on WebGL2 draws. There must be no scene. */
+  private useWebGl(): void {
+    this.renderer.forget();
+    this.renderer.canvas.remove();
+    this.renderer = new Renderer(this.canvas);
+    this.resize();
+  }
+
+  /** The same where there may be a scene, which is read again. `message` says why. */
+  private leaveWebGpu(message: string): void {
+    console.info(`WebGL2 draws from here on: ${message}`);
+    this.playing.abort();
+    if (this.loaded) this.wanted = this.fragment();
+    this.loader.stop();
+    this.unload();
+    try {
+      this.useWebGl();
+    } catch (error) {
+      return this.fail('This model cannot be drawn', (error as Error).message);
+    }
+    void this.loader.restore();
   }
 
   private change(settings: Partial<Settings>): void {
@@ -190,12 +228,12 @@ export class App implements Stage {
   /** The picture as it is on the screen, as PNG. */
   private async savePicture(): Promise<string> {
     const { blob, title } = await this.reserve(async (loaded) => {
-      const { navigator, title } = loaded, view = navigator.view(this.canvas.width, this.canvas.height);
+      const { navigator, title } = loaded, { canvas } = this.renderer, view = navigator.view(canvas.width, canvas.height);
       await this.sort(view);
       if (this.loaded !== loaded) throw new Error('Another model has come meanwhile.');
       this.drawView(view, navigator.pinned);
       // Asked for before anything else runs: the browser clears the canvas when it has shown it.
-      return { title, blob: await new Promise<Blob | null>((resolve) => this.canvas.toBlob(resolve)) };
+      return { title, blob: await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve)) };
     });
     if (!blob) throw new Error('The browser cannot make a PNG file of this size.');
     save(blob, `${title}.png`);
@@ -234,12 +272,23 @@ export class App implements Stage {
     document.body.classList.remove('loaded');
   }
 
+  private beginDrawing(scene: Scene): void {
+    try {
+      this.renderer.beginScene(scene);
+    } catch (error) {
+      if (this.renderer instanceof Renderer) throw error;
+      console.info(`WebGL2 draws from here on: ${(error as Error).message}`);
+      this.useWebGl();
+      this.renderer.beginScene(scene);
+    }
+  }
+
   /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. */
   beginScene(name: string, scene: Scene, keepCamera: boolean): void {
     const keep = keepCamera ? this.loaded?.navigator : undefined;
     this.unload(keep); // first, so that both need not fit into memory
     try {
-      this.renderer.beginScene(scene);
+      this.beginDrawing(scene);
     } catch (error) {
       keep?.dispose();
       this.unload();
@@ -251,13 +300,13 @@ export class App implements Stage {
     const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
     if (keep) keep.setScene(scene);
     else navigator.setMovement(this.settings.movement);
-    this.awaitsOrder = keep !== undefined && scene.count > 0;
+    this.awaitsOrder = keep !== undefined && scene.count > 0 && !this.renderer.sortsItself;
     const apply = (order: Uint32Array, count: number) => {
       if (this.loaded?.isComplete) this.awaitsOrder = false;
       this.redraw();
       return this.renderer.setOrder(order, count);
     };
-    const sorter = scene.count ? new SortClient(scene.count, apply, (message) => this.fail('Sorting failed', message)) : undefined;
+    const sorter = scene.count && !this.renderer.sortsItself ? new SortClient(scene.count, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, title: name, isComplete: false, scene, sample: new CenterSample(scene.count), navigator, sorter };
     this.sortedFor = '';
     this.benchmarkPanel.clear();
@@ -332,22 +381,23 @@ export class App implements Stage {
 
   /** What the canvas is to show. */
   private drawView(view: View, pinned: number | undefined): void {
-    if (this.comparison.isOn) this.comparison.draw(view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
+    if (this.comparison.isOn && this.renderer instanceof Renderer) this.comparison.draw(this.renderer, view, pinned, (mode, scene) => this.picture(mode, pinned, scene));
     else this.renderer.render(view, this.picture(this.settings.mode, pinned));
   }
 
   private draw(): void {
     if (!this.loaded || this.isReserved) return;
+    if (this.comparison.isOn && !(this.renderer instanceof Renderer)) return this.leaveWebGpu('comparisons are drawn by it');
     const { navigator, sorter } = this.loaded;
     if (this.awaitsOrder && !this.loaded.isComplete) return;
-    const view = navigator.view(this.canvas.width, this.canvas.height);
+    const { canvas } = this.renderer, view = navigator.view(canvas.width, canvas.height);
     if (orderKey(view, this.size) !== this.sortedFor) void this.sort(view);
     if (this.awaitsOrder) return;
     this.panel.setCamera(navigator.pinned);
     this.address.touch();
     try {
       this.drawView(view, navigator.pinned);
-      this.meter.frame(performance.now(), sorter ? sorter.milliseconds : 0, this.renderer.drawn);
+      this.meter.frame(performance.now(), sorter ? sorter.milliseconds : this.renderer.sortsItself ? 'on the GPU' : 0, this.renderer.drawn);
     } catch (error) {
       this.loader.stop(); // what is still on its way cannot be drawn, either
       this.unload();
@@ -385,7 +435,7 @@ export class App implements Stage {
     return this.reserve(async ({ scene }) => {
       const view = scene.testCameras[index];
       await this.sort(view);
-      return { width: view.width, height: view.height, pixels: this.renderer.renderPixels(view, this.picture(mode, index), precision) };
+      return { width: view.width, height: view.height, pixels: await this.renderer.renderPixels(view, this.picture(mode, index), precision) };
     });
   }
 
@@ -393,7 +443,22 @@ export class App implements Stage {
   viewPixels(view: View, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
     return this.reserve(async () => {
       await this.sort(view);
-      return { width: view.width, height: view.height, pixels: this.renderer.renderPixels(view, this.picture(mode, undefined), precision) };
+      return { width: view.width, height: view.height, pixels: await this.renderer.renderPixels(view, this.picture(mode, undefined), precision) };
+    });
+  }
+
+  /** Which way the page draws. */
+  get way(): SceneRenderer['way'] {
+    return this.renderer.way;
+  }
+
+  /** The order in which a test view's Gaussians are drawn. */
+  testViewOrder(index: number): Promise<Uint32Array> {
+    return this.reserve(async ({ scene }) => {
+      const view = scene.testCameras[index];
+      await this.sort(view);
+      await this.renderer.renderPixels(view, this.picture('full', index));
+      return this.renderer.order();
     });
   }
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frame times by the paper's protocol: 1280x720, intrinsics of the test views in pixels, colours of all Gaussians and blending into 8
-// bits, each frame waited for by reading a pixel; without sorting and photometric correction.
+// Frame times by the paper's protocol: 1280x720, intrinsics of the test views in pixels, colours of the Gaussians and blending into 8
+// bits, each frame waited for; without photometric correction, and without sorting where that is not part of drawing a frame.
 
 import { defaultView } from './camera/navigator';
 import { cropView, type View } from './camera/view';
 import type { Scene } from './format/ngsplat';
-import type { Renderer } from './render/renderer';
+import type { SceneRenderer } from './render/scene_renderer';
 
 const WIDTH = 1280, HEIGHT = 720;
 
@@ -18,6 +18,7 @@ export interface Summary {
 
 export interface BenchmarkResult {
   protocol: string;
+  way: SceneRenderer['way'];
   file: string;
   appearance: string;
   gaussians: number;
@@ -39,40 +40,32 @@ export function summarize(values: number[]): Summary {
 }
 
 /** `sort` brings the order up to date for a view. `progress` goes from 0 to 1. Throws where `signal` is aborted. */
-export async function runBenchmark(renderer: Renderer, scene: Scene, file: string, sort: (view: View) => Promise<void>, framesPerView: number,
+export async function runBenchmark(renderer: SceneRenderer, scene: Scene, file: string, sort: (view: View) => Promise<void>, framesPerView: number,
                                    progress: (part: number) => void, signal: AbortSignal): Promise<BenchmarkResult> {
   const views = (scene.testCameras.length ? scene.testCameras : [defaultView(scene)]).map((view) => cropView(view, WIDTH, HEIGHT));
-  const colors = (view: View) => {
-    renderer.drawColors(view, 'full', 'byte');
-    renderer.finishColors();
-  };
-  const frame = (view: View) => {
-    renderer.drawColors(view, 'full', 'byte');
-    renderer.finish(renderer.drawSplats(view, 'byte'));
-  };
   /** Mean of so many in a row; one before is not timed. */
-  const time = (draw: (view: View) => void, view: View) => {
-    draw(view);
+  const time = async (draw: () => Promise<void>) => {
+    await draw();
     const begin = performance.now();
-    for (let i = 0; i < framesPerView; ++i) draw(view);
+    for (let i = 0; i < framesPerView; ++i) await draw();
     return (performance.now() - begin) / framesPerView;
   };
 
   for (const view of views) {
     await sort(view);
-    frame(view);
+    await renderer.timeFrame(view);
   }
   const perView = { frame: [] as number[], prepass: [] as number[] };
   for (const [i, view] of views.entries()) {
     await sort(view);
-    perView.frame.push(time(frame, view));
-    perView.prepass.push(time(colors, view));
+    perView.frame.push(await time(() => renderer.timeFrame(view)));
+    perView.prepass.push(await time(() => renderer.timeColors(view)));
     progress((i + 1) / views.length);
     await new Promise((resolve) => setTimeout(resolve)); // lets the page answer
     signal.throwIfAborted();
   }
   return {
-    protocol: 'frame = colours of all Gaussians + blending into RGBA8 at 1280x720, native intrinsics, near plane 0.2, one pixel read after each; one untimed frame a view, sorting and photometric correction excluded',
+    protocol: renderer.benchmarkProtocol, way: renderer.way,
     file, appearance: scene.model.packing.name, gaussians: scene.count, width: WIDTH, height: HEIGHT, framesPerView,
     frame: summarize(perView.frame), prepass: summarize(perView.prepass), perView, renderer: renderer.deviceName, userAgent: navigator.userAgent,
   };

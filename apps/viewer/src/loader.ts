@@ -9,7 +9,7 @@ import { readModel } from './format/read_model';
 import { planeBytes, planesOf, type Plane, type SceneSink } from './format/reader';
 import type { Level } from './levels/levels';
 import { memoryHere, memoryOf } from './levels/memory';
-import { RenderError } from './render/renderer';
+import { RenderError } from './render/scene_renderer';
 import { showError, showLoading, showWelcome } from './ui/notice';
 
 /** Where a model is shown. */

@@ -4,11 +4,12 @@ import { fetchSource } from './format/load';
 import { Live } from './live/live';
 import { onFile } from './ui/drop';
 import { showError, showWelcome } from './ui/notice';
+import { findDevice } from './webgpu/device';
 
 /** What tests of the page use, as `window.gsapp`; it is there once the first model is shown or could not be. */
 declare global {
   interface Window {
-    gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'benchmark'>;
+    gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'testViewOrder' | 'way' | 'benchmark'>;
     /** The same from the beginning, while the first model is on its way. */
     gsappLoading?: Window['gsapp'];
   }
@@ -34,7 +35,7 @@ async function openFirst(app: App): Promise<void> {
 document.body.classList.toggle('embedded', given.has('embed'));
 let app: App | undefined;
 try {
-  app = window.gsappLoading = new App();
+  app = window.gsappLoading = new App(await findDevice(given.get('gpu')));
 } catch (error) {
   showError('The viewer cannot start', (error as Error).message, false);
   // Nothing can be shown; the message says why.

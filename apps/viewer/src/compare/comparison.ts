@@ -3,7 +3,8 @@
 
 import type { View } from '../camera/view';
 import type { Scene } from '../format/ngsplat';
-import { Renderer, type Picture } from '../render/renderer';
+import { Renderer } from '../render/renderer';
+import type { Picture } from '../render/scene_renderer';
 import { MODES, type Mode } from '../render/prepass';
 import { ComparePanel, MODE_NAMES, type Shown, type Sides } from '../ui/compare';
 import { megabytes } from '../ui/notice';
@@ -16,14 +17,14 @@ const isMode = (shown: Shown): shown is Mode => (MODES as readonly string[]).inc
 export class Comparison {
   private readonly panel: ComparePanel;
   private readonly photograph: Photograph;
-  private readonly secondRenderer: Renderer;
+  private renderer: Renderer | undefined;
+  private secondRenderer: Renderer | undefined;
   private scene: Scene | undefined;
   private site: Site | undefined;
   private second: SecondModel | undefined;
 
   /** `changed` asks for another frame. */
-  constructor(private readonly renderer: Renderer, private readonly changed: () => void) {
-    this.secondRenderer = new Renderer(renderer);
+  constructor(private readonly changed: () => void) {
     this.panel = new ComparePanel(changed);
     this.photograph = new Photograph(changed);
   }
@@ -54,8 +55,9 @@ export class Comparison {
     this.changed();
   }
 
-  /** Draws both sides. `pinned` is the test view that is shown exactly; `picture` says how a part of a model's picture is drawn. */
-  draw(view: View, pinned: number | undefined, picture: (mode: Mode, scene: Scene) => Picture): void {
+  /** Draws both sides by the renderer of the first model. `pinned` is the test view that is shown exactly; `picture` says how a part of a model's picture is drawn. */
+  draw(renderer: Renderer, view: View, pinned: number | undefined, picture: (mode: Mode, scene: Scene) => Picture): void {
+    if (this.renderer !== renderer) [this.renderer, this.secondRenderer] = [renderer, new Renderer(renderer)];
     const middle = Math.round(this.panel.split * view.width), { left, right } = this.panel.sides;
     this.drawSide(left, [0, middle], view, pinned, picture);
     this.drawSide(right, [middle, view.width], view, pinned, picture);
@@ -64,23 +66,23 @@ export class Comparison {
   }
 
   private drawSide(shown: Shown, [first, end]: [number, number], view: View, pinned: number | undefined, picture: (mode: Mode, scene: Scene) => Picture): void {
-    const scene = this.scene!, { webgl } = this.renderer;
+    const scene = this.scene!, renderer = this.renderer!, { webgl } = renderer;
     this.prepare(shown, pinned);
-    this.renderer.within(first, end, view.height, () => {
+    renderer.within(first, end, view.height, () => {
       if (this.obstacle(shown, pinned) !== undefined) {
         webgl.setRenderTarget(null);
         webgl.setClearColor(0, 1);
         webgl.clear(true, false, false);
       } else if (shown === 'photograph') this.photograph.draw(webgl, scene.testCameras[pinned!], view);
       else if (shown === 'other') this.second!.draw(view, (other) => picture('full', other));
-      else this.renderer.render(view, picture(shown, scene));
+      else renderer.render(view, picture(shown, scene));
     });
   }
 
   /** Begins to fetch what is to be shown. */
   private prepare(shown: Shown, pinned: number | undefined): void {
     const { site, scene } = this;
-    if (shown === 'other' && site?.other) this.second ??= new SecondModel(this.secondRenderer, site.other.file, scene!.testCameras.length, this.changed);
+    if (shown === 'other' && site?.other) this.second ??= new SecondModel(this.secondRenderer!, site.other.file, scene!.testCameras.length, this.changed);
     const path = shown === 'photograph' && pinned !== undefined ? site?.photographs?.[pinned] : undefined;
     if (path) this.photograph.show(path, scene!.testCameras[pinned!]);
   }
@@ -104,7 +106,7 @@ export class Comparison {
 
   private memory({ left, right }: Sides): string {
     if (left !== 'other' && right !== 'other') return 'Drag the divider, or move it with the arrow keys.';
-    const both = this.second?.bytes ? `: ${megabytes(this.renderer.bytes)} and ${megabytes(this.second.bytes)} on the graphics device` : '';
+    const both = this.second?.bytes ? `: ${megabytes(this.renderer!.bytes)} and ${megabytes(this.second.bytes)} on the graphics device` : '';
     return `Both models are in memory${both}.`;
   }
 }

@@ -5,7 +5,8 @@ import type { View } from '../camera/view';
 import { fetchSource, readParts } from '../format/load';
 import type { Scene } from '../format/ngsplat';
 import { SceneReader } from '../format/reader';
-import type { Picture, Renderer } from '../render/renderer';
+import type { Renderer } from '../render/renderer';
+import type { Picture } from '../render/scene_renderer';
 import { SortClient } from '../sort/sort_client';
 import { megabytes } from '../ui/notice';
 

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a Gaussian's data lie, and how its geometry is packed: 16 bytes, an RGBA32UI texel (docs/formats.md).
-
-uniform highp usampler2D geometry;
+// Where a Gaussian's data lie in textures, and where it lies in space by its packed geometry (docs/formats.md).
 
 ivec2 texel_of(int index) { return ivec2(index & 2047, index >> 11); }
 

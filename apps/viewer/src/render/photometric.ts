@@ -43,3 +43,10 @@ export function colorMix(latents: ArrayLike<number>): number[] {
 export function gain(exposure: number): number {
   return 2 ** Math.min(16, Math.max(-16, exposure));
 }
+
+/** What resolve.glsl takes of a picture that is to be corrected: with which exposure and latents, and by which response. */
+export function correction(exposure: Float32Array | undefined, response: Float32Array | undefined): Record<string, boolean | number | ArrayLike<number>> {
+  if (!exposure || !response) return { corrected: false };
+  const [a, b, c, d, e, f, g, h, i] = colorMix(exposure.subarray(1));
+  return { corrected: true, gain: gain(exposure[0]), mix_colors: [a, d, g, b, e, h, c, f, i], response };
+}

@@ -10,11 +10,13 @@ import { fullscreenPass, uniforms, type Defines, type Pass } from './pass';
 import { renderTarget, type Precision } from './target';
 import gaussianCode from './gaussian.glsl?raw';
 import prepassCode from './prepass.frag.glsl?raw';
+import colorsCode from './colors.glsl?raw';
 
 export type Mode = 'full' | 'base' | 'residual' | 'depth' | 'appearance';
 export const MODES: readonly Mode[] = ['full', 'base', 'residual', 'depth', 'appearance'];
 
-function defines(scene: Scene): Defines {
+/** What the GLSL of the colours is told of a file. */
+export function colorDefines(scene: Scene): Defines {
   const quads = scene.payload.find((block) => block.words === 4)?.layers ?? 0;
   return {
     GS_HALVES: 8 * quads, GS_FLOATS: scene.floats.length, GS_WEIGHTS: scene.weights.length / 4, GS_HAS_RESIDUAL: scene.payload.length > 0,
@@ -30,8 +32,13 @@ function centerDepth(scene: Scene, view: View): number {
 }
 
 /** Whether colours above 1 occur, which eight bits would cut off. */
-function isUnbounded(activation: ColorActivation): boolean {
+export function isUnbounded(activation: ColorActivation): boolean {
   return [ColorActivation.Relu, ColorActivation.Softplus, ColorActivation.None].includes(activation);
+}
+
+/** What the GLSL of the colours takes from a view. */
+export function colorValues(scene: Scene, view: View, mode: Mode) {
+  return { camera_position: view.position, camera_forward: view.forward, center_depth: centerDepth(scene, view), mode: MODES.indexOf(mode) };
 }
 
 export class Prepass {
@@ -42,11 +49,11 @@ export class Prepass {
     const { scene } = gpu;
     // Without stored residual the model's code is not even compiled.
     const model = scene.payload.length > 0 ? scene.model.glsl : '';
-    this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${model}`, uniforms({
+    this.pass = fullscreenPass(`${gaussianCode}${prepassCode}${colorsCode}${model}`, uniforms({
       geometry: gpu.geometry, payload_quads: gpu.quads, payload_pairs: gpu.pairs, ...(scene.floats.length > 0 ? { header_floats: scene.floats } : {}),
       base_scale: scene.baseScale, base_offset: scene.baseOffset, count: scene.count, num_residuals: 0,
       camera_position: [0, 0, 0], camera_forward: [0, 0, 1], center_depth: 1, mode: 0,
-    }), defines(scene));
+    }), colorDefines(scene));
     if (scene.weights.length > 0) this.pass.material.uniformsGroups = [gpu.weights];
   }
 
@@ -63,7 +70,7 @@ export class Prepass {
   }
 
   draw(renderer: WebGLRenderer, view: View, mode: Mode, precision: Precision): void {
-    this.pass.set({ camera_position: view.position, camera_forward: view.forward, center_depth: centerDepth(this.gpu.scene, view), mode: MODES.indexOf(mode) });
+    this.pass.set(colorValues(this.gpu.scene, view, mode));
     this.pass.draw(renderer, this.target(precision));
   }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the blended Gaussians to the picture: background, photometric correction, 8 bits.
+// From the blended Gaussians to the picture, with 8 bits. Behind this stands resolve.glsl.
 uniform highp sampler2D blended;
 uniform vec3 background;
 uniform bool corrected;
@@ -9,23 +9,6 @@ uniform float response[18]; // per channel toe, shoulder, gamma, centre, a, b
 
 out vec4 result;
 
-// As isp_curve and isp_respond in kernels/ppisp/ppisp_device.h.
-float respond(float value, int c) {
-    float toe = response[6 * c], shoulder = response[6 * c + 1], gamma = response[6 * c + 2], centre = response[6 * c + 3];
-    float x = clamp(value, 0.0, 1.0), y;
-    if (x <= centre) y = x > 0.0 ? response[6 * c + 4] * pow(x / centre, toe) : 0.0;
-    else y = 1.0 - response[6 * c + 5] * pow((1.0 - x) / (1.0 - centre), shoulder);
-    return y > 0.0 ? pow(y, gamma) : 0.0;
-}
+vec3 resolved(vec4 b);
 
-void main() {
-    vec4 b = texelFetch(blended, ivec2(gl_FragCoord.xy), 0);
-    vec3 color = b.rgb + (1.0 - b.a) * background;
-    if (corrected) {
-        vec3 exposed = max(color, 0.0) * gain, mapped = mix_colors * exposed;
-        float before = exposed.r + exposed.g + exposed.b, after = mapped.r + mapped.g + mapped.b;
-        vec3 balanced = mapped * (before / max(after, 1e-5));
-        color = vec3(respond(balanced.r, 0), respond(balanced.g, 1), respond(balanced.b, 2));
-    }
-    result = vec4(color, 1.0);
-}
+void main() { result = vec4(resolved(texelFetch(blended, ivec2(gl_FragCoord.xy), 0)), 1.0); }

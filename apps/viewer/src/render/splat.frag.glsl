@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// One fragment of a Gaussian, premultiplied.
+// The fragments of a Gaussian's quad. In front of this stands fragment.glsl.
 flat in vec4 shown;
 in vec2 offset;
 out vec4 result;
 
 void main() {
-    float alpha = shown.a * exp(-0.5 * dot(offset, offset));
-    if (alpha < 1.0 / 255.0) discard;
-    result = vec4(shown.rgb * alpha, alpha);
+    result = fragment_of(shown, offset);
+    if (result.a == 0.0) discard;
 }

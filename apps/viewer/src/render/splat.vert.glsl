@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One corner of the quad around one Gaussian: projection as in kernels/preprocess/preprocess_device.h, with its constants. In front
-// of this stands gaussian.glsl.
+// The corners of all Gaussians' quads. In front of this stands gaussian.glsl, behind it splat.glsl.
 
+uniform highp usampler2D geometry;
 uniform highp sampler2D colors;
 uniform mat3 rotation; // of cam_from_world, OpenCV axes
 uniform vec3 translation;
@@ -9,63 +9,15 @@ uniform vec4 intrinsics; // fx, fy, cx, cy in pixels
 uniform vec2 size;
 uniform float splat_size, near_plane; // a factor of all scales, 0 for points; and nothing nearer is drawn
 
-const float kDilation = GS_DILATION, kMinDeterminant = 1e-6, kMinAlpha = 1.0 / 255.0, kFrustumMargin = 0.15, kFar = 10000.0;
-
-in vec3 position; // x, y: the corner, each -1 or 1
+in vec3 position; // x, y: the corner
 in uint order;
 
 flat out vec4 shown;
-out vec2 offset; // in standard deviations
+out vec2 offset;
 
-vec3 decode_scale(uvec4 g) {
-    vec3 code = vec3(g.w & 255u, (g.w >> 8) & 255u, (g.w >> 16) & 255u);
-    return mix(exp(-12.0 + (code - 1.0) * (21.0 / 254.0)), vec3(0), equal(code, vec3(0)));
-}
-
-// Octahedral axis and an angle between 0 and pi.
-mat3 decode_rotation(uvec4 g) {
-    vec2 p = vec2((g.z >> 16) & 255u, g.z >> 24) / 255.0 * 2.0 - 1.0;
-    float half_angle = float(g.w >> 24) / 255.0 * (3.14159265358979 / 2.0);
-    vec3 axis = vec3(p, 1.0 - abs(p.x) - abs(p.y));
-    if (axis.z < 0.0) axis.xy = (1.0 - abs(p.yx)) * vec2(p.x < 0.0 ? -1.0 : 1.0, p.y < 0.0 ? -1.0 : 1.0);
-    vec3 v = normalize(axis) * sin(half_angle);
-    float w = cos(half_angle);
-    return mat3(1.0 - 2.0 * (v.y * v.y + v.z * v.z), 2.0 * (v.x * v.y + w * v.z), 2.0 * (v.x * v.z - w * v.y),
-                2.0 * (v.x * v.y - w * v.z), 1.0 - 2.0 * (v.x * v.x + v.z * v.z), 2.0 * (v.y * v.z + w * v.x),
-                2.0 * (v.x * v.z + w * v.y), 2.0 * (v.y * v.z - w * v.x), 1.0 - 2.0 * (v.x * v.x + v.y * v.y));
-}
+vec4 place_corner(uvec4 g, vec3 color, vec2 corner, out vec4 shown, out vec2 offset);
 
 void main() {
-    gl_Position = vec4(2.0, 2.0, 0.0, 1.0); // all four corners there: nothing is drawn
     ivec2 texel = texel_of(int(order));
-    uvec4 g = texelFetch(geometry, texel, 0);
-    shown = vec4(texelFetch(colors, texel, 0).rgb, float(g.x >> 24) / 255.0);
-    offset = vec2(0);
-    vec3 cam = rotation * decode_mean(g) + translation;
-    if (!(cam.z >= near_plane && cam.z <= kFar) || shown.a < kMinAlpha) return;
-
-    vec2 focal = intrinsics.xy, center = intrinsics.zw, uv = cam.xy / cam.z;
-    vec2 clipped = clamp(uv, (-kFrustumMargin * size - center) / focal, ((1.0 + kFrustumMargin) * size - center) / focal);
-    vec3 s = splat_size * decode_scale(g);
-    mat3 axes = rotation * decode_rotation(g); // columns: the principal axes, seen from the camera
-    vec3 du = focal.x / cam.z * vec3(axes[0].x - clipped.x * axes[0].z, axes[1].x - clipped.x * axes[1].z, axes[2].x - clipped.x * axes[2].z) * s;
-    vec3 dv = focal.y / cam.z * vec3(axes[0].y - clipped.y * axes[0].z, axes[1].y - clipped.y * axes[1].z, axes[2].y - clipped.y * axes[2].z) * s;
-    vec3 cov = vec3(dot(du, du), dot(du, dv), dot(dv, dv)); // xx, xy, yy
-#if GS_ANTIALIASED
-    float before = cov.x * cov.z - cov.y * cov.y;
-#endif
-    cov.xz += kDilation;
-    float determinant = cov.x * cov.z - cov.y * cov.y;
-    if (!(determinant >= kMinDeterminant && cov.x <= 1e12 && cov.z <= 1e12)) return;
-#if GS_ANTIALIASED
-    if (splat_size > 0.0) shown.a *= sqrt(max(before / determinant, 0.0)); // points would all vanish
-    if (shown.a < kMinAlpha) return;
-#endif
-
-    // The square that circumscribes the circle where alpha falls to kMinAlpha, mapped by the covariance's Cholesky factor.
-    float radius = sqrt(2.0 * log(max(shown.a / kMinAlpha, 1.0)));
-    float l11 = sqrt(cov.x), l21 = cov.y / l11, l22 = sqrt(max(determinant / cov.x, 0.0));
-    offset = position.xy * radius;
-    vec2 pixel = focal * uv + center + vec2(l11 * offset.x, l21 * offset.x + l22 * offset.y);
-    gl_Position = vec4(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y, 0.0, 1.0);
+    gl_Position = place_corner(texelFetch(geometry, texel, 0), texelFetch(colors, texel, 0).rgb, position.xy, shown, offset);
 }

@@ -6,10 +6,13 @@ import {
   type WebGLRenderer,
 } from 'three';
 import { camFromWorld, type View } from '../camera/view';
+import type { Scene } from '../format/ngsplat';
 import type { GpuScene } from './gpu_scene';
-import { Pass, uniforms } from './pass';
+import { Pass, uniforms, type Defines } from './pass';
 import gaussianCode from './gaussian.glsl?raw';
 import vertexCode from './splat.vert.glsl?raw';
+import cornerCode from './splat.glsl?raw';
+import blendingCode from './fragment.glsl?raw';
 import fragmentCode from './splat.frag.glsl?raw';
 
 /** How Gaussians are drawn. */
@@ -23,21 +26,33 @@ export interface SplatStyle {
 /** As gsapp draws them: kNear in kernels/splat/raster_config.h is this near plane. */
 export const PLAIN_SPLATS: SplatStyle = { size: 1, near: 0.2 };
 
+/** What the GLSL of the splats is told of a file. */
+export function splatDefines({ antialiased }: Scene): Defines {
+  return { GS_ANTIALIASED: antialiased, GS_DILATION: antialiased ? 0.1 : 0.3 };
+}
+
+/** What it takes from a view. */
+export function splatValues(view: View, style: SplatStyle) {
+  return {
+    ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height],
+    splat_size: style.size, near_plane: Math.max(PLAIN_SPLATS.near, style.near),
+  };
+}
+
 export class Splats {
   private readonly geometry = new InstancedBufferGeometry();
-  private readonly order: InstancedBufferAttribute;
+  private readonly attribute: InstancedBufferAttribute;
   private readonly pass: Pass;
 
   constructor(gpu: GpuScene) {
     this.geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]), 3));
     this.geometry.setIndex([0, 1, 2, 0, 2, 3]);
-    this.order = new InstancedBufferAttribute(new Uint32Array(gpu.scene.count), 1);
-    this.geometry.setAttribute('order', this.order);
+    this.attribute = new InstancedBufferAttribute(new Uint32Array(gpu.scene.count), 1);
+    this.geometry.setAttribute('order', this.attribute);
     this.geometry.instanceCount = 0;
-    const { antialiased } = gpu.scene;
-    this.pass = new Pass(this.geometry, gaussianCode + vertexCode, fragmentCode, uniforms({
+    this.pass = new Pass(this.geometry, gaussianCode + vertexCode + cornerCode, blendingCode + fragmentCode, uniforms({
       geometry: gpu.geometry, colors: null, rotation: null, translation: null, intrinsics: null, size: null, splat_size: 1, near_plane: 0,
-    }), { GS_ANTIALIASED: antialiased, GS_DILATION: antialiased ? 0.1 : 0.3 }, {
+    }), splatDefines(gpu.scene), {
       transparent: true, blending: CustomBlending, blendEquation: AddEquation, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor,
     });
   }
@@ -46,22 +61,23 @@ export class Splats {
     return this.geometry.instanceCount;
   }
 
+  get order(): Uint32Array {
+    return (this.attribute.array as Uint32Array).slice(0, this.count);
+  }
+
   /** The first `count` of `order` are drawn in this order. Returns the array that held the order before. */
   setOrder(order: Uint32Array, count: number): Uint32Array {
-    const before = this.order.array as Uint32Array;
-    this.order.array = order;
-    this.order.clearUpdateRanges();
-    this.order.addUpdateRange(0, count);
-    this.order.needsUpdate = true;
+    const before = this.attribute.array as Uint32Array;
+    this.attribute.array = order;
+    this.attribute.clearUpdateRanges();
+    this.attribute.addUpdateRange(0, count);
+    this.attribute.needsUpdate = true;
     this.geometry.instanceCount = count;
     return before;
   }
 
   draw(renderer: WebGLRenderer, view: View, style: SplatStyle, colors: Texture, target: RenderTarget): void {
-    this.pass.set({
-      colors, ...camFromWorld(view), intrinsics: [view.fx, view.fy, view.cx, view.cy], size: [view.width, view.height],
-      splat_size: style.size, near_plane: Math.max(PLAIN_SPLATS.near, style.near),
-    });
+    this.pass.set({ colors, ...splatValues(view, style) });
     this.pass.draw(renderer, target);
   }
 

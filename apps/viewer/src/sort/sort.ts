@@ -13,7 +13,8 @@ const MARGIN = 0.15;
 /** The vertex shader takes the slope of a Gaussian beside the picture as that of one so far outside (kFrustumMargin). */
 const SLOPE_MARGIN = 0.15;
 /** Standard deviations at which an opaque Gaussian has fallen to an alpha of 1/255, and the pixels that dilation may add to that. */
-const MOST_DEVIATIONS = Math.sqrt(2 * Math.log(255)), DILATION_PIXELS = 2;
+export const MOST_DEVIATIONS = Math.sqrt(2 * Math.log(255));
+const DILATION_PIXELS = 2;
 
 const DIGIT_BITS = 11, BUCKETS = 1 << DIGIT_BITS, KEY_BITS = 2 * DIGIT_BITS;
 
@@ -32,9 +33,12 @@ export function centersOf(geometry: Uint32Array): Float32Array<ArrayBuffer> {
   return centers;
 }
 
-/** How a Gaussian at (x, z) of the camera's frame lies in one direction of the picture: it may be seen where low z - reach r <= x <= high z + reach r. */
-function extent(focal: number, center: number, size: number): { low: number; high: number; reach: number } {
-  const margin = MARGIN * size + DILATION_PIXELS, at = (pixel: number) => (pixel - center) / focal;
+/**
+ * How a Gaussian at (x, z) of the camera's frame lies in one direction of the picture: it may be seen where low z - reach r <= x <= high z + reach r.
+ * `share` of the picture's size counts as part of it beyond its edges.
+ */
+export function extent(focal: number, center: number, size: number, share: number): { low: number; high: number; reach: number } {
+  const margin = share * size + DILATION_PIXELS, at = (pixel: number) => (pixel - center) / focal;
   const slope = Math.max(Math.abs(at(-SLOPE_MARGIN * size)), Math.abs(at((1 + SLOPE_MARGIN) * size)));
   return { low: at(-margin), high: at(size + margin), reach: Math.hypot(1, slope) };
 }
@@ -80,7 +84,7 @@ export class DepthSorter {
     const { geometry, depths } = this, { right, down, forward, position } = view;
     const [rx, ry, rz] = right, [dx, dy, dz] = down, [fx, fy, fz] = forward;
     const right0 = -dot(right, position), down0 = -dot(down, position), forward0 = -dot(forward, position);
-    const across = extent(view.fx, view.cx, view.width), along = extent(view.fy, view.cy, view.height);
+    const across = extent(view.fx, view.cx, view.width, MARGIN), along = extent(view.fy, view.cy, view.height, MARGIN);
     const left = across.low, rightmost = across.high, reachX = size * across.reach, top = along.low, bottom = along.high, reachY = size * along.reach;
     let visible = 0, nearest = Infinity, farthest = 0;
     for (let i = 0, n = this.added; i < n; ++i) {

@@ -28,7 +28,7 @@ export class BenchmarkPanel {
 
   private show(result: BenchmarkResult): void {
     const ms = (x: number) => `${x.toFixed(2)} ms`;
-    this.output.value = `Frame ${ms(result.frame.mean)} (median ${ms(result.frame.median)}, ${ms(result.frame.min)} to ${ms(result.frame.max)})\nColours alone ${ms(result.prepass.mean)}\n${result.renderer}`;
+    this.output.value = `Frame ${ms(result.frame.mean)} (median ${ms(result.frame.median)}, ${ms(result.frame.min)} to ${ms(result.frame.max)})\nColours alone ${ms(result.prepass.mean)}\n${result.way} on ${result.renderer}`;
     URL.revokeObjectURL(this.link.href);
     this.link.href = URL.createObjectURL(new Blob([JSON.stringify(result, null, 2)], { type: 'application/json' }));
     this.link.hidden = false;

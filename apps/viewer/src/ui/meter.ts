@@ -15,14 +15,14 @@ export class Meter {
 
   constructor(private readonly output = element('meter')) {}
 
-  /** A frame was drawn. `sortMilliseconds`: of the order that it was drawn in; undefined while there is none. */
-  frame(now: number, sortMilliseconds: number | undefined, drawn: number): void {
+  /** A frame was drawn. `sorted`: the milliseconds that its order took, or where that is part of drawing; undefined while there is none. */
+  frame(now: number, sorted: number | 'on the GPU' | undefined, drawn: number): void {
     const dt = now - this.last;
     this.last = now;
     this.frames = dt > PAUSE ? 0 : this.frames + 1;
     this.interval = this.frames > 1 ? 0.9 * this.interval + 0.1 * dt : dt;
     const rate = this.frames >= FEWEST_FRAMES ? `${(1000 / this.interval).toFixed(0)} frames/s · ` : '';
-    const order = sortMilliseconds === undefined ? 'sorting…' : `${drawn.toLocaleString('en')} drawn · sorted in ${sortMilliseconds.toFixed(0)} ms`;
+    const order = sorted === undefined ? 'sorting…' : `${drawn.toLocaleString('en')} drawn · sorted ${typeof sorted === 'number' ? `in ${sorted.toFixed(0)} ms` : sorted}`;
     this.output.textContent = `${rate}${order}`;
   }
 }
