@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares pictures of the web viewer with gsapp's own, for every appearance model.
+"""Compares pictures of the web viewer, by WebGL2 and by WebGPU, with gsapp's own, for every appearance model.
 
 Usage: viewer_models_test.py GSAPP. Exit status 77: no Chromium, or a gsapp without the viewer.
 """
@@ -12,7 +12,7 @@ import tempfile
 import urllib.parse
 
 from browser import Browser, find_chromium, check
-from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer
+from site_server import PSNR, SOFTWARE_WEBGPU, Site, open_viewer
 
 # Arguments of gsapp train. All degrees of sh and neural have joined at a tenth of a run.
 GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "1200"]
@@ -29,7 +29,7 @@ CASES = {
     "neural, mixed": GLOSSY + ["--appearance-share", "0.3"],
     "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
 }
-VIEWS = (0, 3, 7)
+VIEWS = {"webgl": (0, 3, 7), "webgpu": (3,)}
 MODES = ("full", "base", "residual")
 # 48.4 and more were measured; 38 would still look the same.
 LEAST_PSNR = 45
@@ -57,16 +57,16 @@ def export(gsapp, case, folder):
     run_gsapp(gsapp, "render", run, "--decompose", "-o", site / "reference")
 
 
-def compare(browser, url, case):
-    open_viewer(browser, url + urllib.parse.quote(case) + "/")
+def compare(browser, url, case, way):
+    open_viewer(browser, f"{url}{urllib.parse.quote(case)}/?gpu={way}")
     for mode in MODES:
         values = []
-        for view in VIEWS:
+        for view in VIEWS[way]:
             seen = browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => (window.seen = v.pixels).reduce((most, v, i) => i % 4 < 3 ? Math.max(most, v) : most, 0))")
             check(seen > 10 or (case.startswith("none") and mode == "residual"), f"{case}: view {view} shows something in {mode}")
             values.append(browser.evaluate(PSNR % ("window.seen", f"reference/{mode}/{view:05}.png")))
-        print(f"{case:17} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
-        check(min(values) >= LEAST_PSNR, f"{case} {mode}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture")
+        print(f"{case:17} {way} {mode:9} " + " ".join(f"{v:6.2f}" for v in values) + " dB", flush=True)
+        check(min(values) >= LEAST_PSNR, f"{case} {mode} by {way}: PSNR of at least {LEAST_PSNR} dB against gsapp's own picture")
 
 
 def main():
@@ -84,9 +84,15 @@ def main():
                 print("skipped: the viewer is not built (scripts/build-viewer)")
                 return 77
         site = Site(folder)
-        with Browser(program, width=400, height=300, flags=SOFTWARE_WEBGL) as browser: # which draws its own picture besides
+        with Browser(program, width=400, height=300, flags=SOFTWARE_WEBGPU) as browser: # which draws its own picture besides
+            ways = ["webgl"]
+            open_viewer(browser, site.url + urllib.parse.quote(cases[0]) + "/")
+            if browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
+                ways.append("webgpu")
             for case in cases:
-                compare(browser, site.url, case)
+                for way in ways:
+                    compare(browser, site.url, case, way)
+                    check(browser.evaluate("gsapp.way") == {"webgl": "WebGL2", "webgpu": "WebGPU"}[way], f"{case}: {way} has drawn it")
             check(browser.errors == [], f"the console is silent: {browser.errors}")
     print("passed")
     return 0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the web viewer's pictures by WebGPU with those by WebGL2, checks its order by depth, and what happens where WebGPU ends.
+"""Draws by WebGPU: the page beside that by WebGL2, the order by depth, and what happens where WebGPU ends.
 
-Usage: viewer_webgpu_test.py GSAPP VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium with WebGPU, or no
+Usage: viewer_webgpu_test.py VIEWER. VIEWER is apps/viewer/dist after scripts/build-viewer. Exit status 77: no Chromium with WebGPU, or no
 viewer there.
 """
 
@@ -17,15 +17,8 @@ import zlib
 
 from browser import Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGPU, Site, open_viewer, wait_for
-from viewer_models_test import export
 from viewer_scenes import BACKGROUND, header, message, padded, scene_file, trailer, unit
 
-# Of those in viewer_models_test.py, and what is compared of each.
-CASES = {
-    "none": ("full", "depth"), "sh": ("full", "residual"), "sv": ("full", "residual"), "nasg": ("full", "residual"), "nasgabor": ("full", "residual"),
-    "neural": ("full", "residual"), "sh, mixed": ("full", "residual", "appearance"), "none, photometric": ("full", "base"),
-}
-VIEWS = (0, 3)
 # 56.3 and more were measured. A dilation of 0.28 in place of 0.3 in one way gives 44.7, a sort that leaves out the highest digits 21.6.
 LEAST_PSNR = 52
 
@@ -86,21 +79,6 @@ def open_by(browser, url, way, file):
     check(message(browser) == "", f"{file} is shown by {way}: {message(browser)}")
     expected = {"webgpu": "WebGPU", "webgl": "WebGL2"}[way]
     check(browser.evaluate("gsapp.way") == expected, f"{file} is drawn by {expected}")
-
-
-def check_models(browser, url, cases):
-    for case in cases:
-        seen = {}
-        for way in ("webgl", "webgpu"):
-            open_by(browser, url, way, case.replace(", ", "_") + ".ngsplat")
-            seen[way] = {(mode, view): pixels(browser, f"testViewPixels({view}, '{mode}')") for mode in CASES[case] for view in VIEWS}
-            check(browser.evaluate("gsapp.way") == {"webgpu": "WebGPU", "webgl": "WebGL2"}[way], f"{case}: {way} has drawn all of it")
-        for (mode, view), by_webgl in seen["webgl"].items():
-            brightest = max(max(by_webgl[c::4]) for c in range(3))
-            check(brightest > 10, f"{case}: view {view} shows something in {mode}")
-            value = psnr(by_webgl, seen["webgpu"][mode, view])
-            print(f"{case:17} {mode:10} view {view} {value:6.2f} dB", flush=True)
-            check(value >= LEAST_PSNR, f"{case} {mode} view {view}: PSNR of at least {LEAST_PSNR} dB between WebGPU and WebGL2")
 
 
 def cloud_file(count, position):
@@ -215,7 +193,7 @@ def check_end(browser, url):
 
 
 def main():
-    gsapp, viewer, program = sys.argv[1], pathlib.Path(sys.argv[2]), find_chromium()
+    viewer, program = pathlib.Path(sys.argv[1]), find_chromium()
     if program is None:
         print("skipped: no chromium on PATH (apt-get install chromium)")
         return 77
@@ -235,10 +213,6 @@ def main():
         check_page(browser, site.url, folder / "site")
         check_end(browser, site.url)
         check_order(browser, site.url, folder / "site")
-        for case in CASES:
-            export(gsapp, case, folder)
-            shutil.copy(folder / case / "scene.ngsplat", folder / "site" / (case.replace(", ", "_") + ".ngsplat"))
-        check_models(browser, site.url, CASES)
         check(browser.errors == [], f"the console is silent: {browser.errors}")
     print("passed")
     return 0
