@@ -82,9 +82,9 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
     p.cam = camera.rotation * g.mean + camera.translation;
     const L depth = p.cam.z, q2 = norm2(g.rotation);
     // NaN fails every test.
-    unsigned shown = ((1u << n) - 1) & mask_bits(at_least(depth, camera.near_plane) & at_least(camera.far_plane, depth) &
-                                                 at_least(q2, L(Real(kMinQuaternionNorm2))) &
-                                                 at_least(L(Real(kMaxQuaternionNorm2)), q2));
+    unsigned shown = ((1u << n) - 1) &
+                     mask_bits(at_least(depth, camera.near_plane) & at_least(camera.far_plane, depth) &
+                               at_least(q2, L(Real(kMinQuaternionNorm2))) & at_least(L(Real(kMaxQuaternionNorm2)), q2));
     if (!shown) return 0;
     project_shape(g, camera, p);
     auto& s = out.splats;
@@ -134,9 +134,10 @@ std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& b, int tiles_x,
     return std::uint32_t(tiles.size() - before);
 }
 
-#define GS_INSTANTIATE(Real)                                                                                          \
-    template struct ViewLanes<Real>;                                                                                  \
-    template unsigned make_splats(const ParameterView<Real>&, std::int64_t, const ViewLanes<Real>&, SplatLanes<Real>&); \
+#define GS_INSTANTIATE(Real)                                                                        \
+    template struct ViewLanes<Real>;                                                                \
+    template unsigned make_splats(const ParameterView<Real>&, std::int64_t, const ViewLanes<Real>&, \
+                                  SplatLanes<Real>&);                                               \
     template std::uint32_t add_tiles(const Splat<Real>&, const PixelBounds&, int, std::vector<std::uint32_t>&);
 GS_INSTANTIATE(float)
 GS_INSTANTIATE(double)

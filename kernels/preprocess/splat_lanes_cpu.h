@@ -28,8 +28,8 @@ template <class Real> struct SplatLanes {
     /// Returns a splat that is shown. Its colour is undefined.
     Splat<Real> splat(int lane) const {
         const auto& s = splats;
-        return {{s.mean.x[lane], s.mean.y[lane]}, s.a[lane], s.b[lane], s.c[lane], s.opacity[lane], {},
-                s.threshold[lane]};
+        return {
+            {s.mean.x[lane], s.mean.y[lane]}, s.a[lane], s.b[lane], s.c[lane], s.opacity[lane], {}, s.threshold[lane]};
     }
     PixelBounds pixel_bounds(int lane) const {
         return {int(bounds.x_min[lane]), int(bounds.x_max[lane]), int(bounds.y_min[lane]), int(bounds.y_max[lane])};
@@ -45,6 +45,7 @@ unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, cons
 
 /// Adds the tiles that a splat touches, row by row. Returns how many there are.
 template <class Real>
-std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& bounds, int tiles_x, std::vector<std::uint32_t>& tiles);
+std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& bounds, int tiles_x,
+                        std::vector<std::uint32_t>& tiles);
 
 }  // namespace gs
