@@ -312,9 +312,10 @@ inline Lanes<double> gs_log(const Lanes<double>& x) {
 GS_HD Lanes<float> gs_exp(const Lanes<float>& x) {
     using L = Lanes<float>;
     const L clamped = lane_min(L(88.0f), lane_max(L(-87.0f), x));  // in this order NaN stays NaN
-    // log2(e) in two parts, because one has too few digits for an exponent of 88.
-    const L high(1.44269502f), low(1.92596299e-8f), n = round_lanes(clamped * high);
-    return scale_by_power_of_two(exp2_polynomial(gs_fma(clamped, low, gs_fma(clamped, high, -n))), n);
+    // x = n ln 2 + r. The first part of ln 2 is so short that its product with n is exact, also without FMA.
+    const L log2e(1.44269504f), n = round_lanes(clamped * log2e);
+    const L r = gs_fma(n, L(2.12194440e-4f), gs_fma(n, L(-0.693359375f), clamped));
+    return scale_by_power_of_two(exp2_polynomial(r * log2e), n);
 }
 
 /// Returns ln x with error below 2e-7 (1 + |ln x|) for normal x > 0. Of other x it returns an unspecified value.

@@ -47,9 +47,9 @@ template <class Real> void expect_lanes_equal_scalars(double tolerance) {
                 EXPECT_FALSE(has) << "beyond the last row";
                 continue;
             }
-            Splat<Real> e;
-            PixelBounds bounds;
-            Real depth;
+            Splat<Real> e{};
+            PixelBounds bounds{};
+            Real depth{};
             ASSERT_EQ(make_splat(params.geometry(i), camera, width, height, e, bounds, depth, cutoffs), has) << i;
             ++(has ? shown : culled);
             if (!has) continue;
