@@ -288,17 +288,21 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
             state_.active_degree > 0 && state_.count > 0 ? double(state_.num_residuals()) / double(state_.count) : 0;
         const double values = 14.0 + share * state_[Group::kResidual].width;  // used parameters of a Gaussian
         const double operations = share * info.operations, operations_backward = share * info.operations_backward;
+        // All have their geometry read; only those in view have their colour read. The sort by depth has three passes,
+        // which read and write a key of 8 bytes, and finds the tiles of a Gaussian by 8 bytes.
+        const double geometry_bytes = 4 * 11, color_bytes = 4 * (values - 11);
         // The instructions are counted in the templates: fragment_alpha 17 (10 of them for exp2) + blend_fragment 10
         // forward, fragment_alpha 17 + blend_fragment_backward 34 backward. A splat has 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian",
-             gaussians * (4 * values + 12) + work_.visible * (40 + 8) + work_.instances * 4,
+             gaussians * (geometry_bytes + 4) + work_.visible * (color_bytes + 40 + 4 + 8) + work_.instances * 4,
              work_.visible * (260 + operations),
-             "one Gaussian at a time in scalar code; the floor assumes full vectors; exponentials, a logarithm and the "
-             "loop over tiles take time",
+             "colours and the lists of tiles are made one Gaussian at a time; rows of the Gaussians in view are read "
+             "from scattered places",
              true},
-            {"sort", s.sort, work_.instances, "instance", work_.visible * 4 * 16 + work_.instances * (4 + 4 + 8),
-             work_.instances * 4, "a comparison sort of 8-byte keys; the floor assumes streaming"},
+            {"sort", s.sort, work_.instances, "instance", work_.visible * (3 * 16 + 8) + work_.instances * (4 + 8),
+             work_.instances * 4,
+             "each pass reads its items twice and writes them to scattered places; the floor assumes streaming"},
             {"blend", s.blend, pairs, "pixel x Gaussian", work_.instances * (8 + 40 + 2) + work_.pixels * 16,
              pairs * 27, ""},
             {"loss", loss_seconds_, work_.pixels, "pixel", work_.pixels * 3 * 4 * 16,

@@ -15,6 +15,7 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/preprocess/gaussian_device.h"
+#include "kernels/preprocess/splat_lanes_cpu.h"
 #include "kernels/ranks/shard.h"
 #include "kernels/sort/binning.h"
 #include "kernels/splat/depth_key.h"
@@ -44,8 +45,17 @@ template <class Real, class Model> class CpuRasterizer {
         begin_view(camera, background, degree);
         {
             const StageTimer timer(seconds.preprocess);
-            fill_bins(params.count,
-                      [&](std::int64_t i, BinningInput::Part& bin) { preprocess_one(params, i, mode, bin); });
+            const auto view = view_lanes();
+            fill_bins(params.count, [&](std::int64_t first, std::int64_t, BinningInput::Part& bin) {
+                SplatLanes<Real> s;
+                for (unsigned shown = make_splats(params, first, view, s); shown; shown &= shown - 1) {
+                    const int lane = __builtin_ctz(shown);
+                    const std::int64_t i = first + lane;
+                    splats_[i] = s.splat(lane);
+                    if (!add_instances(i, s.pixel_bounds(lane), s.depth[lane], bin)) continue;
+                    splats_[i].color = color_of(params, i, mode);
+                }
+            });
         }
         sort_and_blend(image, transmittance);
     }
@@ -56,10 +66,12 @@ template <class Real, class Model> class CpuRasterizer {
         begin_view(camera, background, 0);
         {
             const StageTimer timer(seconds.preprocess);
-            fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, BinningInput::Part& bin) {
-                Splat<Real>& s = splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
-                const PixelBounds bounds = splats[i].bounds(s, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile);
-                if (add_tiles(s, bounds, bin)) add_key(splats[i].depth, i, bin);
+            fill_bins(std::int64_t(splats.size()), [&](std::int64_t i, std::int64_t end, BinningInput::Part& bin) {
+                for (; i < end; ++i) {
+                    const Splat<Real>& s = splats_[i] = splats[i].splat(cutoffs_.inverse_alpha);
+                    add_instances(i, splats[i].bounds(s, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile), splats[i].depth,
+                                  bin);
+                }
             });
         }
         sort_and_blend(image, transmittance);
@@ -70,25 +82,26 @@ template <class Real, class Model> class CpuRasterizer {
                  ProjectedView& out) {
         begin_view(camera, {}, degree);
         const StageTimer timer(seconds.preprocess);
+        const auto view = view_lanes();
         const std::int64_t parts = num_parts(params.count);
         projected_parts_.resize(parts);
         parallel_for(parts, [&](std::int64_t part) {
             ProjectedView& p = projected_parts_[part];
-            BinningInput::Part bin;
+            std::vector<std::uint32_t> tiles;
             p.splats.clear(), p.rows.clear();
-            for (std::int64_t i = part * kPartSize, end = std::min(params.count, i + kPartSize); i < end; ++i) {
-                Splat<Real> s;
-                PixelBounds bounds;
-                Projection<Real> projection;
-                bin.tiles.clear();
-                if (!make_splat(params.geometry(i), camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, bounds,
-                                projection, cutoffs_) ||
-                    !add_tiles(s, bounds, bin))
-                    continue;
-                s.color = color_of(params, i, mode);
-                p.splats.push_back(WireSplat::of(s, projection.cov2d, projection.cam.z));
-                p.rows.push_back(std::uint32_t(i));
-            }
+            SplatLanes<Real> lanes;
+            for (std::int64_t first = part * kPartSize, end = std::min(params.count, first + kPartSize); first < end;
+                 first += kLanes)
+                for (unsigned shown = make_splats(params, first, view, lanes); shown; shown &= shown - 1) {
+                    const int lane = __builtin_ctz(shown);
+                    Splat<Real> s = lanes.splat(lane);
+                    tiles.clear();
+                    if (!add_tiles(s, lanes.pixel_bounds(lane), tiles_x_, tiles)) continue;
+                    s.color = color_of(params, first + lane, mode);
+                    p.splats.push_back(
+                        WireSplat::of(s, {lanes.cov_xx[lane], Real(0), lanes.cov_yy[lane]}, lanes.depth[lane]));
+                    p.rows.push_back(std::uint32_t(first + lane));
+                }
         });
         out.splats.clear(), out.rows.clear(), out.part_ends.clear();
         for (const ProjectedView& p : projected_parts_) {
@@ -153,6 +166,7 @@ template <class Real, class Model> class CpuRasterizer {
     /// Returns the sums over pixels of dL/dcolour of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
     Vec3<Real> color_gradient(std::int64_t i) const {
         Vec3<Real> out{0, 0, 0};
+        if (bins_.count[i] == 0) return out;
         const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) out += Vec3<Real>{s[k].r, s[k].g, s[k].b};
         return out;
@@ -216,7 +230,8 @@ template <class Real, class Model> class CpuRasterizer {
         });
     }
 
-    /// Makes splats_ and bins_ of `count` Gaussians; add(i, bin) makes splat i and adds its tiles to those of its part.
+    /// Makes splats_ and bins_ of `count` Gaussians; add(first, end, bin) calls add_instances for those of a batch that
+    /// may touch a tile.
     template <class Add> void fill_bins(std::int64_t count, Add&& add) {
         const std::int64_t parts = num_parts(count);
         bins_.parts.resize(parts);
@@ -228,44 +243,28 @@ template <class Real, class Model> class CpuRasterizer {
             BinningInput::Part& bin = bins_.parts[part];
             bin.depth_keys.clear();
             bin.tiles.clear();
-            for (std::int64_t i = part * kPartSize, end = std::min(count, i + kPartSize); i < end; ++i) {
-                bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
-                add(i, bin);
-                bins_.count[i] = static_cast<std::uint32_t>(bin.tiles.size()) - bins_.first[i];
+            const std::int64_t begin = part * kPartSize, end = std::min(count, begin + kPartSize);
+            std::fill(bins_.count.begin() + begin, bins_.count.begin() + end, 0u);
+            for (std::int64_t first = begin; first < end; first += kLanes) {
+                add(first, std::min(end, first + kLanes), bin);
                 // Stops before memory runs out; build() then reports it.
-                if (bins_.count[i] > 0 &&
-                    instances.load(std::memory_order_relaxed) + std::int64_t(bin.tiles.size()) > max_instances_)
-                    break;
+                if (instances.load(std::memory_order_relaxed) + std::int64_t(bin.tiles.size()) > max_instances_) break;
             }
             instances += static_cast<std::int64_t>(bin.tiles.size());
         });
     }
 
-    void preprocess_one(const ParameterView<Real>& params, std::int64_t i, RenderMode mode, BinningInput::Part& bin) {
-        const GaussianGeometry<Real> g = params.geometry(i);
-        Splat<Real>& s = splats_[i];
-        PixelBounds b;
-        Real z;
-        if (!make_splat(g, camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, s, b, z, cutoffs_)) return;
-        if (!add_tiles(s, b, bin)) return;
-        s.color = color_of(params, i, mode);
-        add_key(z, i, bin);
-    }
-
-    void add_key(Real depth, std::int64_t i, BinningInput::Part& bin) const {
+    /// Adds the tiles that splats_[i] touches. Returns whether there are any.
+    bool add_instances(std::int64_t i, const PixelBounds& bounds, Real depth, BinningInput::Part& bin) {
+        bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
+        bins_.count[i] = add_tiles(splats_[i], bounds, tiles_x_, bin.tiles);
+        if (bins_.count[i] == 0) return false;
         bin.depth_keys.push_back(std::uint64_t(depth_key_(float(depth))) << 32 | std::uint32_t(i));
+        return true;
     }
 
-    /// Adds the tiles that the splat touches. Returns whether there are any.
-    bool add_tiles(const Splat<Real>& s, const PixelBounds& b, BinningInput::Part& bin) const {
-        const std::size_t before = bin.tiles.size();
-        for (int ty = b.y_min / kCpuTile; ty * kCpuTile < b.y_max; ++ty)
-            for (int tx = b.x_min / kCpuTile; tx * kCpuTile < b.x_max; ++tx) {
-                const Real power = min_power_in_rectangle(s, Real(tx * kCpuTile), Real(ty * kCpuTile),
-                                                          Real(kCpuTile - 1), Real(kCpuTile - 1));
-                if (power <= touch_threshold(s)) bin.tiles.push_back(std::uint32_t(ty) * tiles_x_ + tx);
-            }
-        return bin.tiles.size() > before;
+    ViewLanes<Real> view_lanes() const {
+        return ViewLanes<Real>::of(camera_, tiles_x_ * kCpuTile, tiles_y_ * kCpuTile, cutoffs_);
     }
 
     Vec3<Real> color_of(const ParameterView<Real>& params, std::int64_t i, RenderMode mode) const {

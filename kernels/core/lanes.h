@@ -106,6 +106,9 @@ template <class T> struct Lanes {
     GS_HD Lanes operator*(const Lanes& o) const {
         return of([&](int k) { return parts[k] * o.parts[k]; });
     }
+    GS_HD Lanes operator/(const Lanes& o) const {
+        return of([&](int k) { return parts[k] / o.parts[k]; });
+    }
     GS_HD Lanes operator-() const {
         return of([&](int k) { return -parts[k]; });
     }
@@ -245,20 +248,24 @@ GS_HD float sum_lanes(const Lanes<float>& x) {
 
 #endif
 
-/// Returns 2^min(x,0) with relative error below 2e-7, and 0 below x = -126. After the integer part is rounded off, a
-/// polynomial serves on [-1/2,1/2] (coefficients: Cephes exp2f).
+/// Returns 2^x with relative error below 2e-7 for x in [-1/2, 1/2] (coefficients: Cephes exp2f).
+GS_HD Lanes<float> exp2_polynomial(const Lanes<float>& x) {
+    using L = Lanes<float>;
+    L p(1.535336188319500e-4f);
+    p = gs_fma(p, x, L(1.339887440266574e-3f));
+    p = gs_fma(p, x, L(9.618437357674640e-3f));
+    p = gs_fma(p, x, L(5.550332471162809e-2f));
+    p = gs_fma(p, x, L(2.402264791363012e-1f));
+    p = gs_fma(p, x, L(6.931472028550421e-1f));
+    return gs_fma(p, x, L(1.0f));
+}
+
+/// Returns 2^min(x,0) with relative error below 2e-7, and 0 below x = -126.
 GS_HD Lanes<float> exp2_nonpositive(const Lanes<float>& x) {
     using L = Lanes<float>;
     const L clamped = lane_min(lane_max(x, L(-126.0f)), L(0.0f));
-    const L n = round_lanes(clamped), f = clamped - n;
-    L p(1.535336188319500e-4f);
-    p = gs_fma(p, f, L(1.339887440266574e-3f));
-    p = gs_fma(p, f, L(9.618437357674640e-3f));
-    p = gs_fma(p, f, L(5.550332471162809e-2f));
-    p = gs_fma(p, f, L(2.402264791363012e-1f));
-    p = gs_fma(p, f, L(6.931472028550421e-1f));
-    p = gs_fma(p, f, L(1.0f));
-    return scale_by_power_of_two(p, n);
+    const L n = round_lanes(clamped);
+    return scale_by_power_of_two(exp2_polynomial(clamped - n), n);
 }
 
 // Double lanes serve the reference backend of the tests, so plain loops are enough.
@@ -271,6 +278,61 @@ inline double sum_lanes(const Lanes<double>& x) {
     double s = 0;
     for (int i = 0; i < kLanes; ++i) s += x[i];
     return s;
+}
+
+// --- the scalar functions of portable.h for lanes -----------------------------------------------------------------
+// Of NaN they return what the scalar ones return.
+template <class T> GS_HD Lanes<T> gs_min(const Lanes<T>& a, const Lanes<T>& b) { return lane_min(a, b); }
+template <class T> GS_HD Lanes<T> gs_max(const Lanes<T>& a, const Lanes<T>& b) { return lane_max(a, b); }
+
+/// Returns fn of each lane. Compilers make vector code of the functions that the machine has instructions for.
+template <class T, class Fn> GS_HD Lanes<T> map_lanes(const Lanes<T>& x, Fn fn) {
+    T v[kLanes];
+    x.store(v);
+    for (T& y : v) y = fn(y);
+    return Lanes<T>::load(v);
+}
+template <class T> GS_HD Lanes<T> gs_sqrt(const Lanes<T>& x) {
+    return map_lanes(x, [](T y) { return gs_sqrt(y); });
+}
+template <class T> GS_HD Lanes<T> gs_floor(const Lanes<T>& x) {
+    return map_lanes(x, [](T y) { return gs_floor(y); });
+}
+template <class T> GS_HD Lanes<T> gs_ceil(const Lanes<T>& x) {
+    return map_lanes(x, [](T y) { return gs_ceil(y); });
+}
+inline Lanes<double> gs_exp(const Lanes<double>& x) {
+    return map_lanes(x, [](double y) { return gs_exp(y); });
+}
+inline Lanes<double> gs_log(const Lanes<double>& x) {
+    return map_lanes(x, [](double y) { return gs_log(y); });
+}
+
+/// Returns e^x with relative error below 2e-7 for x in [-87, 88]. Beyond, it returns the value at the nearer end.
+GS_HD Lanes<float> gs_exp(const Lanes<float>& x) {
+    using L = Lanes<float>;
+    const L clamped = lane_min(L(88.0f), lane_max(L(-87.0f), x));  // in this order NaN stays NaN
+    // x = n ln 2 + r. The first part of ln 2 is so short that its product with n is exact, also without FMA.
+    const L log2e(1.44269504f), n = round_lanes(clamped * log2e);
+    const L r = gs_fma(n, L(2.12194440e-4f), gs_fma(n, L(-0.693359375f), clamped));
+    return scale_by_power_of_two(exp2_polynomial(r * log2e), n);
+}
+
+/// Returns ln x with error below 2e-7 (1 + |ln x|) for normal x > 0. Of other x it returns an unspecified value.
+GS_HD Lanes<float> gs_log(const Lanes<float>& x) {
+    using L = Lanes<float>;
+    using Types = LaneTypes<float>;
+    // x = m 2^n with m in [sqrt(1/2), sqrt(2)), and ln m = 2 atanh(s) = 2 (s + s^3/3 + s^5/5 + ...).
+    constexpr std::int32_t kSqrtHalf = 0x3f3504f3;
+    L m, n;
+    for (int k = 0; k < kParts<float>; ++k) {
+        const Types::Bits bits = (Types::Bits)x.parts[k], exponent = (bits - kSqrtHalf) >> 23;
+        m.parts[k] = (Types::Part)(bits - (exponent << 23));
+        n.parts[k] = __builtin_convertvector(exponent, Types::Part);
+    }
+    const L one(1.0f), s = (m - one) / (m + one), s2 = s * s;
+    const L series = gs_fma(gs_fma(gs_fma(L(2.0f / 7), s2, L(2.0f / 5)), s2, L(2.0f / 3)), s2, L(2.0f));
+    return gs_fma(n, L(0.693147181f), series * s);
 }
 
 #endif  // __CUDACC__

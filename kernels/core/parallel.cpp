@@ -4,7 +4,6 @@
 
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 #include <tbb/task_arena.h>
 
 #include <memory>
@@ -48,10 +47,6 @@ void parallel_for_function(std::int64_t n, const std::function<void(std::int64_t
             },
             tbb::simple_partitioner());
     });
-}
-
-void parallel_sort(std::uint64_t* begin, std::uint64_t* end) {
-    threads().arena.execute([&] { tbb::parallel_sort(begin, end); });
 }
 
 }  // namespace gs

@@ -21,9 +21,6 @@ void parallel_for_function(std::int64_t n, const std::function<void(std::int64_t
 /// Calls parallel_for_function with any callable by reference; std::function would copy a large closure to the heap.
 template <class Fn> void parallel_for(std::int64_t n, Fn&& fn) { parallel_for_function(n, std::ref(fn)); }
 
-/// Sorts in ascending order. The result is the same for any number of threads, because keys are plain numbers.
-void parallel_sort(std::uint64_t* begin, std::uint64_t* end);
-
 /// The number of Gaussian rows that are worked on as one part, for any number of threads.
 inline constexpr std::int64_t kPartSize = 1024;
 inline std::int64_t num_parts(std::int64_t n, std::int64_t part = kPartSize) { return (n + part - 1) / part; }

@@ -35,7 +35,12 @@ class TileBinning {
     std::int64_t num_visible() const { return static_cast<std::int64_t>(keys_.size()); }
 
   private:
-    std::vector<std::uint64_t> keys_;
+    void sort_by_depth(const BinningInput& in, std::int64_t visible);
+    template <class ForItems, class Item>
+    void sort_into_buckets(std::int64_t slices, std::uint32_t buckets, ForItems&& for_items, Item* out,
+                           std::uint32_t* starts = nullptr);
+
+    std::vector<std::uint64_t> keys_, sorted_keys_;
     std::vector<Instance> instances_;
     std::vector<std::uint32_t> offsets_, part_slots_, histogram_;
 };

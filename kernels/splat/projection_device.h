@@ -26,9 +26,8 @@ struct PixelBounds {
 /// The intermediate results that the forward and backward pass share. The backward pass recomputes them instead of
 /// storing them.
 template <class T> struct Projection {
-    Vec3<T> cam;     ///< mean in camera space
-    T u, v, uc, vc;  ///< normalised image coordinates, and their values clipped for the Jacobian
-    bool u_inside, v_inside;
+    Vec3<T> cam;         ///< mean in camera space
+    T u, v, uc, vc;      ///< normalised image coordinates, and their values clipped for the Jacobian
     Mat3<T> rotation;    ///< R(q)
     Vec3<T> variance;    ///< exp(2 s)
     Sym3<T> covariance;  ///< R diag(variance) R^T, world
@@ -64,26 +63,19 @@ template <class T> GS_HD Vec3<T> activated_variance(const Vec3<T>& s) {
     return {gs_exp(T(2) * gs_min(s.x, m)), gs_exp(T(2) * gs_min(s.y, m)), gs_exp(T(2) * gs_min(s.z, m))};
 }
 
-/// Takes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
-/// positively, so that NaN fails it.
+/// Takes steps 4 to 8 of the forward pass for a mean in p.cam. There are no branches, so T may also be lanes.
 template <class T>
-GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
-    p.cam = cam.rotation * g.mean + cam.translation;
-    const T z = p.cam.z;
-    if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
-    if (!usable_rotation(g.rotation)) return false;
+GS_HD void project_shape(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
     p.rotation = rotation_matrix(g.rotation);
     p.variance = activated_variance(g.log_scale);
     p.covariance = world_covariance(p.rotation, p.variance);
 
-    const T inv_z = T(1) / z;
+    const T inv_z = T(1) / p.cam.z;
     p.u = p.cam.x * inv_z;
     p.v = p.cam.y * inv_z;
     const T w = T(cam.width), h = T(cam.height), m = T(kFrustumMargin);
     p.uc = gs_clamp(p.u, (-m * w - cam.cx) / cam.fx, ((T(1) + m) * w - cam.cx) / cam.fx);
     p.vc = gs_clamp(p.v, (-m * h - cam.cy) / cam.fy, ((T(1) + m) * h - cam.cy) / cam.fy);
-    p.u_inside = p.uc == p.u;
-    p.v_inside = p.vc == p.v;
     p.j11 = cam.fx * inv_z;
     p.j22 = cam.fy * inv_z;
     const Vec3<T>& r3 = cam.rotation.r2;
@@ -92,19 +84,39 @@ GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>&
     const Vec3<T> sa1 = p.covariance * p.a1, sa2 = p.covariance * p.a2;
     p.cov2d = {dot(p.a1, sa1) + T(kDilation), dot(p.a1, sa2), dot(p.a2, sa2) + T(kDilation)};
     p.det = p.cov2d.xx * p.cov2d.yy - p.cov2d.xy * p.cov2d.xy;
+}
+
+/// Takes steps 2 and 4 to 8 of the forward pass. Returns false if the Gaussian is culled. Every test is written
+/// positively, so that NaN fails it.
+template <class T>
+GS_HD bool project_geometry(const GaussianGeometry<T>& g, const CameraParams<T>& cam, Projection<T>& p) {
+    p.cam = cam.rotation * g.mean + cam.translation;
+    const T z = p.cam.z;
+    if (!(z >= cam.near_plane && z <= cam.far_plane)) return false;
+    if (!usable_rotation(g.rotation)) return false;
+    project_shape(g, cam, p);
     return p.det >= T(kMinDeterminant) && p.cov2d.xx <= T(kMaxVariance2d) && p.cov2d.yy <= T(kMaxVariance2d);
 }
 
-/// Returns the pixel rectangle of the ellipse alpha >= 1/255, clamped to [0, width_padded] x [0, height_padded]. It is
-/// clamped as floating point first, because means far off axis exceed the range of int.
+/// A half-open rectangle of pixels whose whole numbers are still floating point.
+template <class T> struct Rectangle { T x_min, x_max, y_min, y_max; };
+
+/// Returns the pixel rectangle of the ellipse alpha >= 1/255, clamped to [0, width_padded] x [0, height_padded].
+template <class T>
+GS_HD Rectangle<T> ellipse_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, T width_padded,
+                                  T height_padded) {
+    const T hx = gs_max(gs_sqrt(T(2) * threshold * cov2d.xx) - T(0.5), T(0));
+    const T hy = gs_max(gs_sqrt(T(2) * threshold * cov2d.yy) - T(0.5), T(0));
+    return {gs_clamp(gs_floor(m.x - hx), T(0), width_padded), gs_clamp(gs_ceil(m.x + hx), T(0), width_padded),
+            gs_clamp(gs_floor(m.y - hy), T(0), height_padded), gs_clamp(gs_ceil(m.y + hy), T(0), height_padded)};
+}
+
+/// Returns the same as integers. Means far off axis exceed the range of int, so they are clamped before.
 template <class T>
 GS_HD PixelBounds pixel_bounds(const Vec2<T>& m, const Sym2<T>& cov2d, T threshold, int width_padded,
                                int height_padded) {
-    const T hx = gs_max(gs_sqrt(T(2) * threshold * cov2d.xx) - T(0.5), T(0));
-    const T hy = gs_max(gs_sqrt(T(2) * threshold * cov2d.yy) - T(0.5), T(0));
-    const T w = T(width_padded), h = T(height_padded);
-    return {int(gs_clamp(gs_floor(m.x - hx), T(0), w)), int(gs_clamp(gs_ceil(m.x + hx), T(0), w)),
-            int(gs_clamp(gs_floor(m.y - hy), T(0), h)), int(gs_clamp(gs_ceil(m.y + hy), T(0), h))};
+    const Rectangle<T> r = ellipse_bounds(m, cov2d, threshold, T(width_padded), T(height_padded));
+    return {int(r.x_min), int(r.x_max), int(r.y_min), int(r.y_max)};
 }
 
 /// Returns the smallest power 1/2 d^T Q d over the pixel centres' rectangle [x0+.5, x0+.5+extent_x] x
@@ -159,9 +171,10 @@ GS_HD GeometryGradient<T> project_backward(const GaussianGeometry<T>& g, const C
     // Camera-space mean, through the pixel position and through the Jacobian.
     const T inv_z = T(1) / p.cam.z;
     Vec3<T> dp{p.j11 * d.mean.x, p.j22 * d.mean.y, -p.j11 * p.u * d.mean.x - p.j22 * p.v * d.mean.y};
-    if (p.u_inside) dp.x = dp.x - p.j11 * dj13 * inv_z;
-    if (p.v_inside) dp.y = dp.y - p.j22 * dj23 * inv_z;
-    const T nu = p.u_inside ? T(2) : T(1), nv = p.v_inside ? T(2) : T(1);
+    const bool u_inside = p.uc == p.u, v_inside = p.vc == p.v;
+    if (u_inside) dp.x = dp.x - p.j11 * dj13 * inv_z;
+    if (v_inside) dp.y = dp.y - p.j22 * dj23 * inv_z;
+    const T nu = u_inside ? T(2) : T(1), nv = v_inside ? T(2) : T(1);
     dp.z = dp.z + (p.j11 * (nu * p.uc * dj13 - dj11) + p.j22 * (nv * p.vc * dj23 - dj22)) * inv_z;
     out.mean = cam.rotation.transposed_times(dp);
 

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "kernels/preprocess/splat_lanes_cpu.h"
+
+#include <algorithm>
+
+#include "kernels/preprocess/gaussian_device.h"
+
+namespace gs {
+namespace {
+
+/// Loads `n` rows, one column a vector. The lanes beyond are 0.
+template <int kWidth, class Real> void load_columns(const Real* rows, int n, Lanes<Real>* out) {
+    Real padded[kWidth * kLanes];
+    if (n < kLanes) {
+        std::fill(std::copy_n(rows, n * kWidth, padded), std::end(padded), Real(0));
+        rows = padded;
+    }
+    for (int c = 0; c < kWidth; ++c) {
+        Real column[kLanes];
+        for (int k = 0; k < kLanes; ++k) column[k] = rows[k * kWidth + c];
+        out[c] = Lanes<Real>::load(column);
+    }
+}
+
+template <class Real>
+GaussianGeometry<Lanes<Real>> load_geometry(const ParameterView<Real>& params, std::int64_t first, int n) {
+    Lanes<Real> m[3], s[3], q[4], o[1];
+    load_columns<3>(params.means + 3 * first, n, m);
+    load_columns<3>(params.log_scales + 3 * first, n, s);
+    load_columns<4>(params.rotations + 4 * first, n, q);
+    load_columns<1>(params.raw_opacities + first, n, o);
+    return {{m[0], m[1], m[2]}, {s[0], s[1], s[2]}, {q[0], q[1], q[2], q[3]}, o[0]};
+}
+
+template <class Real> Vec3<Lanes<Real>> lanes(const Vec3<Real>& v) {
+    return {Lanes<Real>(v.x), Lanes<Real>(v.y), Lanes<Real>(v.z)};
+}
+
+/// Returns one coordinate of the corners of sixteen tiles; index(lane) is that of the tile.
+template <class Real, class Index> Lanes<Real> tile_corners(Index index) {
+    Real corners[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) corners[lane] = Real(index(lane) * kCpuTile);
+    return Lanes<Real>::load(corners);
+}
+
+/// Returns whether a coordinate lies between the first and the last pixel centre of a tile.
+template <class Real> bool is_between(Real x, int corner) {
+    return x >= Real(corner) + Real(0.5) && x <= Real(corner) + Real(kCpuTile - 0.5);
+}
+
+}  // namespace
+
+template <class Real>
+ViewLanes<Real> ViewLanes<Real>::of(const CameraParams<Real>& c, int width_padded, int height_padded,
+                                    const Cutoffs<Real>& cutoffs) {
+    using L = Lanes<Real>;
+    return {{{lanes(c.rotation.r0), lanes(c.rotation.r1), lanes(c.rotation.r2)},
+             lanes(c.translation),
+             lanes(c.position),
+             L(c.fx),
+             L(c.fy),
+             L(c.cx),
+             L(c.cy),
+             c.width,
+             c.height,
+             L(c.near_plane),
+             L(c.far_plane)},
+            L(Real(width_padded)),
+            L(Real(height_padded)),
+            L(cutoffs.alpha),
+            L(cutoffs.inverse_alpha)};
+}
+
+template <class Real>
+unsigned make_splats(const ParameterView<Real>& params, std::int64_t first, const ViewLanes<Real>& view,
+                     SplatLanes<Real>& out) {
+    using L = Lanes<Real>;
+    const int n = int(std::min<std::int64_t>(kLanes, params.count - first));
+    const GaussianGeometry<L> g = load_geometry(params, first, n);
+    const CameraParams<L>& camera = view.camera;
+    Projection<L> p;
+    p.cam = camera.rotation * g.mean + camera.translation;
+    const L depth = p.cam.z, q2 = norm2(g.rotation);
+    // NaN fails every test.
+    unsigned shown = ((1u << n) - 1) &
+                     mask_bits(at_least(depth, camera.near_plane) & at_least(camera.far_plane, depth) &
+                               at_least(q2, L(Real(kMinQuaternionNorm2))) & at_least(L(Real(kMaxQuaternionNorm2)), q2));
+    if (!shown) return 0;
+    project_shape(g, camera, p);
+    auto& s = out.splats;
+    set_shape(s, p, g.raw_opacity);
+    const L max_variance = L(Real(kMaxVariance2d));
+    shown &= mask_bits(at_least(s.opacity, view.min_opacity) & at_least(p.det, L(Real(kMinDeterminant))) &
+                       at_least(max_variance, p.cov2d.xx) & at_least(max_variance, p.cov2d.yy));
+    if (!shown) return 0;
+    s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
+    s.threshold = splat_threshold(s.opacity, view.inverse_alpha);
+    out.bounds = ellipse_bounds(s.mean, p.cov2d, touch_threshold(s), view.width_padded, view.height_padded);
+    out.depth = depth, out.cov_xx = p.cov2d.xx, out.cov_yy = p.cov2d.yy;
+    const L one(Real(1));  // bounds are whole numbers
+    return shown & mask_bits(at_least(out.bounds.x_max, out.bounds.x_min + one) &
+                             at_least(out.bounds.y_max, out.bounds.y_min + one));
+}
+
+template <class Real>
+std::uint32_t add_tiles(const Splat<Real>& s, const PixelBounds& b, int tiles_x, std::vector<std::uint32_t>& tiles) {
+    using L = Lanes<Real>;
+    constexpr int kSide = 4;  // one lane operation tests 4x4 tiles
+    static_assert(kSide * kSide == kLanes);
+    const int x_begin = b.x_min / kCpuTile, x_end = (b.x_max + kCpuTile - 1) / kCpuTile;
+    const int y_begin = b.y_min / kCpuTile, y_end = (b.y_max + kCpuTile - 1) / kCpuTile;
+    // Most Gaussians are small: the only tile is the one with the mean, whose power is 0.
+    if (x_end - x_begin == 1 && y_end - y_begin == 1 && is_between(s.mean.x, x_begin * kCpuTile) &&
+        is_between(s.mean.y, y_begin * kCpuTile)) {
+        tiles.push_back(std::uint32_t(y_begin) * tiles_x + x_begin);
+        return 1;
+    }
+    const std::size_t before = tiles.size();
+    const L corner_x = tile_corners<Real>([](int lane) { return lane % kSide; }),
+            corner_y = tile_corners<Real>([](int lane) { return lane / kSide; }), threshold(touch_threshold(s));
+    for (int y = y_begin; y < y_end; y += kSide)
+        for (int x = x_begin; x < x_end; x += kSide) {
+            const L power =
+                min_power_in_rectangle(s, corner_x + L(Real(x * kCpuTile)), corner_y + L(Real(y * kCpuTile)),
+                                       Real(kCpuTile - 1), Real(kCpuTile - 1));
+            const unsigned columns = 0x1111u * ((1u << std::min(kSide, x_end - x)) - 1),
+                           rows = (1u << kSide * std::min(kSide, y_end - y)) - 1;
+            for (unsigned touched = mask_bits(at_least(threshold, power)) & columns & rows; touched;
+                 touched &= touched - 1) {
+                const int lane = __builtin_ctz(touched);
+                tiles.push_back(std::uint32_t(y + lane / kSide) * tiles_x + x + lane % kSide);
+            }
+        }
+    return std::uint32_t(tiles.size() - before);
+}
+
+#define GS_INSTANTIATE(Real)                                                                        \
+    template struct ViewLanes<Real>;                                                                \
+    template unsigned make_splats(const ParameterView<Real>&, std::int64_t, const ViewLanes<Real>&, \
+                                  SplatLanes<Real>&);                                               \
+    template std::uint32_t add_tiles(const Splat<Real>&, const PixelBounds&, int, std::vector<std::uint32_t>&);
+GS_INSTANTIATE(float)
+GS_INSTANTIATE(double)
+#undef GS_INSTANTIATE
+
+}  // namespace gs
