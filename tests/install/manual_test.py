@@ -32,7 +32,7 @@ def main():
     text = re.sub(r"\s+", " ", shown.stdout)
     for words in ("--iterations INTEGER", "length of the training (1..2147483647 iterations); default: 30000", "-m, -o, --output, --model",
                   "3 input that is missing or damaged", "bench frames", "gsapp export [OPTIONS] runs ... -o DIR",
-                  "needs no scene (1..1000000000)"):
+                  "needs no scene (0..1000000000)"):
         assert words in text, words
     assert text.count("length of the training") == 1, "options of a training stand once"
     print(f"{len(commands)} commands described: good")
