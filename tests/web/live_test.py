@@ -15,7 +15,7 @@ import threading
 import time
 
 from browser import Browser, find_chromium, check
-from site_server import SOFTWARE_WEBGL, wait_for
+from site_server import SOFTWARE_WEBGPU, wait_for
 
 STATE = "document.getElementById('live-state').textContent"
 MIDDLE = "gsapp.testViewPixels(0, 'full').then(v => [...v.pixels.slice(4 * v.width * (v.height >> 1), 4 * v.width * ((v.height >> 1) + 1))])"
@@ -139,8 +139,10 @@ def main():
                     print("skipped: the viewer is not built (scripts/build-viewer)")
                     return 77
                 raise
-            with Browser(chromium, flags=SOFTWARE_WEBGL) as browser:
+            with Browser(chromium, flags=SOFTWARE_WEBGPU) as browser:
                 browser.open(address)
+                if browser.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
+                    browser.open(address + "&gpu=webgpu")  # which the comparison leaves
                 check_training(browser, run)
                 check(training.exit_code() == 130, f"as Ctrl-C would: {training.lines[-3:]}")
                 check(browser.errors == [], f"the console is silent while it trains: {browser.errors}")

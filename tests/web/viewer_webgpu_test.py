@@ -188,6 +188,10 @@ def check_end(browser, url):
     browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
     check(all("WGSL" in error or "ShaderModule" in error or "Pipeline" in error or "CommandBuffer" in error for error in browser.errors), f"the browser says of what it refused, and of no more: {browser.errors}")
     browser.errors.clear()
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source="if (globalThis.GPUAdapter) delete GPUAdapter.prototype.info; if (globalThis.GPUDevice) delete GPUDevice.prototype.adapterInfo;")["identifier"]
+    open_viewer(browser, url + "?model=ball.ngsplat")
+    check(message(browser) == "" and psnr(before, pixels(browser, picture)) >= LEAST_PSNR, f"browsers that say less of their device draw the picture: {message(browser)}")
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
     browser.open(url + "?gpu=metal")
     wait_for(browser, "document.getElementById('notice').innerText.includes('gpu=metal; it can be webgl or webgpu')", "a way that is not known is named")
 

@@ -81,13 +81,13 @@ export class App implements Stage {
   private scheduled = false;
   /** Something needs the model as it is. */
   isReserved = false;
-  /** A newer state of the model is there, but not yet its order: the picture before stays. */
+  /** A newer state of the model is there, but not all of it, or not its order: the picture before stays. */
   private awaitsOrder = false;
   private refreshing: ReturnType<typeof setTimeout> | undefined;
 
   /** Draws by WebGPU where there is a device, as long as that can. Throws RenderError where nothing can draw. */
   constructor(device?: GPUDevice) {
-    this.renderer = device ? new WebGpuRenderer(device, this.canvasBehind(), (message) => this.leaveWebGpu(message)) : new Renderer(this.canvas);
+    this.renderer = device ? new WebGpuRenderer(device, this.canvasBehind(), (message) => this.leaveWebGpu(message), () => this.meter.show(this.renderer.drawn)) : new Renderer(this.canvas);
     this.panel = new Panel({
       change: (settings) => this.change(settings),
       camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
@@ -227,17 +227,17 @@ export class App implements Stage {
 
   /** The picture as it is on the screen, as PNG. */
   private async savePicture(): Promise<string> {
-    const { blob, title } = await this.reserve(async (loaded) => {
+    const { blob, title, view } = await this.reserve(async (loaded) => {
       const { navigator, title } = loaded, { canvas } = this.renderer, view = navigator.view(canvas.width, canvas.height);
       await this.sort(view);
       if (this.loaded !== loaded) throw new Error('Another model has come meanwhile.');
       this.drawView(view, navigator.pinned);
       // Asked for before anything else runs: the browser clears the canvas when it has shown it.
-      return { title, blob: await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve)) };
+      return { title, view, blob: await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve)) };
     });
     if (!blob) throw new Error('The browser cannot make a PNG file of this size.');
     save(blob, `${title}.png`);
-    return `Saved, ${this.canvas.width} × ${this.canvas.height} pixels.`;
+    return `Saved, ${view.width} × ${view.height} pixels.`;
   }
 
   fail(title: string, message: string): void {
@@ -273,6 +273,7 @@ export class App implements Stage {
   }
 
   private beginDrawing(scene: Scene): void {
+    if (!this.renderer.canvas.isConnected) this.useWebGl(); // which could not be done before
     try {
       this.renderer.beginScene(scene);
     } catch (error) {
@@ -300,7 +301,7 @@ export class App implements Stage {
     const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
     if (keep) keep.setScene(scene);
     else navigator.setMovement(this.settings.movement);
-    this.awaitsOrder = keep !== undefined && scene.count > 0 && !this.renderer.sortsItself;
+    this.awaitsOrder = keep !== undefined && scene.count > 0;
     const apply = (order: Uint32Array, count: number) => {
       if (this.loaded?.isComplete) this.awaitsOrder = false;
       this.redraw();
@@ -338,6 +339,7 @@ export class App implements Stage {
     if (!loaded) return; // it could not be drawn, which was said
     const { name, scene } = loaded;
     loaded.isComplete = true;
+    if (this.renderer.sortsItself) this.awaitsOrder = false;
     loaded.title = scene.name ?? name;
     this.renderer.completeScene();
     this.sortedFor = '';

@@ -54,6 +54,7 @@ export async function runBenchmark(renderer: SceneRenderer, scene: Scene, file: 
   for (const view of views) {
     await sort(view);
     await renderer.timeFrame(view);
+    signal.throwIfAborted();
   }
   const perView = { frame: [] as number[], prepass: [] as number[] };
   for (const [i, view] of views.entries()) {

@@ -95,6 +95,7 @@ export class ModelLoader {
       const { begin, rows } = this.sink(name), ifSuitable = (scene: Scene) => {
         header = scene;
         if (!anyway) this.requireSuitable(scene);
+        this.setAgain(again, from !== 'elsewhere'); // what was shown is let go of now
         begin(scene);
       };
       const { bytes, remarks } = await readModel(found, { begin: ifSuitable, rows }, {
@@ -103,7 +104,6 @@ export class ModelLoader {
       this.stage.complete(bytes);
       signal.throwIfAborted(); // where it could not be drawn, which was said
       if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
-      this.setAgain(again, from !== 'elsewhere');
       if (from === 'beside') await this.readSite(name);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
@@ -137,7 +137,7 @@ export class ModelLoader {
   /** Shows another state of the model, with `keep` as the camera and what is compared are. Throws Busy where something else needs it as it is. */
   private async replace(source: Source, keep: boolean, signal: AbortSignal): Promise<void> {
     const { begin, rows } = this.sink(source.name, keep), unlessBusy = (scene: Scene) => {
-      if (this.stage.isReserved) throw new Busy();
+      if (this.stage.isReserved || this.stage.shown?.isComplete === false) throw new Busy();
       begin(scene);
     };
     const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });

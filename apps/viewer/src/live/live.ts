@@ -34,6 +34,7 @@ export class Live {
   private loading = false;
   private readonly again = () => {
     this.version = 0;
+    this.photographs = -1; // what lies beside the model was forgotten with it
     return this.look();
   };
 

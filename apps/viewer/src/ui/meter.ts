@@ -12,6 +12,8 @@ export class Meter {
   private last = -Infinity;
   private interval = 0;
   private frames = 0;
+  private rate = '';
+  private sorted: number | 'on the GPU' | undefined;
 
   constructor(private readonly output = element('meter')) {}
 
@@ -21,7 +23,14 @@ export class Meter {
     this.last = now;
     this.frames = dt > PAUSE ? 0 : this.frames + 1;
     this.interval = this.frames > 1 ? 0.9 * this.interval + 0.1 * dt : dt;
-    const rate = this.frames >= FEWEST_FRAMES ? `${(1000 / this.interval).toFixed(0)} frames/s · ` : '';
+    this.rate = this.frames >= FEWEST_FRAMES ? `${(1000 / this.interval).toFixed(0)} frames/s · ` : '';
+    this.sorted = sorted;
+    this.show(drawn);
+  }
+
+  /** The number of Gaussians in the last frame has become known. */
+  show(drawn: number): void {
+    const { rate, sorted } = this;
     const order = sorted === undefined ? 'sorting…' : `${drawn.toLocaleString('en')} drawn · sorted ${typeof sorted === 'number' ? `in ${sorted.toFixed(0)} ms` : sorted}`;
     this.output.textContent = `${rate}${order}`;
   }

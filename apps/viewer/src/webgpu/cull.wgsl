@@ -15,6 +15,7 @@ const kBlock = 4096u;
 fn depth_bits(i: u32) -> u32 {
     if (i >= view.count) { return 0u; }
     let g = geometry[i];
+    if ((g.x >> 24u) == 0u) { return 0u; } // nothing of it is seen, or it has not arrived
     let offset = decode_mean_(g) - view.position;
     let depth = dot(view.forward, offset);
     if (!(depth >= view.near_plane && depth <= view.far_plane)) { return 0u; }

@@ -35,10 +35,11 @@ export class WebGpuRenderer implements SceneRenderer {
   private readonly blended: Partial<Record<Precision, GPUTexture>> = {};
   private parts: Parts | undefined;
   private isCounting = false;
+  private isUncounted = false;
   private isForgotten = false;
 
-  /** `failed` is called with a message where the device is lost or refuses something. */
-  constructor(private readonly device: GPUDevice, readonly canvas: HTMLCanvasElement, failed: (message: string) => void) {
+  /** `failed` is called with a message where the device is lost or refuses something, `counted` when `drawn` is that of the last picture. */
+  constructor(private readonly device: GPUDevice, readonly canvas: HTMLCanvasElement, failed: (message: string) => void, private readonly counted: () => void) {
     const context = canvas.getContext('webgpu');
     if (!context) throw new RenderError('This canvas does not take WebGPU.');
     this.context = context;
@@ -52,8 +53,8 @@ export class WebGpuRenderer implements SceneRenderer {
   }
 
   get deviceName(): string {
-    const { vendor, architecture, description } = this.device.adapterInfo;
-    return [vendor, architecture, description].filter(Boolean).join(' ');
+    const { vendor, architecture, description } = (this.device.adapterInfo as GPUAdapterInfo | undefined) ?? {}; // older browsers have none
+    return [vendor, architecture, description].filter(Boolean).join(' ') || 'an unnamed device';
   }
 
   setSize(width: number, height: number): void {
@@ -135,10 +136,16 @@ export class WebGpuRenderer implements SceneRenderer {
 
   /** Learns how many Gaussians were drawn, when the device comes to it. */
   private async count(): Promise<void> {
-    if (this.isCounting || !this.parts) return;
+    this.isUncounted = true;
+    if (this.isCounting) return;
     this.isCounting = true;
-    const { parts } = this, [drawn] = await readWords(this.device, parts.order.counts, DepthOrder.VISIBLE, 1).catch(() => [0]); // the device was lost
-    if (this.parts === parts) this.drawn = drawn;
+    while (this.isUncounted && this.parts) {
+      this.isUncounted = false;
+      const { parts } = this, [drawn] = await readWords(this.device, parts.order.counts, DepthOrder.VISIBLE, 1).catch(() => [0]); // the device was lost
+      if (this.parts !== parts) continue;
+      this.drawn = drawn;
+      this.counted();
+    }
     this.isCounting = false;
   }
 
@@ -162,6 +169,6 @@ export class WebGpuRenderer implements SceneRenderer {
   }
 
   timeColors(view: View): Promise<void> {
-    return this.time((encoder) => this.color(encoder, view, 'full', PLAIN_SPLATS, 'byte'));
+    return this.time((encoder) => this.parts?.colors.encode(encoder, view, 'full', 'byte')); // in the order of the last frame
   }
 }
