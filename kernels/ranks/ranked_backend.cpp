@@ -151,6 +151,12 @@ void RankedBackend::render(const RenderRequest& request, RenderedImage& out) {
 }
 
 void RankedBackend::render_all(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
+    if (controllers_differ_ && views.size() > 1) {  // other ranks render some of them
+        MessageWriter state = message_of(Call::kUploadPpisp);
+        put(state, own_->download_ppisp());
+        together(state, [] {});
+        controllers_differ_ = false;
+    }
     together(message_of(Call::kRender).put(views), [&] { worker_.render(views, out); });
 }
 
@@ -170,6 +176,7 @@ void RankedBackend::distill(const StepRequest& request) {
     MessageWriter message = message_of(Call::kDistill);
     put(message, request);
     together(message, [&] { worker_.distill(request); });
+    controllers_differ_ = ranks_.size() > 1;
     stats_ = own_->take_stats();
 }
 

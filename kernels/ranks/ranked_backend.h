@@ -79,6 +79,7 @@ class RankedBackend : public Backend, private BackendTimer {
     RankWorker worker_;
     StepStats stats_;
     bool lost_ = false;
+    bool controllers_differ_ = false;  ///< rank 0 alone has trained them
 };
 
 /// Follows the commands of rank 0 with this rank's `backend` until they end. `targets` brings the images of the views

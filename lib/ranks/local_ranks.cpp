@@ -50,6 +50,7 @@ LocalRanks::LocalRanks(int size, int port) {
                                                    {"LOCAL_WORLD_SIZE", size_text},
                                                    {"MASTER_ADDR", "127.0.0.1"},
                                                    {"MASTER_PORT", std::to_string(port)},
+                                                   {"TORCHELASTIC_USE_AGENT_STORE", "False"},
                                                    {kParent, std::to_string(::getpid())}})});
     }
 }

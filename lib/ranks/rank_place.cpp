@@ -66,6 +66,9 @@ std::optional<RankPlace> rank_place(const Environment& variable) {
         if (!variable("MASTER_ADDR"))
             throw UsageError("environment variable MASTER_ADDR is missing, although WORLD_SIZE is set");
         place.port = required(variable, "MASTER_PORT", 1, 65535, "WORLD_SIZE");
+        // Where torchrun says so, a store of its own listens at MASTER_PORT. All ranks take the next one.
+        if (const char* taken = variable("TORCHELASTIC_USE_AGENT_STORE"); taken && std::string(taken) == "True")
+            place.port += place.port < 65535 ? 1 : -1;
     } else if (const auto tasks = number(variable, "SLURM_STEP_NUM_TASKS", 1, kMostRanks); tasks.value_or(1) > 1) {
         place.size = *tasks;
         place.rank = required(variable, "SLURM_PROCID", 0, kMostRanks, "SLURM_STEP_NUM_TASKS");

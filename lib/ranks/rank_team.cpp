@@ -21,6 +21,7 @@
 #include "kernels/core/error.h"
 #include "kernels/ranks/gloo_communicator.h"
 #include "kernels/ranks/message.h"
+#include "lib/core/interrupt.h"
 #include "lib/ranks/local_ranks.h"
 #include "lib/ranks/roster.h"
 #include "lib/ranks/route.h"
@@ -114,6 +115,7 @@ struct RankTeam::Implementation final : MeetingPlace {
         while (true) {
             if (auto value = roster->get(key, 1)) return *value;
             if (const std::string text = reason(); !text.empty()) throw DeviceError(text);
+            if (interrupted()) throw Interrupted("interrupted before all ranks had come");
         }
     }
 

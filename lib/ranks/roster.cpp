@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 #include <httplib.h>
+#include <sys/socket.h>
 
 #include <chrono>
 #include <thread>
@@ -100,6 +101,11 @@ struct RosterServer::Implementation {
 RosterServer::RosterServer(Roster& roster, const std::string& address, int port, const std::string& job)
     : implementation_(std::make_unique<Implementation>()) {
     httplib::Server& server = implementation_->server;
+    // Replaces the library's own option, with which two servers would share a port.
+    server.set_socket_options([](socket_t socket) {
+        const int yes = 1;
+        ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    });
     const auto answer = [&roster](httplib::Response& response) {
         const std::string failure = roster.failure();
         if (failure.empty()) return;

@@ -258,6 +258,27 @@ TEST(Ranks, RenderAndScoreAsOne) {
     }
 }
 
+TEST(Ranks, RenderWithTheControllersThatWereTrained) {
+    Views views(some_model());
+    initialize_controller(views.model.ppisp, 1);
+    std::vector<RenderRequest> requests(2);  // the same for both ranks
+    for (RenderRequest& request : requests) {
+        request.camera = views.cameras[0];
+        request.isp = {IspMode::kController, -1, 0, 0};
+    }
+    with_ranked_backend(2, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+        backend.upload(views.model);
+        std::vector<RenderedImage> before, after;
+        backend.render_all(requests, before);
+        StepRequest step = views.step(0);
+        step.isp = requests[0].isp, step.isp_rate = 1e-2;
+        for (int k = 0; k < 3; ++k) backend.distill(step);
+        backend.render_all(requests, after);
+        EXPECT_NE(before[0].rgb, after[0].rgb);
+        EXPECT_EQ(after[0].rgb, after[1].rgb);
+    });
+}
+
 TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
     Views views(some_model(), kRows, 90);
     // Rows at the same place have the same depth, so that their order decides.

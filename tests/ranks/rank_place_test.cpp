@@ -49,6 +49,17 @@ TEST(RankPlace, IsWhatTorchrunSays) {
     EXPECT_EQ(p->local_size, 4);
     EXPECT_EQ(p->master, "node7");
     EXPECT_EQ(p->port, 29500);
+    const auto beside_store = [](const char* port) {
+        return place({{"RANK", "1"},
+                      {"WORLD_SIZE", "2"},
+                      {"MASTER_ADDR", "node7"},
+                      {"MASTER_PORT", port},
+                      {"TORCHELASTIC_USE_AGENT_STORE", "True"}})
+            ->port;
+    };
+    EXPECT_EQ(beside_store("29500"), 29501) << "torchrun's own store listens at the port that it names";
+    EXPECT_EQ(beside_store("65535"), 65534);
+    EXPECT_EQ(p->port, 29500);
 }
 
 TEST(RankPlace, IsWhatSrunSays) {

@@ -86,6 +86,7 @@ TEST(Roster, NobodyThereIsAnError) {
         Roster roster(2);
         const RosterServer server(roster, "127.0.0.1", 0);
         port = server.port();
+        EXPECT_THROW(RosterServer(roster, "127.0.0.1", server.port()), DeviceError) << "another job has the port";
         EXPECT_THROW(RosterServer(roster, "192.0.2.1", 0), DeviceError) << "no address of this machine";
     }
     RosterClient client(1, "127.0.0.1", port);
