@@ -17,16 +17,13 @@ namespace {
 
 /// The most views that are used: enough to average over, few enough that their images fit every memory.
 constexpr std::size_t kMaxViews = 64;
-/// The factor on all rates. Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
-/// without the moments of a real run would change the model that is measured.
-constexpr double kFrozen = 1e-6;
 
 /// Takes training steps over decoded views, one after another.
 class Steps {
   public:
     Steps(Backend& backend, const TrainOptions& options, const Scene& scene, const Gaussians& model, int repeat)
         : backend_(backend),
-          composer_(options, model.appearance, scene, nullptr, kFrozen),
+          composer_(options, model.appearance, scene, nullptr, kFrozenRates),
           background_(options.background.color) {
         const std::size_t all = scene.train.size(), used = std::min({all, kMaxViews, std::size_t(repeat)});
         for (std::size_t k = 0; k < used; ++k) {

@@ -13,6 +13,10 @@
 
 namespace gs {
 
+/// The factor on all rates. Adam moves parameters by the rate whatever the gradient is, and hundreds of such steps
+/// without the moments of a real run would change the model that is measured.
+inline constexpr double kFrozenRates = 1e-6;
+
 /// The numbers of repetitions.
 struct BenchOptions {
     int repeat = 20;       ///< iterations in one measurement

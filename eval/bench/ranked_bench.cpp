@@ -16,9 +16,6 @@
 namespace gs {
 namespace {
 
-constexpr double kFrozenRates = 1e-6;  // Adam moves parameters by the rate, whatever the gradient
-/// The most views of a step, as of the option batch.
-constexpr int kMostViewsOfAStep = 100;
 /// Steps before the clock starts, in which memory is taken and connections find their speed.
 constexpr int kFirstSteps = 3;
 
@@ -31,7 +28,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
     result.subject = fmt::format("generated set of {:.3g} M Gaussians, seed {}", double(count) / 1e6, options.seed);
     result.num_gaussians = count;
     result.steps = bench.repeat;
-    result.views_per_step = options.batch > 0 ? options.batch : std::min(team ? team->size() : 1, kMostViewsOfAStep);
+    result.views_per_step = views_of_step(options.batch, team);
     Gaussians model = generated_gaussians(count, options.seed, appearance);
     Scene scene;
     {

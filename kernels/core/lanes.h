@@ -281,7 +281,7 @@ inline double sum_lanes(const Lanes<double>& x) {
 }
 
 // --- the scalar functions of portable.h for lanes -----------------------------------------------------------------
-// Of NaN they return what the scalar ones return.
+// They return for NaN what the scalar ones return.
 template <class T> GS_HD Lanes<T> gs_min(const Lanes<T>& a, const Lanes<T>& b) { return lane_min(a, b); }
 template <class T> GS_HD Lanes<T> gs_max(const Lanes<T>& a, const Lanes<T>& b) { return lane_max(a, b); }
 

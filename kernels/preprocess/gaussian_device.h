@@ -42,31 +42,21 @@ template <class Real> GS_HD void set_shape(Splat<Real>& s, const Projection<Real
     s.opacity = sigmoid(raw_opacity);
 }
 
-/// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its projection. Returns
-/// false if the Gaussian is culled. The colour is left out: it is only worth computing once a tile is known to be
-/// touched.
+/// Computes the geometry of the splat, its pixel bounds on a grid padded to whole tiles, and its depth. Returns false
+/// if the Gaussian is culled. The colour is left out: it is only worth computing once a tile is known to be touched.
 template <class Real>
 GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded,
-                      int height_padded, Splat<Real>& s, PixelBounds& bounds, Projection<Real>& p,
+                      int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth,
                       const Cutoffs<Real>& cutoffs = {}) {
     if (!(sigmoid(g.raw_opacity) >= cutoffs.alpha)) return false;
+    Projection<Real> p;
     if (!project_geometry(g, camera, p)) return false;
+    depth = p.cam.z;
     set_shape(s, p, g.raw_opacity);
     s.mean = {camera.fx * p.u + camera.cx, camera.fy * p.v + camera.cy};
     s.threshold = splat_threshold(s.opacity, cutoffs.inverse_alpha);
     bounds = pixel_bounds(s.mean, p.cov2d, touch_threshold(s), width_padded, height_padded);
     return bounds.x_max > bounds.x_min && bounds.y_max > bounds.y_min;
-}
-
-/// Computes the same, and only the depth of the projection.
-template <class Real>
-GS_HD bool make_splat(const GaussianGeometry<Real>& g, const CameraParams<Real>& camera, int width_padded,
-                      int height_padded, Splat<Real>& s, PixelBounds& bounds, Real& depth,
-                      const Cutoffs<Real>& cutoffs = {}) {
-    Projection<Real> p;
-    const bool shown = make_splat(g, camera, width_padded, height_padded, s, bounds, p, cutoffs);
-    depth = p.cam.z;
-    return shown;
 }
 
 /// Computes the gradients of one Gaussian's geometry from its sums over pixels. `out` must be zeroed; it stays so for a

@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <map>
 #include <set>
 
@@ -23,9 +22,6 @@
 
 namespace gs {
 namespace {
-
-/// The most views of a step, which is that of the option batch: steps end at multiples of kLogInterval.
-constexpr int kMostViewsOfStep = int(kLogInterval);
 
 /// Returns the build and all options in which ranks must agree, a line each.
 std::string agreed_text(const TrainOptions& options) {
@@ -115,7 +111,7 @@ void agree_on_options(RankTeam& team, const TrainOptions& options) { team.agree(
 
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options) {
-    const int batch = options.batch > 0 ? options.batch : team ? std::min(team->size(), kMostViewsOfStep) : 1;
+    const int batch = views_of_step(options.batch, team);
     auto own = choose_backend(options.device, appearance, backend_options);
     if (!team) {
         static SingleRank single;

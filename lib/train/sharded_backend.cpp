@@ -9,9 +9,9 @@
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
 #include "kernels/ranks/message.h"
-#include "lib/core/log.h"
 #include "lib/core/version.h"
 #include "lib/train/choose_backend.h"
+#include "lib/train/training_views.h"
 
 namespace gs {
 namespace {
@@ -71,6 +71,11 @@ void follow_sharding(RankTeam& team, const std::string& started_as) {
 }
 
 std::string started_as(const std::string& command) { return version_text() + "\ngsapp " + command + "\n"; }
+
+int views_of_step(int batch, const RankTeam* team) {
+    if (batch > 0) return batch;
+    return team ? std::min(team->size(), int(kLogInterval)) : 1;  // steps end at multiples of it
+}
 
 int threads_of_rank(const RankTeam& team, int wanted) {
     if (wanted > 0) return wanted;

@@ -31,6 +31,9 @@ void follow_sharding(RankTeam& team, const std::string& started_as);
 /// Returns the choices in which the ranks of a command must agree: the build and the command's name.
 std::string started_as(const std::string& command);
 
+/// Returns the number of views of a step: `batch`, or for 0 one for each rank. `team` is null for a process alone.
+int views_of_step(int batch, const RankTeam* team);
+
 /// Returns the CPU threads of a rank that may use `wanted` (0: all that its machine has, shared out).
 int threads_of_rank(const RankTeam& team, int wanted);
 
