@@ -12,6 +12,7 @@ namespace gs {
 namespace {
 
 constexpr int kRows = 16;
+constexpr int kAtOnce = 4;  ///< splats whose alphas are evaluated side by side
 constexpr int kWarps = 2;  ///< warps of a block, which share nothing but the block's resources
 /// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
 constexpr int kStride = 36;
@@ -174,22 +175,30 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     __syncwarp();
     for (int base = 0; base < listed; base += 32) {
         const int size = min(listed - base, 32);
+        Splat<float> splat{};  // without opacity where there is none: it changes nothing
         if (int(lane) < size) {
             const std::uint32_t instance = bins.instances[begin + memory.list[base + lane]];
-            memory.batch.store(lane, splats[kFixedOrder ? bins.gaussians[instance] : instance].splat());
+            splat = splats[kFixedOrder ? bins.gaussians[instance] : instance].splat();
             memory.target[lane] = instance;
         }
+        memory.batch.store(lane, splat);
         __syncwarp();
-        for (int k = 0; k < size; ++k) {
-            const auto s = memory.batch.load(k);
-            const FragmentGradient<float> d =
-                fragment_gradient<float, float>(p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
-            memory.h[k % kRows][lane] = d.h;
-            memory.w[k % kRows][lane] = d.w;
-            if (k % kRows == kRows - 1 || k == size - 1) {
-                const int splat = k / kRows * kRows + int(lane & 15);
-                flush<kFixedOrder>(memory, splat <= k ? splat : -1, sub_tile, lane, centre_x, centre_y, sums);
+        for (int first = 0; first < size; first += kRows) {
+            const int rows = min(size - first, kRows);
+#pragma unroll
+            for (int row = 0; row < kRows; row += kAtOnce) {
+                if (row >= rows) break;
+#pragma unroll
+                for (int u = 0; u < kAtOnce; ++u) {
+                    const auto s = memory.batch.load(first + row + u);
+                    const FragmentGradient<float> d = fragment_gradient<float, float>(
+                        p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
+                    memory.h[row + u][lane] = d.h;
+                    memory.w[row + u][lane] = d.w;
+                }
             }
+            const int row = int(lane & 15);
+            flush<kFixedOrder>(memory, row < rows ? first + row : -1, sub_tile, lane, centre_x, centre_y, sums);
         }
     }
 }
