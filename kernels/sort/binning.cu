@@ -37,11 +37,16 @@ template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_instances(InstanceLists<Key> lists, const TileSpan* __restrict__ spans, int tiles_x, StepControl* control,
                     std::uint32_t* __restrict__ large) {
-    if (control->num_instances > lists.capacity) {
-        if (blockIdx.x == 0 && threadIdx.x == 0) control->stopped = 1;
+    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
+    const bool fits = control->num_instances <= lists.capacity;
+    // All of the capacity is sorted: behind the last instance come keys beyond every tile.
+    for (std::uint32_t i = (fits ? std::uint32_t(control->num_instances) : 0) + k; i < lists.capacity;
+         i += gridDim.x * kBlock)
+        lists.tile_keys[i] = Key(~Key(0)), lists.instances[i] = 0;
+    if (!fits) {
+        if (k == 0) control->stopped = 1;
         return;
     }
-    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
     if (k >= control->num_visible) return;
     std::uint32_t at = k > 0 ? lists.offsets[k - 1] : 0;
     const std::uint32_t gaussian = lists.order[k];
@@ -86,21 +91,17 @@ __global__ void __launch_bounds__(kBlock)
 }
 constexpr int kLargeBlocks = 512;  ///< enough blocks to fill a large device once
 
-/// Sets offsets[t] to the first instance of a tile >= t, by bisection. Keys beyond the last instance exceed every tile.
+/// Sets offsets[t] to the first instance of a tile >= t. A thread per instance, and one behind the last, looks whether
+/// a list begins there. Keys beyond the last instance exceed every tile.
 template <class Key>
-__global__ void find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles,
-                                  std::uint32_t* __restrict__ offsets) {
-    const std::uint32_t t = blockIdx.x * kBlock + threadIdx.x;
-    if (t > num_tiles) return;
-    std::uint32_t low = 0, high = capacity;
-    while (low < high) {
-        const std::uint32_t middle = low + (high - low) / 2;
-        if (tiles[middle] < t)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    offsets[t] = low;
+__global__ void __launch_bounds__(kBlock)
+    find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles,
+                      std::uint32_t* __restrict__ offsets) {
+    const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
+    if (i > capacity) return;
+    const std::uint32_t first = i > 0 ? min(std::uint32_t(tiles[i - 1]), num_tiles) + 1 : 0,
+                        last = i < capacity ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles;
+    for (std::uint32_t t = first; t <= last; ++t) offsets[t] = i;
 }
 
 /// Lists the work on tiles by the time that it takes, in steps of 16 instances, with a counting sort in one block.
@@ -198,14 +199,11 @@ void CudaBinning::take_temporaries(Carver& c) {
 template <class Key>
 void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
-    // All of the capacity is sorted, also the entries beyond the last instance.
-    GS_CUDA(cudaMemsetAsync(keys, 0xff, capacity_ * sizeof(Key), stream));
-    GS_CUDA(cudaMemsetAsync(unsorted_, 0, capacity_ * sizeof(std::uint32_t), stream));
+    const InstanceLists<Key> lists{std::uint32_t(capacity_), order_, offsets_, keys, unsorted_};
+    write_instances<Key><<<num_blocks(std::max<std::int64_t>(n_, 1), kBlock), kBlock, 0, stream>>>(
+        lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
+    GS_CUDA_LAUNCHED("write_instances");
     if (n_ > 0) {
-        const InstanceLists<Key> lists{std::uint32_t(capacity_), order_, offsets_, keys, unsorted_};
-        write_instances<Key>
-            <<<num_blocks(n_, kBlock), kBlock, 0, stream>>>(lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
-        GS_CUDA_LAUNCHED("write_instances");
         write_large_instances<Key>
             <<<kLargeBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
         GS_CUDA_LAUNCHED("write_large_instances");
@@ -214,7 +212,7 @@ void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control
     GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys,
                                             keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0,
                                             tile_bits(), stream));
-    find_tile_offsets<Key><<<num_blocks(bins_.num_tiles() + 1, kBlock), kBlock, 0, stream>>>(
+    find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock), kBlock, 0, stream>>>(
         std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
     order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), bins_.num_items(), tile_offsets_, longest_first_);
