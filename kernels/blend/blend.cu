@@ -133,11 +133,13 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
         if (kForBackward && base > begin && (base - begin) % kChunk == 0)
             save_state(base - begin, whole_pixel<kAbreast>(p));
-        const Splat<float> splat = next.splat();
+        Splat<float> splat = next.splat();
         const bool hit = base + lane < end && reaches(splat, mine.corner, mine.kWidth, mine.kHeight);
-        const unsigned hits = __ballot_sync(~0u, hit);
-        const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
-        if (hit) batch.store(place, splat);
+        const unsigned hits = __ballot_sync(~0u, hit), before = (1u << lane) - 1;
+        const int count = __popc(hits), place = hit ? __popc(hits & before) : count + __popc(~hits & before);
+        // Others without opacity fill the last four up, so that the loop needs no limits.
+        if (!hit) splat.opacity = 0;
+        if (hit || place < (count + 3) / 4 * 4) batch.store(place, splat);
         if (base + 32 + lane < end) next = fetch(base + 32 + lane);
         __syncwarp();
         // Some steps at a time: their alphas are independent, and a warp alone on a long list hides their latency so.
@@ -148,14 +150,12 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
             const unsigned bit = 1u << (k + mine.slot);
 #pragma unroll
             for (int u = 0; u < kAtOnce; ++u) {
-                const int at = k + u * kAbreast + mine.slot;
-                s[u] = batch.load(at < count ? at : k);
+                s[u] = batch.load(k + u * kAbreast + mine.slot);
                 alpha[u] = fragment_alpha(s[u].shape, px, py).alpha;
-                if (kAbreast > 1 && at >= count) alpha[u] = 0;
             }
 #pragma unroll
             for (int u = 0; u < kAtOnce; ++u) {
-                if (k + u * kAbreast >= count) break;
+                if (kAbreast > 1 && k + u * kAbreast >= count) break;
                 if (blend_abreast<kAbreast>(p, mine.slot, alpha[u], s[u], image.cutoffs) && kForBackward)
                     blended |= bit << (u * kAbreast);
             }

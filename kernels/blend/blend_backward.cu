@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kRows = 16;
 constexpr int kAtOnce = 4;  ///< splats whose alphas are evaluated side by side
-constexpr int kWarps = 2;  ///< warps of a block, which share nothing but the block's resources
+constexpr int kWarps = 2;   ///< warps of a block, which share nothing but the block's resources
 /// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
 constexpr int kStride = 36;
 
