@@ -11,6 +11,17 @@ namespace gs {
 
 inline constexpr int kForwardBlock = 128;
 
+/// Loads all of a Gaussian's geometry at once. Left alone, the compiler moves each load to where its value is needed
+/// first, behind the tests of those before, and each waits for memory on its own.
+__device__ inline GaussianGeometry<float> load_geometry(const ParameterView<float>& params, std::int64_t i) {
+    GaussianGeometry<float> g = params.geometry(i);
+    asm volatile(""
+                 : "+f"(g.mean.x), "+f"(g.mean.y), "+f"(g.mean.z), "+f"(g.log_scale.x), "+f"(g.log_scale.y),
+                   "+f"(g.log_scale.z), "+f"(g.rotation.w), "+f"(g.rotation.x), "+f"(g.rotation.y), "+f"(g.rotation.z),
+                   "+f"(g.raw_opacity));
+    return g;
+}
+
 /// The tiles that a lane's splat reaches. Each lane tests up to 32 candidates of its own; the warp shares the rows of
 /// larger splats.
 struct TileTest {
@@ -111,7 +122,7 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     float depth = 0;
     bool valid = i < a.params.count;
     if (valid)
-        valid = make_splat(a.params.geometry(i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
+        valid = make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
     const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
     const unsigned warp_visible = __ballot_sync(~0u, visible);
@@ -196,6 +207,7 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const floa
         for (int u = 0; u < kRowUnroll; ++u) {
             if (at[u] < 0) continue;
             float x = parameters[at[u]];
+            rows.moments.unpack(mm[u], vv[u]);
             mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
             adam_update(x, mm[u], vv[u], gradients[at[u]], rows.columns.of(column[u]));
             p[at[u]] = x;
@@ -206,7 +218,7 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const floa
 
 /// Takes the step on all 32 rows, none of which has missed one: four values at a time.
 __device__ inline void update_all_rows(const RowStep& rows) {
-    constexpr int kUnroll = 3;
+    constexpr int kUnroll = 6;  // two rounds for 48 columns
     const int width = rows.width;
     const ColumnSteps& steps = rows.columns;
     const float *parameters = rows.parameters, *gradients = rows.gradients;
@@ -221,6 +233,7 @@ __device__ inline void update_all_rows(const RowStep& rows) {
         for (int u = 0; u < kUnroll; ++u) {
             const int at = e + 32 * u;
             if (at >= size) break;
+            rows.moments.unpack4(mm[u], vv[u]);
             float4 x = reinterpret_cast<const float4*>(parameters)[at];
             const float4 g = reinterpret_cast<const float4*>(gradients)[at];
             const auto step = [&](int k) { return steps.each ? steps.each[(4 * at + k) % width] : steps.all; };

@@ -4,6 +4,8 @@
 // thread then finds its row in shared memory.
 #pragma once
 
+#include <cuda_pipeline.h>
+
 #include "kernels/optimizer/moments_cuda.cuh"
 
 namespace gs {
@@ -38,33 +40,26 @@ class RowElements {
     int width_, rows_, row_, column_, step_rows_, step_columns_;
 };
 
-/// The number of loads in flight per lane and array.
-inline constexpr int kRowUnroll = 8;
-
-/// Copies the rows of a warp that `mask` selects to shared memory, at the same offsets.
-__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* __restrict__ from,
-                                 float* to) {
+/// Copies the rows of a warp that `mask` selects to shared memory, at the same offsets. All copies are on their way
+/// before the first is waited for.
+__device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const float* from, float* to) {
     if (mask == ~0u) {  // all rows of a warp move 16 bytes at a time, on 16-byte boundaries
-        for (int k = threadIdx.x & 31; k < 8 * width; k += 32)
-            reinterpret_cast<float4*>(to)[k] = reinterpret_cast<const float4*>(from)[k];
-        __syncwarp();
-        return;
-    }
-    RowElements elements(mask, width, list);
-    for (int done = 0, rounds = elements.rounds(); done < rounds; done += kRowUnroll) {
-        int at[kRowUnroll], row, column;
-        float x[kRowUnroll];
-#pragma unroll
-        for (int u = 0; u < kRowUnroll; ++u) {
-            at[u] = elements.next(row, column);
-            if (at[u] >= 0) x[u] = from[at[u]];
+        for (int k = 4 * (threadIdx.x & 31); k < 32 * width; k += 128) __pipeline_memcpy_async(to + k, from + k, 16);
+    } else {
+        RowElements elements(mask, width, list);
+        for (int done = 0, rounds = elements.rounds(); done < rounds; ++done) {
+            int row, column;
+            const int at = elements.next(row, column);
+            if (at >= 0) __pipeline_memcpy_async(to + at, from + at, 4);
         }
-#pragma unroll
-        for (int u = 0; u < kRowUnroll; ++u)
-            if (at[u] >= 0) to[at[u]] = x[u];
     }
+    __pipeline_commit();
+    __pipeline_wait_prior(0);
     __syncwarp();
 }
+
+/// The number of loads in flight per lane and array, where values pass through registers.
+inline constexpr int kRowUnroll = 8;
 
 /// Copies the rows of a warp that `mask` selects from half precision to shared memory, at the same offsets.
 __device__ inline void load_rows(unsigned mask, int width, std::uint8_t* list, const __half* __restrict__ from,
@@ -118,9 +113,11 @@ __device__ inline void catch_up_rows(unsigned mask, int width, std::uint8_t* lis
             if (at[u] >= 0) moments.load(at[u], mm[u], vv[u]);
         }
 #pragma unroll
-        for (int u = 0; u < kUnroll; ++u)
-            if (at[u] >= 0)
-                parameters[at[u]] = catch_up_parameter(parameters[at[u]], mm[u], vv[u], sums[row[u]], epsilon);
+        for (int u = 0; u < kUnroll; ++u) {
+            if (at[u] < 0) continue;
+            moments.unpack(mm[u], vv[u]);
+            parameters[at[u]] = catch_up_parameter(parameters[at[u]], mm[u], vv[u], sums[row[u]], epsilon);
+        }
     }
     __syncwarp();
 }

@@ -26,6 +26,7 @@ __global__ void catch_up_all(std::int64_t n, int width, LazyArgs lazy, float* __
     for (int k = lane; k < width; k += 32) {
         float m, v;
         moments.load(k, m, v);
+        moments.unpack(m, v);
         p[k] = catch_up_parameter(p[k], m, v, sum, lazy.table.epsilon);
         moments.store(k, m * decay_m, v * decay_v, seed);
     }

@@ -13,12 +13,17 @@ struct MomentRows {
     float* v;  ///< null if m holds words of both moments
 
     __device__ MomentRows at(std::int64_t first) const { return {m + first, v ? v + first : nullptr}; }
+    /// Loads the moments of a value as they are stored. They are unpacked later, so that several loads are on their way
+    /// at once.
     __device__ void load(int at, float& mm, float& vv) const {
         mm = m[at];
-        if (v)
-            vv = v[at];
-        else
-            unpack(mm, vv);
+        if (v) vv = v[at];
+    }
+    /// Turns what load() gave into both moments.
+    __device__ void unpack(float& mm, float& vv) const {
+        if (v) return;
+        const unsigned word = __float_as_uint(mm);
+        mm = __uint_as_float(first_moment_bits(word)), vv = __uint_as_float(second_moment_bits(word));
     }
     /// Stores both moments of a value. `seed` depends on the rows and the step.
     __device__ void store(int at, float mm, float vv, std::uint32_t seed) const {
@@ -27,13 +32,13 @@ struct MomentRows {
         else
             m[at] = word(mm, vv, seed + at);
     }
-    /// Loads the moments of the four values from 4 * at on.
+    /// Loads the moments of the four values from 4 * at on, as load() does.
     __device__ void load4(int at, float4& mm, float4& vv) const {
         mm = reinterpret_cast<const float4*>(m)[at];
-        if (v)
-            vv = reinterpret_cast<const float4*>(v)[at];
-        else
-            unpack(mm.x, vv.x), unpack(mm.y, vv.y), unpack(mm.z, vv.z), unpack(mm.w, vv.w);
+        if (v) vv = reinterpret_cast<const float4*>(v)[at];
+    }
+    __device__ void unpack4(float4& mm, float4& vv) const {
+        unpack(mm.x, vv.x), unpack(mm.y, vv.y), unpack(mm.z, vv.z), unpack(mm.w, vv.w);
     }
     __device__ void store4(int at, float4 mm, float4 vv, std::uint32_t seed) const {
         if (v) {
@@ -48,11 +53,6 @@ struct MomentRows {
   private:
     __device__ static float word(float mm, float vv, std::uint32_t k) {
         return __uint_as_float(pack_moments(__float_as_uint(mm), __float_as_uint(vv), mix_bits(k)));
-    }
-    /// Turns a word in mm into the first moment in mm and the second in vv.
-    __device__ static void unpack(float& mm, float& vv) {
-        const unsigned word = __float_as_uint(mm);
-        mm = __uint_as_float(first_moment_bits(word)), vv = __uint_as_float(second_moment_bits(word));
     }
 };
 
