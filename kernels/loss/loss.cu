@@ -22,20 +22,62 @@ struct LossArgs {
         return x >= 0 && y >= 0 && x < in.target.width && y < in.target.height;
     }
     __device__ std::size_t pixel(int x, int y) const { return std::size_t(y) * in.target.width + x; }
+    __device__ std::int64_t pixel_or_none(int x, int y) const { return inside(x, y) ? std::int64_t(pixel(x, y)) : -1; }
     __device__ std::size_t plane() const { return std::size_t(in.target.width) * in.target.height; }
-    __device__ float weight(int x, int y) const {
-        return in.target.mask ? in.target.mask[pixel(x, y)] * (1.0f / 255.0f) : 1.0f;
+};
+
+__device__ float component(unsigned char x) { return x * (1.0f / 255.0f); }
+__device__ float component(float x) { return x; }
+
+/// Weights and photograph at some pixels, all of whose loads are on their way before the first is waited for. Pixels
+/// with a negative number are 0.
+template <int kCount> struct Targets {
+    float weight[kCount], value[kCount];  ///< of channel c
+
+    __device__ Targets(const LossArgs& a, int c, const std::int64_t (&pixels)[kCount]) {
+        if (a.in.target.u8)
+            load(a, a.in.target.u8, c, pixels);
+        else
+            load(a, a.in.target.f32, c, pixels);
     }
-    __device__ float target(int c, int x, int y) const {
-        const TargetImage& t = in.target;
-        const std::size_t i = pixel(x, y) * t.channels;
-        const float value = t.u8 ? t.u8[i + c] * (1.0f / 255.0f) : t.f32[i + c];
-        if (t.channels == 3) return value;
-        const float alpha = t.u8 ? t.u8[i + 3] * (1.0f / 255.0f) : t.f32[i + 3];
-        const float bg = c == 0 ? in.background.x : c == 1 ? in.background.y : in.background.z;
-        return fminf(fmaxf(alpha * value + (1.0f - alpha) * bg, 0.0f), 1.0f);
+
+  private:
+    template <class Component>
+    __device__ void load(const LossArgs& a, const Component* stored, int c, const std::int64_t (&pixels)[kCount]) {
+        const TargetImage& t = a.in.target;
+        const bool with_alpha = t.channels != 3;
+        Component color[kCount] = {}, alpha[kCount] = {};
+        unsigned char mask[kCount] = {};
+#pragma unroll
+        for (int u = 0; u < kCount; ++u) {
+            if (pixels[u] < 0) continue;
+            color[u] = stored[pixels[u] * t.channels + c];
+            if (with_alpha) alpha[u] = stored[pixels[u] * t.channels + 3];
+            if (t.mask) mask[u] = t.mask[pixels[u]];
+        }
+        const float background = c == 0 ? a.in.background.x : c == 1 ? a.in.background.y : a.in.background.z;
+#pragma unroll
+        for (int u = 0; u < kCount; ++u) {
+            weight[u] = t.mask ? component(mask[u]) : 1.0f;
+            value[u] = component(color[u]);
+            if (with_alpha) {
+                const float x = component(alpha[u]);
+                value[u] = fminf(fmaxf(x * value[u] + (1.0f - x) * background, 0.0f), 1.0f);
+            }
+            if (pixels[u] < 0) weight[u] = value[u] = 0;
+        }
     }
 };
+
+/// The number of pixels of a tile with its border that a thread loads.
+constexpr int kLoads = (kHalo * kHalo + kThreads - 1) / kThreads;
+
+/// Calls fn(u, i, j) for the places of the tile that this thread loads: its u-th, in column i and row j.
+template <class Fn> __device__ void for_loads(Fn&& fn) {
+#pragma unroll
+    for (int u = 0; u < kLoads; ++u)
+        if (const int k = threadIdx.x + u * kThreads; k < kHalo * kHalo) fn(u, k % kHalo, k / kHalo);
+}
 
 /// Sets sums[o] to the filtered value at output o, from input(t) with t = 0 .. kOutputs + 9.
 template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutputs], Input input) {
@@ -69,14 +111,19 @@ __global__ void __launch_bounds__(kThreads, 4)
     __shared__ float2 tile[kHalo][kHalo + 1];  // render, target; the odd stride puts rows into different banks
     __shared__ float rows[5][kHalo][kTile + 1];
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
-    for (int k = threadIdx.x; k < kHalo * kHalo; k += kThreads) {
-        const int i = k % kHalo, j = k / kHalo, x = x0 + i - kSsimRadius, y = y0 + j - kSsimRadius;
-        float2 v = make_float2(0, 0);
-        if (a.inside(x, y)) {
-            const float w = a.weight(x, y);
-            v = make_float2(w * a.in.image[c * a.plane() + a.pixel(x, y)], w * a.target(c, x, y));
-        }
-        tile[j][i] = v;
+    const std::size_t plane = a.plane();
+    {
+        std::int64_t pixels[kLoads];
+        float render[kLoads];
+        for (std::int64_t& pixel : pixels) pixel = -1;  // a thread's last may lie behind the tile
+        for_loads([&](int u, int i, int j) {
+            pixels[u] = a.pixel_or_none(x0 + i - kSsimRadius, y0 + j - kSsimRadius);
+            render[u] = pixels[u] >= 0 ? a.in.image[c * plane + pixels[u]] : 0.0f;
+        });
+        const Targets<kLoads> targets(a, c, pixels);
+        for_loads([&](int u, int i, int j) {
+            tile[j][i] = make_float2(targets.weight[u] * render[u], targets.weight[u] * targets.value[u]);
+        });
     }
     __syncthreads();
     if (threadIdx.x < kHalo * (kTile / kAcross)) {
@@ -105,14 +152,13 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
     for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
     float sum = 0;
-    const std::size_t plane = a.plane();
 #pragma unroll
     for (int o = 0; o < kDown; ++o) {
         const int x = x0 + i, y = y0 + first + o;
         if (!a.inside(x, y)) continue;
         const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
-        const float w = a.weight(x, y), u = a.ssim_step * w;
-        const std::size_t at = c * plane + a.pixel(x, y);
+        const std::size_t pixel = a.pixel(x, y), at = c * plane + pixel;
+        const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
         maps[at] = u * p.p;
         maps[at + 3 * plane] = u * p.q;
         maps[at + 6 * plane] = u * p.r;
@@ -155,12 +201,17 @@ __global__ void __launch_bounds__(kThreads, 4)
     __shared__ float rows[3][kHalo][kTile + 1];
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
     const std::size_t plane = a.plane();
-    for (int k = threadIdx.x; k < kHalo * kHalo; k += kThreads) {
-        const int i = k % kHalo, j = k / kHalo, x = x0 + i - kSsimRadius, y = y0 + j - kSsimRadius;
-        const bool inside = a.inside(x, y);
-        const std::size_t at = inside ? c * plane + a.pixel(x, y) : 0;
+    {
+        float v[3][kLoads];
+        for_loads([&](int u, int i, int j) {
+            const std::int64_t pixel = a.pixel_or_none(x0 + i - kSsimRadius, y0 + j - kSsimRadius);
 #pragma unroll
-        for (int m = 0; m < 3; ++m) tile[m][j][i] = inside ? maps[at + 3 * m * plane] : 0.0f;
+            for (int m = 0; m < 3; ++m) v[m][u] = pixel >= 0 ? maps[(c + 3 * m) * plane + pixel] : 0.0f;
+        });
+        for_loads([&](int u, int i, int j) {
+#pragma unroll
+            for (int m = 0; m < 3; ++m) tile[m][j][i] = v[m][u];
+        });
     }
     __syncthreads();
     if (threadIdx.x < kHalo * (kTile / kAcross)) {
@@ -178,16 +229,21 @@ __global__ void __launch_bounds__(kThreads, 4)
     float f[3][kDown];
 #pragma unroll
     for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][i]; });
-    float sum = 0;
+    std::int64_t pixels[kDown];
+    float render[kDown], sum = 0;
 #pragma unroll
     for (int o = 0; o < kDown; ++o) {
-        const int x = x0 + i, y = y0 + first + o;
-        if (!a.inside(x, y)) continue;
-        const std::size_t at = c * plane + a.pixel(x, y);
-        const float w = a.weight(x, y), p = w * a.in.image[at], t = w * a.target(c, x, y), d = p - t;
+        pixels[o] = a.pixel_or_none(x0 + i, y0 + first + o);
+        render[o] = pixels[o] >= 0 ? a.in.image[c * plane + pixels[o]] : 0.0f;
+    }
+    const Targets<kDown> targets(a, c, pixels);
+#pragma unroll
+    for (int o = 0; o < kDown; ++o) {
+        if (pixels[o] < 0) continue;
+        const float w = targets.weight[o], p = w * render[o], t = w * targets.value[o], d = p - t;
         const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
         sum += d * sign;
-        dL_dimage[at] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
+        dL_dimage[c * plane + pixels[o]] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
     }
     sum = block_sum(sum);
     if (threadIdx.x == 0) partials[block_number()].x = sum;
@@ -196,11 +252,13 @@ __global__ void __launch_bounds__(kThreads, 4)
 
 /// With a thread per pixel of a row and channel. Without an image it writes the weights alone. `error` may be null.
 __global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
-    const int x = blockIdx.x * kThreads + threadIdx.x, y = blockIdx.y, c = blockIdx.z;
+    const int c = blockIdx.z;
+    const std::int64_t pixels[] = {a.pixel_or_none(blockIdx.x * kThreads + threadIdx.x, blockIdx.y)};
     float squared = 0;
-    if (a.inside(x, y)) {
-        const std::size_t at = c * a.plane() + a.pixel(x, y);
-        const float weight = a.weight(x, y), difference = a.in.image ? a.in.image[at] - a.target(c, x, y) : 1.0f;
+    if (pixels[0] >= 0) {
+        const Targets<1> target(a, c, pixels);
+        const std::size_t at = c * a.plane() + pixels[0];
+        const float weight = target.weight[0], difference = a.in.image ? a.in.image[at] - target.value[0] : 1.0f;
         out[at] = weight * difference;
         squared = 0.5f * weight * difference * difference;
     }
