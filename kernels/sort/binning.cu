@@ -91,17 +91,24 @@ __global__ void __launch_bounds__(kBlock)
 }
 constexpr int kLargeBlocks = 512;  ///< enough blocks to fill a large device once
 
-/// Sets offsets[t] to the first instance of a tile >= t. A thread per instance, and one behind the last, looks whether
-/// a list begins there. Keys beyond the last instance exceed every tile.
+/// Sets offsets[t] to the first instance of a tile >= t. A thread looks whether lists begin at some instances in a row;
+/// one place lies behind the last instance. Keys beyond the last instance exceed every tile.
+constexpr int kKeysOfThread = 8;
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles,
                       std::uint32_t* __restrict__ offsets) {
-    const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
-    if (i > capacity) return;
-    const std::uint32_t first = i > 0 ? min(std::uint32_t(tiles[i - 1]), num_tiles) + 1 : 0,
-                        last = i < capacity ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles;
-    for (std::uint32_t t = first; t <= last; ++t) offsets[t] = i;
+    const std::uint32_t first = (blockIdx.x * kBlock + threadIdx.x) * kKeysOfThread;
+    if (first > capacity) return;
+    const auto tile = [&](std::uint32_t i) {
+        return i < capacity ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles;
+    };
+    std::uint32_t found[kKeysOfThread], next = first > 0 ? tile(first - 1) + 1 : 0;
+#pragma unroll
+    for (int u = 0; u < kKeysOfThread; ++u) found[u] = tile(first + u);
+#pragma unroll
+    for (int u = 0; u < kKeysOfThread; ++u)
+        for (; next <= found[u]; ++next) offsets[next] = min(first + u, capacity);
 }
 
 /// Lists the work on tiles by the time that it takes, in steps of 16 instances, with a counting sort in one block.
@@ -112,16 +119,26 @@ __global__ void __launch_bounds__(kOrderThreads)
     constexpr std::uint32_t kShortest = 256;  // is not worth three more blocks
     __shared__ std::uint32_t place[kLengths], listed;
     const std::uint32_t limit = max(offsets[num_tiles] / kMostQuartered, kShortest);
-    const auto length = [&](std::uint32_t t) { return offsets[t + 1] - offsets[t]; };
+    // Calls fn(tile, length) for the tiles of this thread, with several loads on their way at once.
+    const auto for_tiles = [&](auto fn) {
+        constexpr int kAtOnce = 8;
+        for (std::uint32_t first = threadIdx.x; first < num_tiles; first += kAtOnce * kOrderThreads) {
+            std::uint32_t begin[kAtOnce], end[kAtOnce];
+#pragma unroll
+            for (int u = 0; u < kAtOnce; ++u)
+                if (const std::uint32_t t = first + u * kOrderThreads; t < num_tiles)
+                    begin[u] = offsets[t], end[u] = offsets[t + 1];
+#pragma unroll
+            for (int u = 0; u < kAtOnce; ++u)
+                if (const std::uint32_t t = first + u * kOrderThreads; t < num_tiles) fn(t, end[u] - begin[u]);
+        }
+    };
     const auto bin = [&](std::uint32_t n) {
         return kLengths - 1 - min((n > limit ? n / 2 : n) / 16, std::uint32_t(kLengths - 1));
     };
     if (threadIdx.x < kLengths) place[threadIdx.x] = 0;
     __syncthreads();
-    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) {
-        const std::uint32_t n = length(t);
-        atomicAdd(&place[bin(n)], n > limit ? 4u : 1u);
-    }
+    for_tiles([&](std::uint32_t, std::uint32_t n) { atomicAdd(&place[bin(n)], n > limit ? 4u : 1u); });
     __syncthreads();
     if (threadIdx.x < 32) {  // exclusive scan by one warp, eight bins a lane
         std::uint32_t own[kLengths / 32], sum = 0;
@@ -136,13 +153,13 @@ __global__ void __launch_bounds__(kOrderThreads)
         for (int k = 0; k < kLengths / 32; ++k) place[threadIdx.x * (kLengths / 32) + k] = before, before += own[k];
     }
     __syncthreads();
-    for (std::uint32_t t = threadIdx.x; t < num_tiles; t += kOrderThreads) {
-        const std::uint32_t n = length(t), at = atomicAdd(&place[bin(n)], n > limit ? 4u : 1u);
+    for_tiles([&](std::uint32_t t, std::uint32_t n) {
+        const std::uint32_t at = atomicAdd(&place[bin(n)], n > limit ? 4u : 1u);
         if (n > limit)
             for (int k = 0; k < 4; ++k) longest_first[at + k] = TileItem::part(t, k);
         else
             longest_first[at] = TileItem::whole(t);
-    }
+    });
     for (std::uint32_t k = listed + threadIdx.x; k < num_items; k += kOrderThreads) longest_first[k] = {};
 }
 
@@ -212,7 +229,7 @@ void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control
     GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys,
                                             keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0,
                                             tile_bits(), stream));
-    find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock), kBlock, 0, stream>>>(
+    find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock * kKeysOfThread), kBlock, 0, stream>>>(
         std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
     order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), bins_.num_items(), tile_offsets_, longest_first_);
