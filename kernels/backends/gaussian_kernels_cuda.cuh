@@ -6,6 +6,7 @@
 #include "appearance/warp_appearance_cuda.cuh"
 #include "kernels/backends/model_kernels_cuda.h"
 #include "kernels/backends/row_copies_cuda.cuh"
+#include "kernels/optimizer/write_rows_cuda.cuh"
 
 namespace gs {
 
@@ -122,7 +123,8 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     float depth = 0;
     bool valid = i < a.params.count;
     if (valid)
-        valid = make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
+        valid =
+            make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
     const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
     const unsigned warp_visible = __ballot_sync(~0u, visible);
@@ -406,7 +408,14 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
                 atomicAdd(&control->num_nonfinite, 1u);
         }
         add_gradient_statistic(arrays, update.width, update.height, i, gradient);
-        update_gaussian(arrays, update, i, gradient);
+        const WarpRowWriter write_warp(arrays, i - lane);
+        const bool whole = i - lane + 32 <= a.params.count;
+        update_gaussian(arrays, update, i, gradient, [&](const auto& row) {
+            if (whole)
+                write_warp(row);
+            else
+                row.write(arrays, i);
+        });
     }
     if (rows) {
         __syncwarp();

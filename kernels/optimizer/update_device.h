@@ -93,8 +93,11 @@ GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, s
     a.gradient_count[i] += 1.0f;
 }
 
-/// Takes one step of Gaussian i except for its residual. `g` is its data gradient (finite; zero where invisible).
-GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
+/// Takes one step of Gaussian i except for its residual. `g` is its data gradient (finite; zero where invisible). It
+/// calls write(row) for each group's row at the end.
+template <class Write>
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g,
+                           Write&& write) {
     // The regularisers are means over all Gaussians, visible or not.
     if (u.opacity_gradient > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
@@ -124,7 +127,10 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
         const Vec3<float> d = sgld_noise(now, u.noise, u.seed, u.iteration, std::uint32_t(i));
         mean.p[0] += d.x, mean.p[1] += d.y, mean.p[2] += d.z;
     }
-    mean.write(a, i), scale.write(a, i), rotation.write(a, i), opacity.write(a, i), base.write(a, i);
+    write(mean), write(scale), write(rotation), write(opacity), write(base);
+}
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
+    update_gaussian(a, u, i, g, [&](const auto& row) { row.write(a, i); });
 }
 
 /// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
