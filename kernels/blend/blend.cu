@@ -214,6 +214,7 @@ void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles) {
     marks_ = groups + std::size_t(num_tiles) * kSubTiles;
     trail_.hits = c.take<std::uint32_t>(marks_);
     trail_.processed = trail_.hits + groups;
+    trail_.next_item = c.take<unsigned>(1);
 }
 
 void CudaBlend::forward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image, StepControl* control,

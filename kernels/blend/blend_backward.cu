@@ -6,14 +6,17 @@
 // the h and w of 16 splats are collected as matrices (16 x 32 pixels) and multiplied on the tensor cores by the weights
 // (32 x 6) and by dL/dpixel (32 x 3). TF32 holds 11 bits; values are split into a high and a low part, which together
 // hold 22.
+#include <algorithm>
+
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
 namespace {
 
 constexpr int kRows = 16;
-constexpr int kAtOnce = 4;  ///< splats whose alphas are evaluated side by side
-constexpr int kWarps = 2;   ///< warps of a block, which share nothing but the block's resources
+constexpr int kAtOnce = 4;         ///< splats whose alphas are evaluated side by side
+constexpr int kWarps = 2;          ///< warps of a block, which share nothing but the block's resources
+constexpr int kBlocksAtOnce = 16;  ///< blocks of a multiprocessor
 /// The number of floats from row to row in shared memory, so that 8 rows of 16 bytes lie in different banks.
 constexpr int kStride = 36;
 
@@ -123,26 +126,22 @@ __device__ void flush(WarpMemory& memory, int splat, int sub_tile, int lane, flo
     __syncwarp();
 }
 
+/// Walks the part of a tile's list that `chunk` is, for one sub-tile.
 template <bool kFixedOrder>
-__global__ void __launch_bounds__(32 * kWarps, 16)
-    blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
-                   const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
-                   PackedSums* __restrict__ sums) {
-    __shared__ alignas(16) WarpMemory memories[kWarps];
-    const unsigned item = blockIdx.x * kWarps + (threadIdx.x >> 5), lane = threadIdx.x & 31,
-                   sub_tile = item % kSubTiles;
-    if (item / kSubTiles >= control->num_chunks) return;
-    const BlendChunk chunk = trail.chunks[item / kSubTiles];
+__device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_tile, const CudaBins& bins,
+                           const PackedSplat* __restrict__ splats, const BlendImage& image,
+                           const float* __restrict__ dL_dimage, const BlendTrail& trail,
+                           PackedSums* __restrict__ sums) {
+    const int lane = threadIdx.x & 31;
     // Where its pixels were finished, a sub-tile has neither lists nor states.
     const int count = min(int(trail.processed[chunk.tile * kSubTiles + sub_tile]) - int(chunk.first), kChunk);
     if (count <= 0) return;
-    WarpMemory& memory = memories[threadIdx.x >> 5];
     const std::uint32_t tile_begin = bins.tile_offsets[chunk.tile], begin = tile_begin + chunk.first;
     const std::uint32_t* hits =
         trail.hits + ((first_group(chunk.tile, tile_begin) + chunk.first / 32) * kSubTiles + sub_tile);
     int listed = 0;
     {
-        const unsigned word_of_lane = int(lane) * 32 < count ? hits[lane * kSubTiles] : 0;
+        const unsigned word_of_lane = lane * 32 < count ? hits[lane * kSubTiles] : 0;
         for (int group = 0; group * 32 < count; ++group) {
             const unsigned word = __shfl_sync(~0u, word_of_lane, group);
             if (word >> lane & 1)
@@ -176,7 +175,7 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
     for (int base = 0; base < listed; base += 32) {
         const int size = min(listed - base, 32);
         Splat<float> splat{};  // without opacity where there is none: it changes nothing
-        if (int(lane) < size) {
+        if (lane < size) {
             const std::uint32_t instance = bins.instances[begin + memory.list[base + lane]];
             splat = splats[kFixedOrder ? bins.gaussians[instance] : instance].splat();
             memory.target[lane] = instance;
@@ -197,9 +196,29 @@ __global__ void __launch_bounds__(32 * kWarps, 16)
                     memory.w[row + u][lane] = d.w;
                 }
             }
-            const int row = int(lane & 15);
+            const int row = lane & 15;
             flush<kFixedOrder>(memory, row < rows ? first + row : -1, sub_tile, lane, centre_x, centre_y, sums);
         }
+    }
+}
+
+/// Each warp takes the next chunk and sub-tile when it is done with one. A block of its own for each would leave a
+/// fifth of the places for warps empty, since blocks of a few thousand cycles end and begin all the time.
+template <bool kFixedOrder>
+__global__ void __launch_bounds__(32 * kWarps, kBlocksAtOnce)
+    blend_backward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
+                   const float* __restrict__ dL_dimage, const StepControl* __restrict__ control, BlendTrail trail,
+                   PackedSums* __restrict__ sums) {
+    __shared__ alignas(16) WarpMemory memories[kWarps];
+    const unsigned num_items = control->num_chunks * kSubTiles;
+    const auto take = [&] { return (threadIdx.x & 31) == 0 ? atomicAdd(trail.next_item, 1u) : 0; };
+    unsigned next = take();
+    while (true) {
+        const unsigned item = __shfl_sync(~0u, next, 0);
+        if (item >= num_items) return;
+        next = take();  // on its way while this one is worked on
+        walk_chunk<kFixedOrder>(memories[threadIdx.x >> 5], trail.chunks[item / kSubTiles], int(item % kSubTiles), bins,
+                                splats, image, dL_dimage, trail, sums);
     }
 }
 
@@ -219,6 +238,14 @@ __global__ void add_partial_sums(std::int64_t n, SlotMap slots, const StepContro
     if (begin < end) sums[slots.order[k]] = s;
 }
 
+/// Returns the number of multiprocessors of the current device.
+unsigned num_multiprocessors() {
+    int device = 0, n = 0;
+    GS_CUDA(cudaGetDevice(&device));
+    GS_CUDA(cudaDeviceGetAttribute(&n, cudaDevAttrMultiProcessorCount, device));
+    return unsigned(n);
+}
+
 }  // namespace
 
 void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) {
@@ -227,8 +254,9 @@ void CudaBlend::take_partial_sums(Carver& c, std::int64_t capacity) {
 
 void CudaBlend::backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
                          const BlendGradients& gradients, const StepControl* control, cudaStream_t stream) {
-    // Surplus blocks see that there are fewer chunks and leave.
-    const unsigned blocks = num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps);
+    const unsigned blocks = std::min(num_blocks((capacity_ / kChunk + bins.num_tiles()) * kSubTiles, kWarps),
+                                     num_multiprocessors() * kBlocksAtOnce);
+    GS_CUDA(cudaMemsetAsync(trail_.next_item, 0, sizeof *trail_.next_item, stream));
     const auto [dL_dimage, sums, n, slots] = gradients;
     if (!slots) {
         blend_backward<false>

@@ -41,6 +41,7 @@ struct BlendTrail {
     BlendChunk* chunks = nullptr;
     std::uint32_t* hits = nullptr;       ///< by 32 instances and sub-tile: which of them changed a pixel of it
     std::uint32_t* processed = nullptr;  ///< by tile and sub-tile: instances until all its pixels were finished
+    unsigned* next_item = nullptr;       ///< the next chunk and sub-tile for a warp of the backward pass
 };
 
 /// Gradients that go into and come out of the backward pass.
