@@ -23,8 +23,9 @@ constexpr double kPartAtOnce = 0.25;
 constexpr double kShareStep = 0.9;
 /// The views on which the search measures: enough for a hundredth of a decibel.
 constexpr std::size_t kMostViews = 32;
-/// The views that say what goes before the last stage, since later stages look again, and the little that goes at the
-/// end: what is worth least shows in few.
+/// The views that say what goes before the last stage, since later stages look again: what is worth least shows in few.
+/// At the end all views are looked at, although little goes. What none of a few views shows is worth nothing to them,
+/// and nothing makes up for it any more: on lego with `sv` runs ended 0.2 dB lower.
 constexpr std::size_t kFewViews = 64;
 
 /// The rows in the order of what their residuals are worth.
@@ -140,14 +141,14 @@ std::optional<ResidualChange> ResidualShare::before_step(Backend& backend, const
     }
 }
 
-std::size_t ResidualShare::views_at_end() const { return share_ == 1 ? 0 : std::min(scene_.train.size(), kFewViews); }
+std::size_t ResidualShare::views_at_end() const { return share_ == 1 ? 0 : scene_.train.size(); }
 
 std::optional<ResidualChange> ResidualShare::at_end(Backend& backend, const StepSource& step_on) const {
     ResidualChange change;
     change.before = backend.num_residuals();
     change.after = std::llround(share_.value_or(kMostAutoShare) * double(backend.count()));
     if (share_ == 1 || change.after >= change.before) return std::nullopt;
-    const ResidualScores scores = scores_by_views(backend, scene_.train.size(), kFewViews, step_on);
+    const ResidualScores scores = backend.residual_scores(scene_.train.size(), step_on);
     backend.keep_residuals(Ranking(scores.worth, change.before).keep(change.after), scores.mean_base);
     return change;
 }

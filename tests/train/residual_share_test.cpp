@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <set>
 
 #include "kernels/core/error.h"
 #include "lib/model/appearance_spec.h"
@@ -158,6 +159,23 @@ TEST(ResidualShare, AtTheEndItIsAShareOfWhatIsLeft) {
     EXPECT_EQ(at_end(0.4), std::pair(std::int64_t(4), std::vector<float>{5, 9, 6, 5}));
     EXPECT_EQ(at_end(1).first, -1) << "all";
     EXPECT_EQ(at_end(std::nan("")).first, 4) << "auto keeps 35 % of ten, whatever it costs";
+}
+
+TEST(ResidualShare, AllViewsSayWhatGoesAtTheEnd) {
+    // What only one of many views shows is worth nothing to the others, and nothing makes up for it after the end.
+    TrainOptions options;
+    options.appearance_share = 0.4;
+    Scene scene;
+    scene.train.resize(500);
+    std::set<std::size_t> seen;
+    Worthy backend(kWorth);
+    const ResidualShare share(options, kSh, scene);
+    share.at_end(backend, [&](std::size_t view) {
+        seen.insert(view);
+        return StepRequest{};
+    });
+    EXPECT_EQ(seen.size(), 500u);
+    EXPECT_EQ(share.views_at_end(), 500u) << "what a time limit counts on";
 }
 
 TEST(ResidualShare, BytesAreAnotherWayToSayIt) {
