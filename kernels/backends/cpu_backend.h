@@ -197,14 +197,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     }
     void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
                            std::vector<ResidualSums>& totals) override {
-        const auto params = ParameterView<float>::of(state_);
-        parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
-            const std::uint32_t row = projected.rows[k];
-            if (row >= totals.size() || !(sums[k].weight > 0)) return;
-            const WireSplat& s = projected.splats[k];
-            totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue},
-                            activate(params.activation, params.base(row)));
-        });
+        add_view_to(totals, projected, sums, state_[Group::kBase].param, state_.appearance.activation);
     }
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override {
         return residual_scores_of(totals, state_.appearance.activation, state_[Group::kBase].param);

@@ -127,15 +127,7 @@ template <class Real, class Model> class CpuRasterizer {
 
         /// Adds a share of another view's gradient, with `width` values of the residual.
         void add(const FullGradient& other, Real share, int width) {
-            this->visible |= other.visible;
-            auto& g = this->geometry;
-            const auto& o = other.geometry;
-            g.mean += o.mean * share;
-            g.log_scale += o.log_scale * share;
-            g.rotation.x += share * o.rotation.x, g.rotation.y += share * o.rotation.y;
-            g.rotation.z += share * o.rotation.z, g.rotation.w += share * o.rotation.w;
-            g.raw_opacity += share * o.raw_opacity;
-            this->base += other.base * share;
+            GaussianGradient<Real>::add(other, share);
             for (int k = 0; k < width; ++k) residual[k] += share * other.residual[k];
         }
     };

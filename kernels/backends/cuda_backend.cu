@@ -279,30 +279,41 @@ BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<floa
     return {camera.width, camera.height, background, image_, transmittance_, cutoffs_};
 }
 
-CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
-    const CameraParams<float>& camera = args.camera;
+CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
+                                     bool for_backward, const std::function<void()>& fill) {
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                           " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
-    if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * model_.count, 1 << 16);
+    if (capacity_ == 0) capacity_ = std::max<std::int64_t>(4 * n, 1 << 16);
     try {
-        lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+        lay_out({n, capacity_, camera.width, camera.height, for_backward});
     } catch (const DeviceError&) {
         if (needed_ >= capacity_) throw;
         capacity_ = std::max<std::int64_t>(needed_, 1);  // there was no memory for room ahead of need
-        lay_out({model_.count, capacity_, camera.width, camera.height, for_backward});
+        lay_out({n, capacity_, camera.width, camera.height, for_backward});
     }
-    args.shared = {model_.shared_prepared.get(), shared_sums_};
-    args.separate = separate_;
     largest_width_ = std::max(largest_width_, camera.width), largest_height_ = std::max(largest_height_, camera.height);
     times_.begin(stream_);
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
-    if (model_.count > 0) kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
+    if (n > 0) fill();
     times_.end(CudaStage::kPreprocess, stream_);
     const CudaBins bins = binning_.build(splats_, control_.get(), stream_);
     times_.end(CudaStage::kSort, stream_);
     blend_.forward(bins, splats_, blend_image(camera, background), control_.get(), for_backward, stream_);
     times_.end(CudaStage::kBlend, stream_);
+    return bins;
+}
+
+CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
+    const auto complete = [&] {
+        args.shared = {model_.shared_prepared.get(), shared_sums_};
+        args.separate = separate_;
+    };
+    const CudaBins bins = enqueue_splats(args.camera, model_.count, background, for_backward, [&] {
+        complete();
+        kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
+    });
+    complete();
     return bins;
 }
 
@@ -329,24 +340,39 @@ void CudaBackend::abandon_steps() {
     cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);
 }
 
-CudaBins CudaBackend::forward_whole(const RenderRequest& r, bool for_backward) {
+CudaBins CudaBackend::forward_whole(const std::function<CudaBins()>& enqueue) {
     settle();
     const std::int64_t for_steps = capacity_;
     CudaBins bins;
     do {
         if (statuses_->stopped) make_room(statuses_->num_instances);
-        PreprocessArgs args = frame_args(r);
-        bins = enqueue_forward(args, r.background, for_backward);
-        report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
-        GS_CUDA_LAUNCHED("report_step");
-        GS_CUDA(cudaStreamSynchronize(stream_));
+        bins = enqueue();
+        read_status();
     } while (statuses_->stopped);
     if (for_steps) capacity_ = for_steps;  // a single close view must not slow down further training
     return bins;
 }
 
+CudaBins CudaBackend::forward_whole(const RenderRequest& r, bool for_backward) {
+    return forward_whole([&] {
+        PreprocessArgs args = frame_args(r);
+        return enqueue_forward(args, r.background, for_backward);
+    });
+}
+
+const StepStatus& CudaBackend::read_status() {
+    report_step<<<1, 1, 0, stream_>>>(control_.get(), statuses_);
+    GS_CUDA_LAUNCHED("report_step");
+    GS_CUDA(cudaStreamSynchronize(stream_));
+    return *statuses_;
+}
+
 void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
     forward_whole(r);
+    finish_image(r, out);
+}
+
+void CudaBackend::finish_image(const RenderRequest& r, RenderedImage& out) {
     if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) {  // a residual is not a colour
         ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -448,14 +474,7 @@ void CudaBackend::enqueue(const Step& s) {
     StepControl* control = control_.get();
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
     const CudaBins bins = enqueue_forward(args, r.background, true);
-    const bool corrected = ppisp_.corrects(r.isp);
-    if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
-    times_.end(CudaStage::kCorrect, stream_);
-    loss_.compute(
-        {corrected ? ppisp_.corrected() : image_, s.target.image, r.background, r.lambda_dssim, s.target.weight_sum},
-        dL_dimage_, control, stream_);
-    times_.end(CudaStage::kLoss, stream_);
-    if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
+    enqueue_loss(r, s.target);
     if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
     times_.end(CudaStage::kCorrectBackward, stream_);
     if (s.controller_step) ppisp_.step_controller(image_, r.isp_rate, s.controller_step, control, stream_);
@@ -465,25 +484,45 @@ void CudaBackend::enqueue(const Step& s) {
     GS_CUDA(cudaEventRecord(done_[s.slot], stream_));
 }
 
+void CudaBackend::enqueue_loss(const StepRequest& r, const DeviceTarget& target) {
+    const bool corrected = ppisp_.corrects(r.isp);
+    if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
+    times_.end(CudaStage::kCorrect, stream_);
+    loss_.compute(
+        {corrected ? ppisp_.corrected() : image_, target.image, r.background, r.lambda_dssim, target.weight_sum},
+        dL_dimage_, control_.get(), stream_);
+    times_.end(CudaStage::kLoss, stream_);
+    if (corrected) ppisp_.backward(image_, dL_dimage_, stream_);
+}
+
+void CudaBackend::enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins) {
+    if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
+    const SlotMap slots = binning_.slots();
+    const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
+    blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control_.get(), stream_);
+}
+
+ModelArrays CudaBackend::arrays_of_step(bool gather_gradient_stats) {
+    ModelArrays arrays = model_.arrays();
+    if (!gather_gradient_stats) return arrays;
+    const std::int64_t n = model_.count;
+    if (!model_.has_statistic) {  // this is the first step of a statistic
+        GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
+        GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
+        model_.has_statistic = true;
+    }
+    arrays.gradient_sum = model_.gradient_sum.get(), arrays.gradient_count = model_.gradient_count.get();
+    return arrays;
+}
+
 void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, const CudaBins& bins) {
     const StepRequest& r = s.request;
     const std::int64_t n = model_.count;
     StepControl* control = control_.get();
-    if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
-    const SlotMap slots = binning_.slots();
-    const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
-    blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control, stream_);
+    enqueue_sums(r, n, bins);
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
-        ModelArrays arrays = model_.arrays();
-        if (r.gather_gradient_stats) {
-            if (!model_.has_statistic) {  // this is the first step of a statistic
-                GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
-                GS_CUDA(cudaMemsetAsync(model_.gradient_count.reserve(n), 0, n * sizeof(float), stream_));
-                model_.has_statistic = true;
-            }
-            arrays.gradient_sum = model_.gradient_sum.get(), arrays.gradient_count = model_.gradient_count.get();
-        }
+        const ModelArrays arrays = arrays_of_step(r.gather_gradient_stats);
         kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
     }
     times_.end(CudaStage::kUpdate, stream_);
@@ -512,17 +551,25 @@ void CudaBackend::finish_oldest() {
     // What was not needed for a while is given up: all of the room is sorted.
     const auto recent = recent_instances_.add(std::int64_t(status.num_instances));
     if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
-    const double norm = s.target.weight_sum > 0 ? 1 / (3 * s.target.weight_sum) : 0;
-    stats_.l1 = status.l1 * norm, stats_.ssim = status.ssim * norm;
-    stats_.loss = norm > 0 ? (1 - s.request.lambda_dssim) * stats_.l1 + s.request.lambda_dssim * (1 - stats_.ssim) : 0;
-    stats_.num_instances = std::int64_t(status.num_instances);
+    note_loss(loss_of(status, s.request, s.target.weight_sum));
     stats_.num_nonfinite_gradients += status.num_nonfinite;
-    stats_.consecutive_skips = std::isfinite(stats_.loss) ? 0 : stats_.consecutive_skips + 1;
-    ++stats_.steps;
     if (times_.on)
         times_.count(double(model_.count), status.num_visible, double(status.num_instances), double(status.num_pairs),
                      double(s.request.camera.width) * s.request.camera.height, ppisp_.corrects(s.request.isp));
     in_flight_.pop_front();
+}
+
+ViewLoss CudaBackend::loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const {
+    const double norm = weight_sum > 0 ? 1 / (3 * weight_sum) : 0, l1 = status.l1 * norm, ssim = status.ssim * norm;
+    return {norm > 0 ? (1 - r.lambda_dssim) * l1 + r.lambda_dssim * (1 - ssim) : 0, l1, ssim,
+            std::int64_t(status.num_instances)};
+}
+
+void CudaBackend::note_loss(const ViewLoss& loss) {
+    stats_.l1 = loss.l1, stats_.ssim = loss.ssim, stats_.loss = loss.loss;
+    stats_.num_instances = loss.num_instances;
+    stats_.consecutive_skips = std::isfinite(loss.loss) ? 0 : stats_.consecutive_skips + 1;
+    ++stats_.steps;
 }
 
 void CudaBackend::synchronize() {
@@ -596,16 +643,6 @@ MemoryUse CudaBackend::memory() {
 
 // --- densification --------------------------------------------------------------------------------------------------
 
-template <class Fn> auto CudaBackend::change_rows(Fn fn) {
-    settle();
-    sizes_ = {};  // fn may use all of the scratch block
-    half_residuals_current_ = false;
-    CudaDensify densify(model_, scratch_, stream_);
-    const auto result = fn(densify);
-    lazy_.reset(meta_.step);
-    return result;
-}
-
 DensifyStats CudaBackend::densify(const DensifyRequest& r) {
     return change_rows([&](CudaDensify& d) {
         if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return d.mcmc(*mcmc, r.iteration, r.seed);
@@ -630,21 +667,26 @@ std::vector<float> CudaBackend::scores(const std::vector<RenderRequest>& views) 
     return scores.download();
 }
 std::int64_t CudaBackend::num_residuals() const { return model_.num_residuals(); }
-void CudaBackend::enqueue_error(const StepRequest& r, double* error, CudaBins& bins, TargetImage& target) {
-    bins = forward_whole({r.camera, r.background, RenderMode::kFull, r.isp}, true);
-    target = images_.get(r.target, 0, stream_).image;
+TargetImage CudaBackend::enqueue_error(const StepRequest& r, double* error) {
+    const TargetImage target = images_.get(r.target, 0, stream_).image;
     const bool corrected = ppisp_.corrects(r.isp);
     if (corrected) ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, ppisp_.corrected(), stream_);
     write_error({corrected ? ppisp_.corrected() : image_, target, r.background, 0, 0}, dL_dimage_, error, stream_);
+    return target;
 }
-double CudaBackend::squared_error(const StepRequest& r) {
+double CudaBackend::error_of_view(const StepRequest& r) {
     DeviceBuffer<double> error;
     GS_CUDA(cudaMemsetAsync(error.reserve(1), 0, sizeof(double), stream_));
-    CudaBins bins;
-    TargetImage target;
-    enqueue_error(r, error.get(), bins, target);
+    enqueue_error(r, error.get());
     GS_CUDA(cudaStreamSynchronize(stream_));
     return error.download(1)[0];
+}
+double CudaBackend::squared_error(const StepRequest& r) {
+    forward_whole({r.camera, r.background, RenderMode::kFull, r.isp}, true);
+    return error_of_view(r);
+}
+std::vector<float> CudaBackend::base_colors() const {
+    return model_.param[int(Group::kBase)].download(3 * model_.count);
 }
 ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSource& step_on) {
     settle();
@@ -655,9 +697,8 @@ ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSou
     const auto params = [&] { return preprocess_args({}, RenderMode::kFull, {}).params; };
     for (std::size_t view = 0; view < num_views; ++view) {
         const StepRequest r = step_on(view);
-        CudaBins bins;
-        TargetImage target;
-        enqueue_error(r, nullptr, bins, target);
+        const CudaBins bins = forward_whole({r.camera, r.background, RenderMode::kFull, r.isp}, true);
+        const TargetImage target = enqueue_error(r, nullptr);
         if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
         const SlotMap slots = binning_.slots();
         const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
@@ -672,8 +713,7 @@ ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSou
         scores.add(params(), binning_.input().counts, splats_, sums_);
         GS_CUDA(cudaStreamSynchronize(stream_));  // the next image may take this one's place
     }
-    return residual_scores_of(scores.download(), meta_.appearance.activation,
-                              model_.param[int(Group::kBase)].download(3 * n));
+    return residual_scores_of(scores.download(), meta_.appearance.activation, base_colors());
 }
 void CudaBackend::keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) {
     settle();

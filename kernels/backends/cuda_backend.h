@@ -7,6 +7,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 
 #include "kernels/backends/images_cuda.h"
 #include "kernels/backends/model_kernels_cuda.h"
@@ -17,6 +18,7 @@
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/optimizer/lazy_cuda.h"
 #include "kernels/ppisp/ppisp_cuda.h"
+#include "kernels/ranks/shard.h"
 
 namespace gs {
 
@@ -28,7 +30,7 @@ struct StepStatus {
 };
 
 /// The backend of one model on the current device. Only one thread may use it.
-class CudaBackend final : public Backend, private BackendTimer {
+class CudaBackend final : public Backend, public Shard, private BackendTimer {
   public:
     CudaBackend(const ModelKernels& kernels, const BackendOptions& options);
     ~CudaBackend() override;
@@ -49,6 +51,7 @@ class CudaBackend final : public Backend, private BackendTimer {
 
     MemoryUse memory() override;
     BackendTimer& timer() override { return *this; }
+    Shard* shard() override { return this; }
 
     DensifyStats densify(const DensifyRequest& request) override;
     void reset_opacity() override;
@@ -59,6 +62,29 @@ class CudaBackend final : public Backend, private BackendTimer {
     void keep_residuals(const std::vector<std::uint8_t>& marks, const std::vector<float>& bases) override;
     PruneStats prune(const PruneRequest& request) override;
     void morton_sort() override;
+
+    // cuda_shard.cu
+    void project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) override;
+    void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override;
+    ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
+                            std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
+    void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& request) override;
+    double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request) override;
+    void scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
+                          std::vector<double>& scores) override;
+    void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
+                             std::vector<ResidualSplatSums>& sums) override;
+    void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
+                           std::vector<ResidualSums>& totals) override;
+    ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
+    std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
+                                   const std::vector<std::vector<SplatSums<float>>>& sums,
+                                   std::int64_t num_gaussians) override;
+    void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
+                       std::vector<float>& isp_gradient) override;
+    void count_step(const std::vector<StepRequest>& views) override;
+    std::int64_t take_nonfinite() override;
+    void keep_rows(const std::vector<std::uint32_t>& rows) override;
 
   private:
     double time_frames(const std::vector<RenderRequest>& views, int repeats) override;
@@ -95,13 +121,36 @@ class CudaBackend final : public Backend, private BackendTimer {
     void enqueue_gaussians(const Step& step, const PreprocessArgs& args, const CudaBins& bins);
     /// Puts a step in flight, where it stays if it could be enqueued.
     void launch(Step step, const TargetImage& target);
+    /// Enqueues the forward pass of `n` splats, which fill() writes with all that binning reads, once their buffers are
+    /// laid out.
+    CudaBins enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
+                            bool for_backward, const std::function<void()>& fill);
     /// Enqueues the forward pass, and completes `args` with the buffers that it lays out.
     CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
-    /// Renders a view, making room until it fits, and waits.
+    /// Enqueues a view, making room until it fits, and waits.
+    CudaBins forward_whole(const std::function<CudaBins()>& enqueue);
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
-    /// Renders a training view and writes the gradient of half its squared error to dL_dimage_. Adds that error to
-    /// *error, on the device, unless that is null. `bins` and `target` become those of the view.
-    void enqueue_error(const StepRequest& r, double* error, CudaBins& bins, TargetImage& target);
+    CudaBins forward_whole(const std::vector<WireSplat>& splats, const RenderRequest& request, bool for_backward);
+    /// Corrects the image of the last forward pass, if the request asks for it, and copies it to the host.
+    void finish_image(const RenderRequest& request, RenderedImage& out);
+    /// Writes the gradient of half the squared error of a rendered training view to dL_dimage_. Adds that error to
+    /// *error, on the device, unless that is null. Returns the target.
+    TargetImage enqueue_error(const StepRequest& r, double* error);
+    /// Returns the squared error of the view that was rendered last.
+    double error_of_view(const StepRequest& r);
+    /// Enqueues the loss of the view that was rendered last, down to the gradient of the rendered image.
+    void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
+    /// Turns dL_dimage_ into the sums of the view's `n` splats.
+    void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
+    /// Returns the loss that a status holds, and its parts.
+    ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
+    /// Notes it in stats_.
+    void note_loss(const ViewLoss& loss);
+    /// Returns the arrays of the model, with those of ADC's statistic if there is one, or is to be.
+    ModelArrays arrays_of_step(bool gather_gradient_stats);
+    /// Waits, and returns what has become of the work in the stream.
+    const StepStatus& read_status();
+    std::vector<float> base_colors() const;
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();
@@ -143,6 +192,17 @@ class CudaBackend final : public Backend, private BackendTimer {
     CudaBlend blend_;
     CudaLoss loss_;
 
+    /// What only a training over several ranks uses (cuda_shard.cu).
+    struct {
+        DeviceBuffer<WireSplat> splats;
+        DeviceBuffer<SplatSums<float>> sums;
+        DeviceBuffer<std::uint32_t> rows;
+        DeviceBuffer<std::int64_t> num_rows;
+        DeviceBuffer<unsigned char> cub;
+        DeviceBuffer<GaussianGradient<float>> gaussians;  ///< gradients of a step
+        DeviceBuffer<float> residuals, shared;
+    } wire_;
+
     DeviceBuffer<StepControl> control_;
     StepStatus* statuses_ = nullptr;  ///< (kInFlight) in pinned memory
     cudaEvent_t done_[kInFlight] = {};
@@ -153,5 +213,15 @@ class CudaBackend final : public Backend, private BackendTimer {
     StepStats stats_;
     StageTimes times_;
 };
+
+template <class Fn> auto CudaBackend::change_rows(Fn fn) {
+    settle();
+    sizes_ = {};  // fn may use all of the scratch block
+    half_residuals_current_ = false;
+    CudaDensify densify(model_, scratch_, stream_);
+    const auto result = fn(densify);
+    lazy_.reset(meta_.step);
+    return result;
+}
 
 }  // namespace gs

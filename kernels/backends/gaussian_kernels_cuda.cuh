@@ -7,6 +7,7 @@
 #include "kernels/backends/model_kernels_cuda.h"
 #include "kernels/backends/row_copies_cuda.cuh"
 #include "kernels/optimizer/write_rows_cuda.cuh"
+#include "kernels/sort/place_splat_cuda.cuh"
 
 namespace gs {
 
@@ -21,42 +22,6 @@ __device__ inline GaussianGeometry<float> load_geometry(const ParameterView<floa
                    "+f"(g.log_scale.z), "+f"(g.rotation.w), "+f"(g.rotation.x), "+f"(g.rotation.y), "+f"(g.rotation.z),
                    "+f"(g.raw_opacity));
     return g;
-}
-
-/// The tiles that a lane's splat reaches. Each lane tests up to 32 candidates of its own; the warp shares the rows of
-/// larger splats.
-struct TileTest {
-    unsigned mask;  ///< bits of the reached tiles among up to 32 candidates
-    unsigned count;
-};
-__device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid) {
-    const TileRectangle r(b);
-    TileTest out{0, 0};
-    const bool large = valid && r.size() > 32;
-    if (valid && !large) {
-        const TileRows rows(s, r);
-        for (int y = 0; y < r.height; ++y) {
-            const TileRows::Span span = rows.row(r.y0 + y);
-            if (span.size() > 0) out.mask |= (~0u >> (32 - span.size())) << (y * r.width + span.x0 - r.x0);
-        }
-        out.count = __popc(out.mask);
-    }
-    __syncwarp();
-    for (unsigned owners = __ballot_sync(~0u, large); owners; owners &= owners - 1) {
-        const int owner = __ffs(owners) - 1;
-        const auto of_owner = [&](auto x) { return __shfl_sync(~0u, x, owner); };
-        Splat<float> t{};
-        t.mean = {of_owner(s.mean.x), of_owner(s.mean.y)};
-        t.a = of_owner(s.a), t.b = of_owner(s.b), t.c = of_owner(s.c), t.threshold = of_owner(s.threshold);
-        const PackedSplat p =
-            PackedSplat::of(t, {of_owner(b.x_min), of_owner(b.x_max), of_owner(b.y_min), of_owner(b.y_max)});
-        const TileRectangle q(p.bounds());
-        unsigned count = 0;
-        for (int y = q.y0; y < q.y0 + q.height; y += 32)
-            count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
-        if (int(threadIdx.x & 31) == owner) out.count = count;
-    }
-    return out;
 }
 
 /// A warp's rows of residual parameters in shared memory.
@@ -112,12 +77,10 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
                        StepControl* __restrict__ control) {
     __shared__ RowMemory<Model> memory[kFused ? kForwardBlock / 32 : 1];
     __shared__ typename WarpAppearance<Model>::Memory scratch[kFused ? kForwardBlock / 32 : 1];
-    __shared__ unsigned long long block_instances;
-    __shared__ unsigned block_visible;
-    if (threadIdx.x == 0) block_instances = 0, block_visible = 0;
-    __syncthreads();
+    __shared__ ViewCount block;
+    begin_count(block);
     const std::int64_t i = std::int64_t(blockIdx.x) * kForwardBlock + threadIdx.x;
-    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    const int warp = threadIdx.x >> 5;
     Splat<float> s{};
     PixelBounds b{0, 0, 0, 0};
     float depth = 0;
@@ -127,30 +90,12 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
             make_splat(load_geometry(a.params, i), a.camera, a.width_padded, a.height_padded, s, b, depth, a.cutoffs);
     const TileTest tiles = test_tiles(s, b, valid);
     const bool visible = tiles.count > 0;
-    const unsigned warp_visible = __ballot_sync(~0u, visible);
     if constexpr (kFused) {
         const Vec3<float> residual = warp_residual<Model>(a, i, visible, memory[warp], scratch[warp]);
         if (visible) s.color = gaussian_color(a.params.activation, a.params.base(i), residual, a.mode);
     }
-    if (visible) {
-        splats[i] = PackedSplat::of(s, b);
-        out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
-    }
-    if (i < a.params.count) {
-        out.counts[i] = tiles.count;
-        out.depth_keys[i] = visible ? a.depth_key(depth) : kCulledKey;
-    }
-    // 32 of these counts fit into 32 bits; larger counts are beyond any capacity.
-    const unsigned instances = __reduce_add_sync(~0u, min(tiles.count, 1u << 26));
-    if (lane == 0 && warp_visible) {
-        atomicAdd(&block_instances, (unsigned long long)instances);
-        atomicAdd(&block_visible, unsigned(__popc(warp_visible)));
-    }
-    __syncthreads();
-    if (threadIdx.x == 0 && block_visible) {
-        atomicAdd(&control->num_instances, block_instances);
-        atomicAdd(&control->num_visible, block_visible);
-    }
+    if (i < a.params.count) place_splat(i, s, b, tiles, a.depth_key, depth, splats, out);
+    end_count(block, tiles.count, control);
 }
 
 /// Computes residuals and colours of the visible Gaussians in the separate pass.
@@ -336,6 +281,60 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
+/// Adds a share of one view's gradients to those of a step on several views, and the view to the statistic of ADC.
+template <class Model>
+__global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
+    collect_gradients(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums,
+                      ModelArrays arrays, StepGradients out, float share, StepControl* __restrict__ control) {
+    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
+    __shared__ WarpBytes<Model> warps[kWarps];
+    const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
+    const bool visible = i < a.params.count && counts[i] > 0;
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;
+    const bool shown = with_residual && visible && i < a.params.num_residuals;
+    const unsigned seen = __ballot_sync(~0u, shown);
+    WarpSpace<Model>& space = warps[warp].space();
+    float *parameters = space.memory.rows, *gradients = space.gradients;
+    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
+    GaussianGradient<float> gradient{};
+    Vec3<float> dL_dmean{0, 0, 0};
+    if (seen) {
+        space.memory.load(a, i - lane, seen, 0);
+        for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+        __syncwarp();
+        const ViewDirection<float> direction =
+            shown ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+        const Vec3<float> residual = appearance.residual(parameters, width, direction.unit, a.degree, shown);
+        const bool finite = shown && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
+        Vec3<float> dL_ddirection;
+        appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients,
+                            dL_ddirection);
+        if (shown) dL_dmean = direction_pullback(direction, dL_ddirection);
+    }
+    if (visible) {
+        const SplatSums<float> s = sums[i].sums();
+        if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
+        geometry_backward(a.params.geometry(i), a.camera, s, gradient);
+        gradient.geometry.mean += dL_dmean;
+        if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
+            atomicAdd(&control->num_nonfinite, 1u);
+        add_gradient_statistic(arrays, a.camera.width, a.camera.height, i, gradient);
+        out.gaussians[i].add(gradient, share);
+    }
+    if (seen) {
+        __syncwarp();
+        RowElements elements(seen, width, space.memory.list);
+        for (int done = 0, rounds = elements.rounds(); done < rounds; ++done) {
+            int row, column;
+            const int at = elements.next(row, column);
+            if (at >= 0) out.residuals[(i - lane) * width + at] += share * gradients[at];
+        }
+    }
+    if constexpr (kShared > 0)
+        store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+}
+
 /// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
 /// otherwise it reads those of appearance_backward.
 template <class Model, bool kFused>
@@ -514,13 +513,23 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
     }
 }
 
+template <class Model>
+void launch_collect(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums,
+                    const ModelArrays& arrays, const StepGradients& gradients, float share, StepControl* control,
+                    cudaStream_t stream) {
+    constexpr int kBlock = update_block<Model>();
+    collect_gradients<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(
+        args, counts, sums, arrays, gradients, share, control);
+    GS_CUDA_LAUNCHED("collect_gradients");
+}
+
 template <class Model> void launch_prepare(const float* weights, unsigned* prepared, cudaStream_t stream) {
     prepare_shared_weights<Model><<<num_blocks(kNumSharedOf<Model>, 256), 256, 0, stream>>>(weights, prepared);
     GS_CUDA_LAUNCHED("prepare_shared_weights");
 }
 
 template <class Model> ModelKernels model_kernels() {
-    ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, {}};
+    ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, &launch_collect<Model>, {}};
     if constexpr (kNumSharedOf<Model> != 0)
         kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>,
                           update_block<Model>()};

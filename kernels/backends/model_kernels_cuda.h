@@ -7,7 +7,7 @@
 #include "kernels/backend.h"
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/optimizer/lazy_args_cuda.cuh"
-#include "kernels/optimizer/update_device.h"
+#include "kernels/optimizer/step_rows_cuda.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning_cuda.h"
 
@@ -51,6 +51,10 @@ struct ModelKernels {
     /// was stopped or its loss is not finite.
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
                    const UpdateArgs&, StepControl*, cudaStream_t);
+    /// Adds a share of the gradients of one view to those of a step on several. Writes the sums of the shared weights'
+    /// gradients of that view.
+    void (*collect)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
+                    const StepGradients&, float share, StepControl*, cudaStream_t);
     struct Shared {
         int count = 0;  ///< number of weights that all Gaussians share
         /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.

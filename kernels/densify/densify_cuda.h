@@ -18,6 +18,8 @@ class CudaDensify {
     DensifyStats adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
     void reset_opacity();
     void morton_sort();
+    /// Removes the rows that `rows` (ascending) does not name.
+    void keep_rows(const std::vector<std::uint32_t>& rows);
     std::int64_t prune_nonfinite(std::int64_t by_group[kNumGroups]);
     std::int64_t prune_invisible();
     /// Removes the share `ratio` of lowest scores. `scores` (n) is on the device, but not in the scratch.

@@ -99,6 +99,15 @@ void gather_named(const std::uint32_t* handles, std::int64_t n, int width, const
     gather_array(data, width, Named{handles}, n, slice, stream);
 }
 
+void CudaDensify::keep_rows(const std::vector<std::uint32_t>& rows) {
+    if (std::int64_t(rows.size()) == model_.count) return;
+    std::vector<unsigned char> marked(std::size_t(model_.count), 1);
+    for (const std::uint32_t row : rows) marked[row] = 0;
+    PruneSpace space(model_, scratch_, stream_);
+    GS_CUDA(cudaMemcpyAsync(space.marked, marked.data(), marked.size(), cudaMemcpyHostToDevice, stream_));
+    space.remove_marked();
+}
+
 std::int64_t CudaDensify::prune_nonfinite(std::int64_t by_group[kNumGroups]) {
     std::fill_n(by_group, kNumGroups, 0);
     const std::int64_t n = model_.count;

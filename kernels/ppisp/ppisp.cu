@@ -198,6 +198,12 @@ void CudaPpisp::step_parameters(double rate, std::int64_t step, StepControl* con
     GS_CUDA_LAUNCHED("step_parameters_of_all");
 }
 
+void CudaPpisp::add_gradient(std::vector<float>& gradient, cudaStream_t stream) const {
+    GS_CUDA(cudaStreamSynchronize(stream));
+    const IspDeviceView view = device_view_.download(1)[0];
+    add_isp_gradient(host_, view_, view.dL_dframe, view.dL_dcamera, gradient);
+}
+
 void CudaPpisp::step_controller(const float* image, double rate, std::int64_t step, StepControl* control,
                                 cudaStream_t stream) {
     if (controller_sees(width_, height_))

@@ -34,6 +34,10 @@ bool step_values(float* param, float* m, float* v, const float* gradient, std::i
 /// adds the regularisers. If a gradient is not finite, it changes nothing and returns false.
 bool step_ppisp(PpispState& state, std::vector<float>& gradient, double rate, int views = 1);
 
+/// Adds the gradient of one view's frame and camera to `gradient` (state.size()).
+void add_isp_gradient(const PpispState& state, const IspView& view, const float (&dL_dframe)[kIspFrameValues],
+                      const float (&dL_dcamera)[kIspCameraValues], std::vector<float>& gradient);
+
 /// The correction of one view. It reuses its buffers from call to call. All results are independent of threads, to the
 /// bit.
 class ViewCorrection {

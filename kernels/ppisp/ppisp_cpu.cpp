@@ -45,6 +45,14 @@ bool step_values(float* param, float* m, float* v, const float* gradient, std::i
     return true;
 }
 
+void add_isp_gradient(const PpispState& state, const IspView& view, const float (&dL_dframe)[kIspFrameValues],
+                      const float (&dL_dcamera)[kIspCameraValues], std::vector<float>& gradient) {
+    if (view.mode == IspMode::kFrame && view.frame >= 0)
+        for (int k = 0; k < kIspFrameValues; ++k)
+            gradient[view.frame * std::size_t(kIspFrameValues) + k] += dL_dframe[k];
+    for (int k = 0; k < kIspCameraValues; ++k) gradient[state.camera_offset(view.camera) + k] += dL_dcamera[k];
+}
+
 void ViewCorrection::apply(const PpispState& state, const IspView& view, const float* image, int width, int height,
                            float* out) {
     check_isp_view(state, view);
@@ -108,10 +116,7 @@ bool step_ppisp(PpispState& state, std::vector<float>& gradient, double rate, in
 }
 
 void ViewCorrection::add_gradient(const PpispState& state, std::vector<float>& gradient) const {
-    if (view_.mode == IspMode::kFrame && view_.frame >= 0)
-        for (int k = 0; k < kIspFrameValues; ++k)
-            gradient[view_.frame * std::size_t(kIspFrameValues) + k] += dL_dframe_[k];
-    for (int k = 0; k < kIspCameraValues; ++k) gradient[state.camera_offset(view_.camera) + k] += dL_dcamera_[k];
+    add_isp_gradient(state, view_, dL_dframe_, dL_dcamera_, gradient);
 }
 
 bool ViewCorrection::step_parameters(PpispState& state, double rate) {

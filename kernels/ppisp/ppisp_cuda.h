@@ -43,6 +43,8 @@ class CudaPpisp {
     void apply(const IspView& view, const float* image, int width, int height, float* out, cudaStream_t stream);
     void backward(const float* image, float* dL_dimage, cudaStream_t stream);
     void step_parameters(double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
+    /// Waits, and adds the gradient of the view's frame and camera after backward() to `gradient`.
+    void add_gradient(std::vector<float>& gradient, cudaStream_t stream) const;
     void step_controller(const float* image, double rate, std::int64_t step, StepControl* control, cudaStream_t stream);
 
     std::int64_t bytes() const;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "kernels/blend/residual_score.h"
+#include "kernels/core/parallel.h"
 #include "kernels/requests.h"
 #include "kernels/splat/wire_splat.h"
 
@@ -29,6 +30,21 @@ struct ResidualSplatSums {
     float weight;          ///< of the view's mask
     Vec3<float> gradient;  ///< of half the squared error by the colour
 };
+
+/// Adds what a view says of the residuals of a rank's Gaussians to `totals` (rows with a residual). `bases` are the
+/// base colours of all rows.
+inline void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& projected,
+                        const std::vector<ResidualSplatSums>& sums, const std::vector<float>& bases,
+                        ColorActivation activation) {
+    parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
+        const std::uint32_t row = projected.rows[k];
+        if (row >= totals.size() || !(sums[k].weight > 0)) return;
+        const WireSplat& s = projected.splats[k];
+        const float* base = &bases[3 * std::size_t(row)];
+        totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue},
+                        activate(activation, Vec3<float>{base[0], base[1], base[2]}));
+    });
+}
 
 /// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
 /// is rendered in the order in which its splats come where their depths are equal.

@@ -55,6 +55,18 @@ template <class Real> struct GaussianGradient {
     GeometryGradient<Real> geometry;
     Vec3<Real> base;
     Vec2<Real> mean2d;  ///< gradient of the mean in pixels, for the densification statistic
+
+    /// Adds a share of another view's gradient. mean2d belongs to one view, and stays.
+    GS_HD void add(const GaussianGradient& other, Real share) {
+        visible |= other.visible;
+        const auto& o = other.geometry;
+        geometry.mean += o.mean * share;
+        geometry.log_scale += o.log_scale * share;
+        geometry.rotation.x += share * o.rotation.x, geometry.rotation.y += share * o.rotation.y;
+        geometry.rotation.z += share * o.rotation.z, geometry.rotation.w += share * o.rotation.w;
+        geometry.raw_opacity += share * o.raw_opacity;
+        base += other.base * share;
+    }
 };
 
 }  // namespace gs

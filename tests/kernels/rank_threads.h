@@ -55,16 +55,22 @@ template <class Fn> void on_ranks(int size, Fn&& run) {
     if (error) std::rethrow_exception(error);
 }
 
-/// Calls use(backend) with a model that `size` ranks hold.
-template <class Fn>
-void with_ranked_backend(int size, int views_per_step, const AppearanceSpec& appearance, const TargetSource& targets,
-                         Fn&& use) {
+/// Calls use(backend) with a model that `size` ranks hold, each on a backend of its own.
+template <class Fn, class Make>
+void with_ranked_backend(int size, int views_per_step, const TargetSource& targets, Fn&& use, Make&& make) {
     on_ranks(size, [&](Communicator& ranks) {
-        auto own = make_cpu_backend(appearance);
+        std::unique_ptr<Backend> own = make();
         if (ranks.rank() > 0) return follow(ranks, *own, targets);
         RankedBackend backend(ranks, std::move(own), views_per_step);
         use(backend);
     });
+}
+
+/// The same on the CPU.
+template <class Fn>
+void with_ranked_backend(int size, int views_per_step, const AppearanceSpec& appearance, const TargetSource& targets,
+                         Fn&& use) {
+    with_ranked_backend(size, views_per_step, targets, use, [&] { return make_cpu_backend(appearance); });
 }
 
 }  // namespace gs::test

@@ -9,103 +9,11 @@
 #include "kernels/core/error.h"
 #include "kernels/model/adam_device.h"
 #include "kernels/ranks/messages.h"
-#include "tests/kernels/random_scene.h"
 #include "tests/kernels/rank_threads.h"
+#include "tests/kernels/rank_views.h"
 
 namespace gs::test {
 namespace {
-
-constexpr int kWidth = 41, kHeight = 30, kViews = 4;
-constexpr std::int64_t kRows = 211;  // no multiple of any number of ranks
-
-/// Views of one random model, with random photographs.
-struct Views {
-    Gaussians model;
-    std::vector<CameraParams<float>> cameras;
-    std::vector<std::vector<float>> photographs;
-
-    explicit Views(const ModelInfo& info, std::int64_t rows = kRows, std::int64_t num_residuals = -1) {
-        model = cast<float>(random_gaussians(rows, 0, 5));
-        model.appearance = {info.name, info.max_degree_limit, ColorActivation::kSigmoid};
-        model.active_degree = info.max_degree_limit;
-        std::mt19937 rng(6);
-        std::normal_distribution<float> normal;
-        auto& residuals = model[Group::kResidual];
-        residuals.width = info.residual_width(info.max_degree_limit);
-        residuals.param.resize(std::size_t(num_residuals < 0 ? rows : num_residuals) * residuals.width);
-        for (float& x : residuals.param) x = 0.3f * normal(rng);
-        model.shared.width = info.num_shared;
-        for (int k = 0; k < info.num_shared; ++k) model.shared.param.push_back(0.3f * normal(rng));
-        for (auto& group : model.groups)
-            group.m.assign(group.param.size(), 0.0f), group.v.assign(group.param.size(), 0.0f);
-        model.shared.m.assign(model.shared.param.size(), 0.0f), model.shared.v = model.shared.m;
-        model.ppisp = identity_ppisp(kViews, 1);
-        model.ppisp.m.assign(model.ppisp.size(), 0.0f), model.ppisp.v = model.ppisp.m;
-        std::uniform_real_distribution<float> uniform;
-        for (int k = 0; k < kViews; ++k) {
-            cameras.push_back(cast<float>(test_camera(kWidth, kHeight)));
-            cameras.back().translation.x += 0.3f * float(k);
-            cameras.back().position = cameras.back().rotation.transposed_times(cameras.back().translation) * -1.0f;
-            photographs.emplace_back(std::size_t(3 * kWidth * kHeight));
-            for (float& x : photographs.back()) x = uniform(rng);
-        }
-    }
-
-    TargetImage target(std::int64_t view) const {
-        return {kWidth, kHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, view};
-    }
-    TargetSource targets() const {
-        return [this](const StepRequest& r) { return target(r.target.id); };
-    }
-    StepRequest step(std::size_t view) const {
-        StepRequest r;
-        r.camera = cameras[view];
-        r.background = {0.2f, 0.1f, 0.3f};
-        r.target = target(std::int64_t(view));
-        r.isp = {IspMode::kFrame, int(view), 0, 0};
-        r.isp_rate = 1e-3;
-        for (double& rate : r.rates) rate = 1e-3;
-        r.shared_rate = 1e-3;
-        return r;
-    }
-    std::vector<StepRequest> steps() const {
-        std::vector<StepRequest> all;
-        for (std::size_t k = 0; k < kViews; ++k) all.push_back(step(k));
-        return all;
-    }
-};
-
-/// Calls fn(a, b, name) for all parameters and moments of two models.
-template <class Fn> void for_arrays(Gaussians& a, Gaussians& b, Fn&& fn) {
-    for (int g = 0; g < kNumGroups; ++g) {
-        const std::string name = kGroupNames[g];
-        fn(a.groups[g].param, b.groups[g].param, name);
-        fn(a.groups[g].m, b.groups[g].m, name + ", first moment");
-        fn(a.groups[g].v, b.groups[g].v, name + ", second moment");
-    }
-    fn(a.shared.param, b.shared.param, "shared");
-    fn(a.shared.m, b.shared.m, "shared, first moment");
-    fn(a.ppisp.param, b.ppisp.param, "PPISP");
-    fn(a.ppisp.m, b.ppisp.m, "PPISP, first moment");
-    fn(a.gradient_sum, b.gradient_sum, "gradient statistic");
-    fn(a.gradient_count, b.gradient_count, "views of the gradient statistic");
-}
-
-void expect_near(const std::vector<float>& a, const std::vector<float>& b, double tolerance, const std::string& what) {
-    ASSERT_EQ(a.size(), b.size()) << what;
-    double largest = 0, difference = 0;
-    for (std::size_t k = 0; k < a.size(); ++k) {
-        largest = std::max(largest, double(std::abs(a[k])));
-        difference = std::max(difference, double(std::abs(a[k] - b[k])));
-    }
-    EXPECT_LE(difference, tolerance * largest) << what;
-}
-
-void expect_equal(Gaussians& a, Gaussians& b) {
-    EXPECT_EQ(a.count, b.count);
-    EXPECT_EQ(a.step, b.step);
-    for_arrays(a, b, [](const auto& x, const auto& y, const std::string& what) { EXPECT_EQ(x, y) << what; });
-}
 
 class EveryModelOnRanks : public ::testing::TestWithParam<std::string> {
   protected:
@@ -113,7 +21,7 @@ class EveryModelOnRanks : public ::testing::TestWithParam<std::string> {
 };
 
 TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
-    const Views views(info);
+    const RankViews views(info);
     // One plain step on each view: the first moments are the gradients.
     Gaussians mean;
     for (std::size_t k = 0; k < kViews; ++k) {
@@ -159,14 +67,14 @@ TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
             // The regulariser of PPISP is in every step, and so has the same mean.
             for (float& value : a) value *= to_gradient;
             for (float& value : b) value *= from_moment;
-            expect_near(a, b, 1e-5, what);
+            expect_close(a, b, 1e-5, what);
         });
     }
 }
 
 TEST_P(EveryModelOnRanks, TrainAsOne) {
     for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
-        const Views views(info, kRows, num_residuals);
+        const RankViews views(info, kRows, num_residuals);
         Gaussians one;
         for (const int ranks : {1, 2, 3, 4}) {
             SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
@@ -184,7 +92,7 @@ TEST_P(EveryModelOnRanks, TrainAsOne) {
                 }
                 for_arrays(one, after, [](const auto& x, const auto& y, const std::string& what) {
                     if (what == "PPISP") return;  // steps of the usual length along gradients that are but rounding
-                    expect_near(x, y, what.find("moment") == std::string::npos ? 1e-4 : 1e-3, what);
+                    expect_close(x, y, what.find("moment") == std::string::npos ? 1e-4 : 1e-3, what);
                 });
             });
         }
@@ -212,7 +120,7 @@ const ModelInfo& some_model() {
 TEST(Ranks, GiveBackTheModelThatTheyWereGiven) {
     for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), std::int64_t(3), kRows}) {
         for (const std::int64_t num_residuals : {std::int64_t(0), rows / 3, rows}) {
-            Views views(some_model(), rows, num_residuals);
+            RankViews views(some_model(), rows, num_residuals);
             for (auto& group : views.model.groups) std::iota(group.m.begin(), group.m.end(), 1.0f);
             for (const int ranks : {1, 2, 5}) {
                 SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(num_residuals) + " residuals, " +
@@ -230,7 +138,7 @@ TEST(Ranks, GiveBackTheModelThatTheyWereGiven) {
 }
 
 TEST(Ranks, RenderAndScoreAsOne) {
-    const Views views(some_model(), kRows, 90);
+    const RankViews views(some_model(), kRows, 90);
     const auto plain = make_cpu_backend(views.model.appearance);
     plain->upload(views.model);
     std::vector<RenderRequest> requests(kViews);
@@ -249,10 +157,10 @@ TEST(Ranks, RenderAndScoreAsOne) {
             backend.render(requests[1], other);
             EXPECT_EQ(image.rgb, other.rgb);
             EXPECT_EQ(image.alpha, other.alpha);
-            expect_near(scores, backend.scores(requests), 1e-5, "scores");
+            expect_close(scores, backend.scores(requests), 1e-5, "scores");
             const ResidualScores found = backend.residual_scores(kViews, step_on);
-            expect_near(residuals.worth, found.worth, 1e-4, "worth of residuals");
-            expect_near(residuals.mean_base, found.mean_base, 1e-5, "mean bases");
+            expect_close(residuals.worth, found.worth, 1e-4, "worth of residuals");
+            expect_close(residuals.mean_base, found.mean_base, 1e-5, "mean bases");
             EXPECT_NEAR(backend.squared_error(views.step(2)), error, 1e-5 * error);
         });
     }
@@ -280,7 +188,7 @@ TEST(Ranks, RenderWithTheControllersThatWereTrained) {
 }
 
 TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
-    Views views(some_model(), kRows, 90);
+    RankViews views(some_model(), kRows, 90);
     // Rows at the same place have the same depth, so that their order decides.
     auto& means = views.model[Group::kMean].param;
     for (std::int64_t i = 0; i < kRows; ++i) std::copy_n(&means[3 * (i % 7)], 3, &means[3 * i]);
@@ -303,8 +211,8 @@ TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
             backend.render_all(requests, found);
             ASSERT_EQ(found.size(), expected.size());
             for (std::size_t k = 0; k < found.size(); ++k) {
-                EXPECT_EQ(found[k].width, kWidth) << k;
-                EXPECT_EQ(found[k].height, kHeight) << k;
+                EXPECT_EQ(found[k].width, kRankWidth) << k;
+                EXPECT_EQ(found[k].height, kRankHeight) << k;
                 EXPECT_EQ(found[k].rgb, expected[k].rgb) << k;
                 EXPECT_EQ(found[k].alpha, expected[k].alpha) << k;
             }
@@ -313,7 +221,7 @@ TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
 }
 
 /// The bytes that each rank sends in steps on all views, as the formats of the messages say.
-std::vector<double> expected_bytes_sent(const Views& views, int ranks) {
+std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
     constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kLoss = 32, kFloat = 4;
     std::vector<std::vector<std::size_t>> shown;  // splats by rank, by view
     for (int r = 0; r < ranks; ++r) {
@@ -349,7 +257,7 @@ std::vector<double> expected_bytes_sent(const Views& views, int ranks) {
 TEST(Ranks, ExchangeWhatTheFormatsOfTheMessagesSay) {
     constexpr int kSteps = 3;
     for (const std::int64_t rows : {std::int64_t(0), std::int64_t(2), kRows}) {
-        const Views views(some_model(), rows);
+        const RankViews views(some_model(), rows);
         for (const int ranks : {1, 2, 3}) {
             SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(ranks) + " ranks");
             const std::vector<double> expected = expected_bytes_sent(views, ranks);
@@ -387,7 +295,7 @@ TEST(Ranks, ExchangeWhatTheFormatsOfTheMessagesSay) {
 }
 
 TEST(Ranks, AskForEachImageOnce) {
-    const Views views(some_model(), kRows, 90);
+    const RankViews views(some_model(), kRows, 90);
     const auto plain = make_cpu_backend(views.model.appearance);
     plain->upload(views.model);
     const ResidualScores expected = plain->residual_scores(kViews, [&](std::size_t view) { return views.step(view); });
@@ -405,13 +313,13 @@ TEST(Ranks, AskForEachImageOnce) {
                 return step;
             });
             EXPECT_EQ(asked, std::vector<int>(kViews, 1));
-            expect_near(expected.worth, found.worth, 1e-4, "worth of residuals");
+            expect_close(expected.worth, found.worth, 1e-4, "worth of residuals");
         });
     }
 }
 
 TEST(Ranks, RemoveTheRowsThatOneWouldRemove) {
-    Views views(some_model(), kRows, 90);
+    RankViews views(some_model(), kRows, 90);
     for (std::int64_t i = 0; i < kRows; i += 9) views.model[Group::kOpacity].param[i] = -20;
     views.model[Group::kMean].param[3 * 7] = std::nanf("");
     std::vector<RenderRequest> requests(kViews);
@@ -446,7 +354,7 @@ TEST(Ranks, RemoveTheRowsThatOneWouldRemove) {
 }
 
 TEST(Ranks, GrowToTheCapTogether) {
-    Views views(some_model(), kRows, 90);
+    RankViews views(some_model(), kRows, 90);
     for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
     for (const int ranks : {1, 2, 3, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
@@ -471,7 +379,7 @@ TEST(Ranks, GrowToTheCapTogether) {
 }
 
 TEST(Ranks, CloneAndSplitUpToTheCap) {
-    Views views(some_model(), kRows, 90);
+    RankViews views(some_model(), kRows, 90);
     views.model.gradient_sum.assign(kRows, 1.0f), views.model.gradient_count.assign(kRows, 1.0f);
     for (const int ranks : {1, 2, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
@@ -490,7 +398,7 @@ TEST(Ranks, CloneAndSplitUpToTheCap) {
 }
 
 TEST(Ranks, TrainWhereSomeHaveNothing) {
-    const Views views(some_model(), 2, 1);
+    const RankViews views(some_model(), 2, 1);
     Gaussians one;
     for (const int ranks : {1, 5}) {
         with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
@@ -507,7 +415,7 @@ TEST(Ranks, TrainWhereSomeHaveNothing) {
 }
 
 TEST(Ranks, SkipAStepWhoseLossIsNotFinite) {
-    Views views(some_model());
+    RankViews views(some_model());
     views.photographs[2][17] = std::nanf("");
     for (const int ranks : {1, 3}) {
         with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
@@ -523,7 +431,7 @@ TEST(Ranks, SkipAStepWhoseLossIsNotFinite) {
 }
 
 TEST(Ranks, RepeatThemselvesToTheBit) {
-    const Views views(some_model(), kRows, 90);
+    const RankViews views(some_model(), kRows, 90);
     Gaussians first;
     for (const bool again : {false, true})
         with_ranked_backend(3, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CUDA backend as one rank of a training: projects its Gaussians for others, renders splats of others, and takes
+// the step of its Gaussians on the sums that come back. Splats and sums pass through the host's memory.
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/backends/cuda_backend.h"
+#include "kernels/core/parallel.h"
+#include "kernels/densify/rows_cuda.h"
+#include "kernels/optimizer/step_rows_cuda.h"
+#include "kernels/sort/wire_splats_cuda.h"
+
+namespace gs {
+namespace {
+
+struct IsVisible {
+    const std::uint32_t* counts;
+    __device__ bool operator()(std::uint32_t i) const { return counts[i] > 0; }
+};
+
+template <class T>
+void copy_to_host(const DeviceBuffer<T>& from, std::size_t n, std::vector<T>& to, cudaStream_t stream) {
+    to.resize(n);
+    if (n == 0) return;
+    GS_CUDA(cudaMemcpyAsync(to.data(), from.get(), n * sizeof(T), cudaMemcpyDeviceToHost, stream));
+    GS_CUDA(cudaStreamSynchronize(stream));
+}
+template <class T> const T* copy_to_device(const std::vector<T>& from, DeviceBuffer<T>& to, cudaStream_t stream) {
+    if (from.empty()) return nullptr;
+    T* out = to.reserve(from.size());
+    GS_CUDA(cudaMemcpyAsync(out, from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream));
+    return out;
+}
+/// Makes room for n values, all of their bytes 0.
+template <class T> T* zeros(DeviceBuffer<T>& buffer, std::size_t n, cudaStream_t stream) {
+    if (n == 0) return nullptr;
+    T* out = buffer.reserve(n);
+    GS_CUDA(cudaMemsetAsync(out, 0, n * sizeof(T), stream));
+    return out;
+}
+
+RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }
+
+}  // namespace
+
+// --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
+
+void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) {
+    settle();
+    const std::int64_t n = model_.count;
+    out.splats.clear(), out.rows.clear(), out.part_ends.clear();
+    if (n == 0) return;
+    lay_out({n, std::max<std::int64_t>(capacity_, 1), camera.width, camera.height, false});
+    PreprocessArgs args = preprocess_args(camera, mode, {});
+    args.shared = {model_.shared_prepared.get(), nullptr};
+    args.separate = separate_;
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
+    kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
+    std::uint32_t* rows = wire_.rows.reserve(n);
+    std::int64_t* num_rows = wire_.num_rows.reserve(1);
+    const IsVisible visible{binning_.input().counts};
+    std::size_t bytes = 0;
+    GS_CUDA(select_rows(nullptr, bytes, n, visible, rows, num_rows, stream_));
+    GS_CUDA(select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
+    const auto num = std::size_t(read_back(num_rows, stream_));
+    if (num == 0) return;
+    pack_splats(rows, std::int64_t(num), args.params, camera, splats_, wire_.splats.reserve(num), stream_);
+    copy_to_host(wire_.splats, num, out.splats, stream_);
+    copy_to_host(wire_.rows, num, out.rows, stream_);
+}
+
+// --- views, of splats from all ranks --------------------------------------------------------------------------------
+
+CudaBins CudaBackend::forward_whole(const std::vector<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
+    const WireSplat* wire = copy_to_device(splats, wire_.splats, stream_);
+    const auto n = std::int64_t(splats.size());
+    return forward_whole([&] {
+        return enqueue_splats(r.camera, n, r.background, for_backward, [&] {
+            const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+            unpack_splats(wire, n, args.width_padded, args.height_padded, args.depth_key, args.cutoffs.inverse_alpha,
+                          splats_, binning_.input(), control_.get(), stream_);
+        });
+    });
+}
+
+void CudaBackend::render_splats(const std::vector<WireSplat>& splats, const RenderRequest& r, RenderedImage& out) {
+    forward_whole(splats, r, false);
+    finish_image(r, out);
+}
+
+ViewLoss CudaBackend::loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
+                                     std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
+    const CudaBins bins = forward_whole(splats, view_of(r), true);
+    const DeviceTarget target = images_.get(r.target, 0, stream_);
+    enqueue_loss(r, target);
+    const ViewLoss loss = loss_of(read_status(), r, target.weight_sum);
+    sums.resize(splats.size());
+    if (!std::isfinite(loss.loss)) return loss;
+    if (!splats.empty()) {
+        const auto n = std::int64_t(splats.size());
+        enqueue_sums(r, n, bins);
+        pack_sums(sums_, n, wire_.sums.reserve(splats.size()), stream_);
+        copy_to_host(wire_.sums, splats.size(), sums, stream_);
+    }
+    if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
+    return loss;
+}
+
+void CudaBackend::distill_splats(const std::vector<WireSplat>& splats, const StepRequest& r) {
+    check_distillation(ppisp_.host(), r.isp);
+    forward_whole(splats, view_of(r), true);
+    const DeviceTarget target = images_.get(r.target, 0, stream_);
+    enqueue_loss(r, target);
+    if (r.isp_rate > 0)
+        ppisp_.step_controller(image_, r.isp_rate, ppisp_.begin_controller_step(), control_.get(), stream_);
+    const StepStatus status = read_status();
+    note_loss(loss_of(status, r, target.weight_sum));
+    stats_.num_nonfinite_gradients += status.num_nonfinite;
+}
+
+double CudaBackend::squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r) {
+    forward_whole(splats, view_of(r), true);
+    return error_of_view(r);
+}
+
+void CudaBackend::scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& r,
+                                   std::vector<double>& scores) {
+    CudaScores sums(std::int64_t(splats.size()), stream_);
+    const CudaBins bins = forward_whole(splats, {r.camera, r.background, RenderMode::kFull, r.isp}, false);
+    const SlotMap slots = binning_.slots();
+    sums.add(bins, splats_, blend_image(r.camera, r.background), options_.deterministic ? &slots : nullptr,
+             std::int64_t(statuses_->num_instances));
+    const std::vector<float> values = sums.download();
+    scores.assign(values.begin(), values.end());
+}
+
+void CudaBackend::residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
+                                      std::vector<ResidualSplatSums>& out) {
+    out.resize(splats.size());
+    if (splats.empty()) return;
+    const CudaBins bins = forward_whole(splats, view_of(r), true);
+    const TargetImage target = enqueue_error(r, nullptr);
+    if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
+    std::vector<SplatSums<float>> sums;
+    const auto backward = [&] {
+        enqueue_sums(r, std::int64_t(splats.size()), bins);
+        pack_sums(sums_, std::int64_t(splats.size()), wire_.sums.reserve(splats.size()), stream_);
+        copy_to_host(wire_.sums, splats.size(), sums, stream_);
+    };
+    backward();
+    for (std::size_t k = 0; k < out.size(); ++k) out[k].gradient = {sums[k].r, sums[k].g, sums[k].b};
+    write_weights(target, dL_dimage_, stream_);
+    backward();
+    for (std::size_t k = 0; k < out.size(); ++k) out[k].weight = sums[k].r;
+}
+
+// --- the step of the rank's Gaussians -------------------------------------------------------------------------------
+
+void CudaBackend::add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
+                                    std::vector<ResidualSums>& totals) {
+    add_view_to(totals, projected, sums, base_colors(), meta_.appearance.activation);
+}
+
+ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSums>& totals) {
+    return residual_scores_of(totals, meta_.appearance.activation, base_colors());
+}
+
+std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& views,
+                                            const std::vector<ProjectedView>& projected,
+                                            const std::vector<std::vector<SplatSums<float>>>& sums,
+                                            std::int64_t num_gaussians) {
+    synchronize();
+    const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
+    const int num_shared = kernels_.shared.count, num_views = int(views.size());
+    if (n == 0) return std::vector<float>(std::size_t(num_shared), 0.0f);
+    lay_out({n, std::max<std::int64_t>(capacity_, 1), views[0].camera.width, views[0].camera.height, true});
+    const float share = 1 / float(num_views);
+    const StepGradients gradients{
+        zeros(wire_.gaussians, std::size_t(n), stream_),
+        zeros(wire_.residuals, std::size_t(num_residuals) * model_.width[int(Group::kResidual)], stream_)};
+    float* shared = zeros(wire_.shared, std::size_t(num_shared), stream_);
+    const std::int64_t shared_rows = num_shared > 0 ? num_blocks(n, kernels_.shared.gaussians_per_sum) : 0;
+    const ModelArrays arrays = arrays_of_step(views[0].gather_gradient_stats);
+    std::uint32_t* counts = binning_.input().counts;
+    GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        GS_CUDA(cudaMemsetAsync(counts, 0, n * sizeof *counts, stream_));
+        unpack_sums(copy_to_device(sums[v], wire_.sums, stream_), copy_to_device(projected[v].rows, wire_.rows, stream_),
+                    std::int64_t(sums[v].size()), sums_, counts, stream_);
+        PreprocessArgs args = preprocess_args(views[v].camera, RenderMode::kFull, {});
+        args.shared = {model_.shared_prepared.get(), shared_sums_};
+        kernels_.collect(args, counts, sums_, arrays, gradients, share, control_.get(), stream_);
+        add_sum_of_rows(shared_sums_, shared_rows, num_shared, share, shared, stream_);
+    }
+    const std::int64_t t = meta_.step + num_views;
+    step_rows(arrays, n, num_residuals, update_args(views[0], t, num_gaussians, num_views), gradients, t, stream_);
+    half_residuals_current_ = false;
+    stats_.num_nonfinite_gradients += read_status().num_nonfinite;
+    return wire_.shared.download(std::size_t(num_shared));
+}
+
+namespace {
+
+bool learns_correction(const CudaPpisp& ppisp, const std::vector<StepRequest>& views) {
+    return std::any_of(views.begin(), views.end(),
+                       [&](const StepRequest& r) { return ppisp.corrects(r.isp) && r.isp_rate > 0; });
+}
+
+}  // namespace
+
+void CudaBackend::update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
+                                std::vector<float>& isp_gradient) {
+    const int num_views = int(views.size());
+    count_step(views);
+    // The shared weights and PPISP are few: the host takes their step.
+    if (const auto n = std::size_t(kernels_.shared.count); n > 0) {
+        const UpdateArgs args = update_args(views[0], meta_.step, 1, num_views);
+        std::vector<float> param = model_.shared_param.download(n), m = model_.shared_m.download(n),
+                           v = model_.shared_v.download(n);
+        for (std::size_t k = 0; k < n; ++k)
+            if (!update_shared(param[k], m[k], v[k], shared_gradient[k], args.shared_step, args.shared_gains))
+                ++stats_.num_nonfinite_gradients;
+        model_.shared_param.upload(param), model_.shared_m.upload(m), model_.shared_v.upload(v);
+        GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
+        kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
+    }
+    if (!learns_correction(ppisp_, views)) return;
+    PpispState state = ppisp_.download(true);
+    if (!step_ppisp(state, isp_gradient, views[0].isp_rate, num_views)) ++stats_.num_nonfinite_gradients;
+    ppisp_.upload(state);
+    GS_CUDA(cudaDeviceSynchronize());
+}
+
+void CudaBackend::count_step(const std::vector<StepRequest>& views) {
+    meta_.step += std::int64_t(views.size());
+    if (learns_correction(ppisp_, views))
+        for (std::size_t v = 0; v < views.size(); ++v) ppisp_.begin_step();
+    lazy_.reset(meta_.step);  // no residual is ever behind
+}
+
+std::int64_t CudaBackend::take_nonfinite() { return std::exchange(stats_.num_nonfinite_gradients, 0); }
+
+void CudaBackend::keep_rows(const std::vector<std::uint32_t>& rows) {
+    change_rows([&](CudaDensify& d) { return d.keep_rows(rows), 0; });
+}
+
+}  // namespace gs

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a splat comes to be sorted: the tiles that it reaches, its key, and the view's counts.
+#pragma once
+
+#include "kernels/sort/binning_cuda.h"
+
+namespace gs {
+
+/// The tiles that a lane's splat reaches. Each lane tests up to 32 candidates of its own; the warp shares the rows of
+/// larger splats.
+struct TileTest {
+    unsigned mask;  ///< bits of the reached tiles among up to 32 candidates
+    unsigned count;
+};
+__device__ inline TileTest test_tiles(const Splat<float>& s, const PixelBounds& b, bool valid) {
+    const TileRectangle r(b);
+    TileTest out{0, 0};
+    const bool large = valid && r.size() > 32;
+    if (valid && !large) {
+        const TileRows rows(s, r);
+        for (int y = 0; y < r.height; ++y) {
+            const TileRows::Span span = rows.row(r.y0 + y);
+            if (span.size() > 0) out.mask |= (~0u >> (32 - span.size())) << (y * r.width + span.x0 - r.x0);
+        }
+        out.count = __popc(out.mask);
+    }
+    __syncwarp();
+    for (unsigned owners = __ballot_sync(~0u, large); owners; owners &= owners - 1) {
+        const int owner = __ffs(owners) - 1;
+        const auto of_owner = [&](auto x) { return __shfl_sync(~0u, x, owner); };
+        Splat<float> t{};
+        t.mean = {of_owner(s.mean.x), of_owner(s.mean.y)};
+        t.a = of_owner(s.a), t.b = of_owner(s.b), t.c = of_owner(s.c), t.threshold = of_owner(s.threshold);
+        const PackedSplat p =
+            PackedSplat::of(t, {of_owner(b.x_min), of_owner(b.x_max), of_owner(b.y_min), of_owner(b.y_max)});
+        const TileRectangle q(p.bounds());
+        unsigned count = 0;
+        for (int y = q.y0; y < q.y0 + q.height; y += 32)
+            count += __reduce_add_sync(~0u, unsigned(span_of_lane(p, y, q.y0 + q.height).size()));
+        if (int(threadIdx.x & 31) == owner) out.count = count;
+    }
+    return out;
+}
+
+/// Writes a splat that reaches a tile, and for each what binning reads.
+__device__ inline void place_splat(std::int64_t i, const Splat<float>& s, const PixelBounds& b, const TileTest& tiles,
+                                   const DepthKey& depth_key, float depth, PackedSplat* splats,
+                                   const CudaBinningInput& out) {
+    const bool visible = tiles.count > 0;
+    if (visible) {
+        splats[i] = PackedSplat::of(s, b);
+        out.spans[i] = TileSpan::of(TileRectangle(b), tiles.mask);
+    }
+    out.counts[i] = tiles.count;
+    out.depth_keys[i] = visible ? depth_key(depth) : kCulledKey;
+}
+
+/// The counts of a block, in its shared memory.
+struct ViewCount {
+    unsigned long long instances;
+    unsigned visible;
+};
+/// Begins to count. All threads of the block must call it.
+__device__ inline void begin_count(ViewCount& block) {
+    if (threadIdx.x == 0) block.instances = 0, block.visible = 0;
+    __syncthreads();
+}
+/// Adds what the block's threads have to the view's counts. All of them must call it.
+__device__ inline void end_count(ViewCount& block, unsigned num_tiles, StepControl* control) {
+    const unsigned visible = __ballot_sync(~0u, num_tiles > 0);
+    // 32 of these counts fit into 32 bits; larger counts are beyond any capacity.
+    const unsigned instances = __reduce_add_sync(~0u, min(num_tiles, 1u << 26));
+    if ((threadIdx.x & 31) == 0 && visible) {
+        atomicAdd(&block.instances, (unsigned long long)instances);
+        atomicAdd(&block.visible, unsigned(__popc(visible)));
+    }
+    __syncthreads();
+    if (threadIdx.x == 0 && block.visible) {
+        atomicAdd(&control->num_instances, block.instances);
+        atomicAdd(&control->num_visible, block.visible);
+    }
+}
+
+}  // namespace gs

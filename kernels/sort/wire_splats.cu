@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// One thread a splat. The tiles are found as in preprocessing, by the same code with the same flags.
+#include "kernels/preprocess/gaussian_device.h"
+#include "kernels/sort/place_splat_cuda.cuh"
+#include "kernels/sort/wire_splats_cuda.h"
+
+namespace gs {
+namespace {
+
+constexpr int kWireBlock = 128;
+
+__device__ std::int64_t wire_index() { return std::int64_t(blockIdx.x) * kWireBlock + threadIdx.x; }
+
+__global__ void __launch_bounds__(kWireBlock)
+    pack(const std::uint32_t* __restrict__ rows, std::int64_t num, ParameterView<float> params,
+         CameraParams<float> camera, const PackedSplat* __restrict__ splats, WireSplat* __restrict__ out) {
+    const std::int64_t k = wire_index();
+    if (k >= num) return;
+    Projection<float> projection{};
+    project_geometry(params.geometry(rows[k]), camera, projection);
+    out[k] = WireSplat::of(splats[rows[k]].splat(), projection.cov2d, projection.cam.z);
+}
+
+__global__ void __launch_bounds__(kWireBlock)
+    unpack(const WireSplat* __restrict__ wire, std::int64_t num, int width_padded, int height_padded,
+           DepthKey depth_key, float inverse_alpha, PackedSplat* __restrict__ splats, CudaBinningInput out,
+           StepControl* __restrict__ control) {
+    __shared__ ViewCount block;
+    begin_count(block);
+    const std::int64_t k = wire_index();
+    const bool exists = k < num;
+    WireSplat mine{};
+    Splat<float> s{};
+    PixelBounds b{0, 0, 0, 0};
+    if (exists) {
+        mine = wire[k];
+        s = mine.splat(inverse_alpha);
+        b = mine.bounds(s, width_padded, height_padded);
+    }
+    const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min);
+    if (exists) place_splat(k, s, b, tiles, depth_key, mine.depth, splats, out);
+    end_count(block, tiles.count, control);
+}
+
+__global__ void __launch_bounds__(kWireBlock)
+    pack(const PackedSums* __restrict__ sums, std::int64_t num, SplatSums<float>* __restrict__ out) {
+    const std::int64_t k = wire_index();
+    if (k < num) out[k] = sums[k].sums();
+}
+
+__global__ void __launch_bounds__(kWireBlock)
+    unpack(const SplatSums<float>* __restrict__ wire, const std::uint32_t* __restrict__ rows, std::int64_t num,
+           PackedSums* __restrict__ sums, std::uint32_t* __restrict__ counts) {
+    const std::int64_t k = wire_index();
+    if (k >= num) return;
+    const SplatSums<float> s = wire[k];
+    sums[rows[k]] = {make_float4(s.h, s.hx, s.hy, s.hxx), make_float4(s.hxy, s.hyy, s.r, s.g),
+                     make_float4(s.b, 0, 0, 0)};
+    counts[rows[k]] = 1;
+}
+
+}  // namespace
+
+void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterView<float>& params,
+                 const CameraParams<float>& camera, const PackedSplat* splats, WireSplat* out, cudaStream_t stream) {
+    if (num == 0) return;
+    pack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(rows, num, params, camera, splats, out);
+    GS_CUDA_LAUNCHED("pack");
+}
+
+void unpack_splats(const WireSplat* wire, std::int64_t num, int width_padded, int height_padded,
+                   const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
+                   StepControl* control, cudaStream_t stream) {
+    if (num == 0) return;
+    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, num, width_padded, height_padded, depth_key,
+                                                                   inverse_alpha, splats, out, control);
+    GS_CUDA_LAUNCHED("unpack");
+}
+
+void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream) {
+    if (num == 0) return;
+    pack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(sums, num, out);
+    GS_CUDA_LAUNCHED("pack");
+}
+
+void unpack_sums(const SplatSums<float>* wire, const std::uint32_t* rows, std::int64_t num, PackedSums* sums,
+                 std::uint32_t* counts, cudaStream_t stream) {
+    if (num == 0) return;
+    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, rows, num, sums, counts);
+    GS_CUDA_LAUNCHED("unpack");
+}
+
+}  // namespace gs

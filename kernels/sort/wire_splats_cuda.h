@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Splats on their way between ranks: packed where they were projected, and unpacked where they are rendered. Only .cu
+// files include this header.
+#pragma once
+
+#include "kernels/blend/blend_cuda.h"
+#include "kernels/sort/binning_cuda.h"
+#include "kernels/splat/gaussian_rows_device.h"
+#include "kernels/splat/wire_splat.h"
+
+namespace gs {
+
+/// Packs the splats of `num` Gaussians, whose rows these are. All pointers are on the device.
+void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterView<float>& params,
+                 const CameraParams<float>& camera, const PackedSplat* splats, WireSplat* out, cudaStream_t stream);
+
+/// Unpacks splats for a view padded to whole tiles, with all that binning reads. Adds to the view's counts.
+void unpack_splats(const WireSplat* wire, std::int64_t num, int width_padded, int height_padded,
+                   const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
+                   StepControl* control, cudaStream_t stream);
+
+/// Writes sums as they are sent.
+void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream);
+/// Writes the sums of a view to the rows of their Gaussians, and marks these by a count of 1.
+void unpack_sums(const SplatSums<float>* wire, const std::uint32_t* rows, std::int64_t num, PackedSums* sums,
+                 std::uint32_t* counts, cudaStream_t stream);
+
+}  // namespace gs

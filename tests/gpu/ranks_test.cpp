@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ranks on one device against the CPU, and against each other. Skipped where there is no device.
+#include "tests/gpu/gpu_test.h"
+#include "tests/kernels/rank_threads.h"
+#include "tests/kernels/rank_views.h"
+
+namespace gs::test {
+namespace {
+
+BackendOptions deterministic(bool on) {
+    BackendOptions options;
+    options.deterministic = on;
+    return options;
+}
+
+/// Calls use(backend) with a model that `size` ranks of the device hold.
+template <class Fn>
+void on_device(int size, const RankViews& views, Fn&& use, bool fixed_order = false, int views_per_step = kViews) {
+    with_ranked_backend(size, views_per_step, views.targets(), use,
+                        [&] { return make_cuda_backend(views.model.appearance, deterministic(fixed_order)); });
+}
+
+class GpuRanks : public ::testing::TestWithParam<std::string> {
+  protected:
+    void SetUp() override { skip_without_device(); }
+    const ModelInfo& info = appearance_model(GetParam());
+};
+
+TEST_P(GpuRanks, TakeTheStepsThatTheCpuTakes) {
+    for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
+        const RankViews views(info, kRows, num_residuals);
+        const auto train = [&](Gaussians& after) {
+            return [&](RankedBackend& backend) {
+                backend.upload(views.model);
+                for (int k = 0; k < 3; ++k) {
+                    auto steps = views.steps();
+                    steps[0].gather_gradient_stats = true;
+                    backend.step_on(steps);
+                }
+                EXPECT_EQ(backend.take_stats().num_nonfinite_gradients, 0);
+                after = backend.download(true);
+            };
+        };
+        Gaussians cpu;
+        with_ranked_backend(1, kViews, views.model.appearance, views.targets(), train(cpu));
+        for (const int ranks : {1, 2, 3}) {
+            SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
+            Gaussians gpu;
+            on_device(ranks, views, train(gpu));
+            EXPECT_EQ(gpu.step, cpu.step);
+            for_arrays(cpu, gpu, [](const auto& x, const auto& y, const std::string& what) {
+                if (what == "PPISP") return;  // steps of the usual length along gradients that are but rounding
+                expect_close(x, y, what.find("moment") == std::string::npos ? 1e-3 : 5e-3, what);
+            });
+        }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Models, GpuRanks, ::testing::ValuesIn([] {
+                             std::vector<std::string> names;
+                             for (const ModelInfo* info : appearance_models()) names.push_back(info->name);
+                             return names;
+                         }()));
+
+class GpuRanksOfOneModel : public Gpu {
+  protected:
+    const ModelInfo& info = appearance_model("sh");
+};
+
+TEST_F(GpuRanksOfOneModel, GiveBackTheModelThatTheyWereGiven) {
+    for (const std::int64_t rows : {std::int64_t(0), std::int64_t(1), kRows}) {
+        RankViews views(info, rows, rows / 3);
+        for (const int ranks : {1, 3})
+            on_device(ranks, views, [&](RankedBackend& backend) {
+                backend.upload(views.model);
+                Gaussians after = backend.download(true);
+                expect_equal(views.model, after);
+            });
+    }
+}
+
+TEST_F(GpuRanksOfOneModel, RenderAndScoreAsOne) {
+    const RankViews views(info, kRows, 90);
+    const auto plain = make_cuda_backend(views.model.appearance, {});
+    plain->upload(views.model);
+    std::vector<RenderRequest> requests(kViews);
+    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+    const StepSource step_on = [&](std::size_t view) { return views.step(view); };
+    RenderedImage image;
+    plain->render(requests[1], image);
+    const auto scores = plain->scores(requests);
+    const ResidualScores residuals = plain->residual_scores(kViews, step_on);
+    const double error = plain->squared_error(views.step(2));
+    for (const int ranks : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        on_device(ranks, views, [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            RenderedImage other;
+            backend.render(requests[1], other);
+            expect_close(image.rgb, other.rgb, 1e-5, "picture");
+            expect_close(image.alpha, other.alpha, 1e-5, "alpha");
+            expect_close(scores, backend.scores(requests), 1e-4, "scores");
+            const ResidualScores found = backend.residual_scores(kViews, step_on);
+            expect_close(residuals.worth, found.worth, 1e-3, "worth of residuals");
+            expect_close(residuals.mean_base, found.mean_base, 1e-4, "mean bases");
+            EXPECT_NEAR(backend.squared_error(views.step(2)), error, 1e-4 * error);
+        });
+    }
+}
+
+TEST_F(GpuRanksOfOneModel, GrowAndPruneTogether) {
+    RankViews views(info, kRows, 90);
+    for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
+    std::vector<RenderRequest> requests(kViews);
+    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+    for (const int ranks : {1, 2, 3})
+        on_device(ranks, views, [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            McmcParams mcmc;
+            mcmc.cap = kRows + 17;
+            EXPECT_EQ(backend.densify({mcmc, 1, 42}).count, kRows + 10);
+            EXPECT_EQ(backend.densify({mcmc, 2, 42}).count, kRows + 17);
+            const std::int64_t removed = backend.prune(LowestScores{requests, 0.4}).removed;
+            EXPECT_EQ(backend.count(), kRows + 17 - removed);
+            EXPECT_GT(removed, 0);
+            backend.step_on(views.steps());
+            EXPECT_TRUE(std::isfinite(backend.take_stats().loss));
+        });
+}
+
+TEST_F(GpuRanksOfOneModel, SkipAStepWhoseLossIsNotFinite) {
+    RankViews views(info);
+    views.photographs[2][17] = std::nanf("");
+    for (const int ranks : {1, 3})
+        on_device(ranks, views, [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.step_on(views.steps());
+            EXPECT_EQ(backend.take_stats().consecutive_skips, 1);
+            Gaussians after = backend.download(true);
+            EXPECT_EQ(after.step, kViews) << "a skipped step counts";
+            after.step = after.ppisp.step = 0;
+            expect_equal(after, views.model);
+        });
+}
+
+TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
+    const RankViews views(info, kRows, 90);
+    Gaussians first;
+    for (const bool again : {false, true})
+        on_device(
+            3, views,
+            [&](RankedBackend& backend) {
+                backend.upload(views.model);
+                for (int k = 0; k < 3; ++k) {
+                    auto steps = views.steps();
+                    for (StepRequest& step : steps) step.noise = 100, step.iteration = k;
+                    backend.step_on(steps);
+                    backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
+                }
+                Gaussians after = backend.download(true);
+                if (again)
+                    expect_equal(first, after);
+                else
+                    first = after;
+            },
+            true);
+}
+
+}  // namespace
+}  // namespace gs::test

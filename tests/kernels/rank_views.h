@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tests of several ranks train: a random model with views and photographs, and comparisons of what comes of it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "appearance/model_info.h"
+#include "kernels/backend.h"
+#include "kernels/ranks/rank_worker.h"
+#include "tests/kernels/random_scene.h"
+
+namespace gs::test {
+
+inline constexpr int kRankWidth = 41, kRankHeight = 30, kViews = 4;
+inline constexpr std::int64_t kRows = 211;  // no multiple of any number of ranks
+
+/// Views of one random model, with random photographs.
+struct RankViews {
+    Gaussians model;
+    std::vector<CameraParams<float>> cameras;
+    std::vector<std::vector<float>> photographs;
+
+    explicit RankViews(const ModelInfo& info, std::int64_t rows = kRows, std::int64_t num_residuals = -1) {
+        model = cast<float>(random_gaussians(rows, 0, 5));
+        model.appearance = {info.name, info.max_degree_limit, ColorActivation::kSigmoid};
+        model.active_degree = info.max_degree_limit;
+        std::mt19937 rng(6);
+        std::normal_distribution<float> normal;
+        auto& residuals = model[Group::kResidual];
+        residuals.width = info.residual_width(info.max_degree_limit);
+        residuals.param.resize(std::size_t(num_residuals < 0 ? rows : num_residuals) * residuals.width);
+        for (float& x : residuals.param) x = 0.3f * normal(rng);
+        model.shared.width = info.num_shared;
+        for (int k = 0; k < info.num_shared; ++k) model.shared.param.push_back(0.3f * normal(rng));
+        for (auto& group : model.groups)
+            group.m.assign(group.param.size(), 0.0f), group.v.assign(group.param.size(), 0.0f);
+        model.shared.m.assign(model.shared.param.size(), 0.0f), model.shared.v = model.shared.m;
+        model.ppisp = identity_ppisp(kViews, 1);
+        model.ppisp.m.assign(model.ppisp.size(), 0.0f), model.ppisp.v = model.ppisp.m;
+        std::uniform_real_distribution<float> uniform;
+        for (int k = 0; k < kViews; ++k) {
+            cameras.push_back(cast<float>(test_camera(kRankWidth, kRankHeight)));
+            cameras.back().translation.x += 0.3f * float(k);
+            cameras.back().position = cameras.back().rotation.transposed_times(cameras.back().translation) * -1.0f;
+            photographs.emplace_back(std::size_t(3 * kRankWidth * kRankHeight));
+            for (float& x : photographs.back()) x = uniform(rng);
+        }
+    }
+
+    TargetImage target(std::int64_t view) const {
+        return {kRankWidth, kRankHeight, 3, nullptr, photographs[std::size_t(view)].data(), nullptr, view};
+    }
+    TargetSource targets() const {
+        return [this](const StepRequest& r) { return target(r.target.id); };
+    }
+    StepRequest step(std::size_t view) const {
+        StepRequest r;
+        r.camera = cameras[view];
+        r.background = {0.2f, 0.1f, 0.3f};
+        r.target = target(std::int64_t(view));
+        r.isp = {IspMode::kFrame, int(view), 0, 0};
+        r.isp_rate = 1e-3;
+        for (double& rate : r.rates) rate = 1e-3;
+        r.shared_rate = 1e-3;
+        return r;
+    }
+    std::vector<StepRequest> steps() const {
+        std::vector<StepRequest> all;
+        for (std::size_t k = 0; k < kViews; ++k) all.push_back(step(k));
+        return all;
+    }
+};
+
+/// Calls fn(a, b, name) for all parameters and moments of two models.
+template <class Fn> void for_arrays(Gaussians& a, Gaussians& b, Fn&& fn) {
+    for (int g = 0; g < kNumGroups; ++g) {
+        const std::string name = kGroupNames[g];
+        fn(a.groups[g].param, b.groups[g].param, name);
+        fn(a.groups[g].m, b.groups[g].m, name + ", first moment");
+        fn(a.groups[g].v, b.groups[g].v, name + ", second moment");
+    }
+    fn(a.shared.param, b.shared.param, "shared");
+    fn(a.shared.m, b.shared.m, "shared, first moment");
+    fn(a.ppisp.param, b.ppisp.param, "PPISP");
+    fn(a.ppisp.m, b.ppisp.m, "PPISP, first moment");
+    fn(a.gradient_sum, b.gradient_sum, "gradient statistic");
+    fn(a.gradient_count, b.gradient_count, "views of the gradient statistic");
+}
+
+inline void expect_close(const std::vector<float>& a, const std::vector<float>& b, double tolerance, const std::string& what) {
+    ASSERT_EQ(a.size(), b.size()) << what;
+    double largest = 0, difference = 0;
+    for (std::size_t k = 0; k < a.size(); ++k) {
+        largest = std::max(largest, double(std::abs(a[k])));
+        difference = std::max(difference, double(std::abs(a[k] - b[k])));
+    }
+    EXPECT_LE(difference, tolerance * largest) << what;
+}
+
+inline void expect_equal(Gaussians& a, Gaussians& b) {
+    EXPECT_EQ(a.count, b.count);
+    EXPECT_EQ(a.step, b.step);
+    for_arrays(a, b, [](const auto& x, const auto& y, const std::string& what) { EXPECT_EQ(x, y) << what; });
+}
+
+}  // namespace gs::test
