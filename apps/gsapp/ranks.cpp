@@ -17,7 +17,6 @@ CLI::Option* add_ranks_option(CLI::App& command, int& ranks) {
 std::unique_ptr<RankTeam> join_ranks(int ranks, std::optional<Device> device, const std::string& command,
                                      const std::string& subject, int threads) {
     if (ranks == 1) return nullptr;
-    if (device) require_ranks_possible(*device, ranks);
     auto team = RankTeam::join(ranks, command + " " + subject);
     set_num_threads(threads_of_rank(*team, threads));
     if (team->rank() == 0) team->agree(started_as(command));

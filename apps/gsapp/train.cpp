@@ -77,9 +77,7 @@ void add_train_command(CLI::App& app, Command& selected) {
             options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
-            require_ranks_possible(options, options.ranks);
             const auto team = RankTeam::join(options.ranks, "train " + options.model);
-            if (team) require_ranks_possible(options, team->size());
             if (team && team->rank() > 0) return follow_training(*team, options);
             if (team) {
                 agree_on_options(*team, options);

@@ -528,6 +528,17 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     times_.end(CudaStage::kUpdate, stream_);
 }
 
+void CudaBackend::adapt_room(std::int64_t num_instances) {
+    needed_ = std::max(needed_, num_instances);
+    if (num_instances > capacity_) capacity_ = room_for(num_instances);
+    // Room is made ahead of need.
+    if (num_instances > capacity_ / 10 * 9)
+        capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
+    // What was not needed for a while is given up: all of the room is sorted.
+    const auto recent = recent_instances_.add(num_instances);
+    if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
+}
+
 void CudaBackend::finish_oldest() {
     const Step& s = in_flight_.front();
     GS_CUDA(cudaEventSynchronize(done_[s.slot]));
@@ -544,13 +555,7 @@ void CudaBackend::finish_oldest() {
         }
         return;
     }
-    needed_ = std::max(needed_, std::int64_t(status.num_instances));
-    // Room is made ahead of need.
-    if (status.num_instances > std::uint64_t(capacity_) / 10 * 9)
-        capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
-    // What was not needed for a while is given up: all of the room is sorted.
-    const auto recent = recent_instances_.add(std::int64_t(status.num_instances));
-    if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
+    adapt_room(std::int64_t(status.num_instances));
     note_loss(loss_of(status, s.request, s.target.weight_sum));
     stats_.num_nonfinite_gradients += status.num_nonfinite;
     if (times_.on)

@@ -155,6 +155,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();
     void make_room(unsigned long long num_instances);
+    /// Adapts the room for instances to that of a view of the training.
+    void adapt_room(std::int64_t num_instances);
     /// Takes back the counts of a step that never took place.
     void forget(const Step& step);
     /// Forgets all steps in flight, none of which has changed anything.

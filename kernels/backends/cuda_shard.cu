@@ -61,7 +61,8 @@ void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, Pr
     const IsVisible visible{binning_.input().counts};
     std::size_t bytes = 0;
     GS_CUDA(select_rows(nullptr, bytes, n, visible, rows, num_rows, stream_));
-    GS_CUDA(select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
+    GS_CUDA(
+        select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
     const auto num = std::size_t(read_back(num_rows, stream_));
     if (num == 0) return;
     pack_splats(rows, std::int64_t(num), args.params, camera, splats_, wire_.splats.reserve(num), stream_);
@@ -94,6 +95,7 @@ ViewLoss CudaBackend::loss_of_splats(const std::vector<WireSplat>& splats, const
     const DeviceTarget target = images_.get(r.target, 0, stream_);
     enqueue_loss(r, target);
     const ViewLoss loss = loss_of(read_status(), r, target.weight_sum);
+    adapt_room(loss.num_instances);
     sums.resize(splats.size());
     if (!std::isfinite(loss.loss)) return loss;
     if (!splats.empty()) {
@@ -185,8 +187,9 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     for (std::size_t v = 0; v < views.size(); ++v) {
         GS_CUDA(cudaMemsetAsync(counts, 0, n * sizeof *counts, stream_));
-        unpack_sums(copy_to_device(sums[v], wire_.sums, stream_), copy_to_device(projected[v].rows, wire_.rows, stream_),
-                    std::int64_t(sums[v].size()), sums_, counts, stream_);
+        unpack_sums(copy_to_device(sums[v], wire_.sums, stream_),
+                    copy_to_device(projected[v].rows, wire_.rows, stream_), std::int64_t(sums[v].size()), sums_, counts,
+                    stream_);
         PreprocessArgs args = preprocess_args(views[v].camera, RenderMode::kFull, {});
         args.shared = {model_.shared_prepared.get(), shared_sums_};
         kernels_.collect(args, counts, sums_, arrays, gradients, share, control_.get(), stream_);

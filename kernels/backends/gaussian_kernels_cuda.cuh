@@ -518,8 +518,8 @@ void launch_collect(const PreprocessArgs& args, const std::uint32_t* counts, con
                     const ModelArrays& arrays, const StepGradients& gradients, float share, StepControl* control,
                     cudaStream_t stream) {
     constexpr int kBlock = update_block<Model>();
-    collect_gradients<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(
-        args, counts, sums, arrays, gradients, share, control);
+    collect_gradients<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(args, counts, sums, arrays,
+                                                                                           gradients, share, control);
     GS_CUDA_LAUNCHED("collect_gradients");
 }
 
@@ -529,7 +529,8 @@ template <class Model> void launch_prepare(const float* weights, unsigned* prepa
 }
 
 template <class Model> ModelKernels model_kernels() {
-    ModelKernels kernels{Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, &launch_collect<Model>, {}};
+    ModelKernels kernels{
+        Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, &launch_collect<Model>, {}};
     if constexpr (kNumSharedOf<Model> != 0)
         kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>,
                           update_block<Model>()};

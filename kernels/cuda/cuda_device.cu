@@ -108,6 +108,8 @@ int cuda_device_count() {
     return cudaGetDeviceCount(&count) == cudaSuccess ? count : 0;
 }
 
+void use_cuda_device(int index) { GS_CUDA(cudaSetDevice(index)); }
+
 bool cuda_available() { return cuda_unavailable_reason().empty(); }
 
 std::string cuda_driver_description() {

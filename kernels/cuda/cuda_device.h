@@ -14,6 +14,9 @@ bool cuda_available();
 /// Returns the number of devices that answer; 0 where cuda_available() is false.
 int cuda_device_count();
 
+/// Makes device `index` that of this thread, for all that it does from now on. Throws DeviceError.
+void use_cuda_device(int index);
+
 /// Returns in one line why cuda_available() is false ("built without CUDA", the driver's message).
 std::string cuda_unavailable_reason();
 

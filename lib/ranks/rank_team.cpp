@@ -252,6 +252,7 @@ RankTeam::~RankTeam() {
 int RankTeam::rank() const { return implementation_->place.rank; }
 int RankTeam::size() const { return implementation_->place.size; }
 int RankTeam::local_size() const { return implementation_->place.local_size; }
+int RankTeam::local_rank() const { return implementation_->place.local_rank; }
 
 void RankTeam::set(const std::string& key, const std::string& value) {
     implementation_->set("gsapp/" + key, {value.begin(), value.end()});

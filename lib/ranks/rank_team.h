@@ -24,8 +24,9 @@ class RankTeam {
 
     int rank() const;
     int size() const;
-    /// Returns the number of ranks on this machine.
+    /// Returns the number of ranks on this machine, and which of them this is.
     int local_size() const;
+    int local_rank() const;
 
     /// Shows all ranks a value, and waits for one. Throws DeviceError when a rank is lost first.
     void set(const std::string& key, const std::string& value);

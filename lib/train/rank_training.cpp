@@ -27,7 +27,7 @@ namespace {
 std::string agreed_text(const TrainOptions& options) {
     // Each rank may have its own number of threads and say as much as it likes.
     static const std::set<std::string> own = {"threads", "quiet", "verbose", "log-level"};
-    std::string text = version_text() + "\n";
+    std::string text = version_text() + "\n" + (uses_cuda(options.device) ? "a GPU\n" : "the CPU\n");
     for (const Option& option : train_option_table())
         if (!own.contains(option.key)) text += "--" + option.key + " " + option_text(option, options) + "\n";
     return text;
@@ -86,6 +86,7 @@ void train_once(RankTeam& team, TrainOptions options, const Scene& loaded, Messa
     TrainingViews views(options, scene);
     views.deal(views_per_step, [&](int k) { return k % team.size() == team.rank(); });
     std::shared_ptr<const ViewImage> image;
+    choose_device(team, options.device);
     const auto backend = make_backend(options.device, appearance, backend_options);
     follow(ranks, *backend, [&](const StepRequest& request) {
         image = views.image_of_rank(request.target.id, request.iteration);
@@ -100,18 +101,12 @@ void train_once(RankTeam& team, TrainOptions options, const Scene& loaded, Messa
 
 }  // namespace
 
-void require_ranks_possible(const TrainOptions& options, int ranks) {
-    if (uses_cuda(options.device) && (ranks > 1 || options.batch > 1))
-        throw UsageError(
-            fmt::format("option {}: only the CPU takes part in steps on several views so far; use --device cpu",
-                        ranks > 1 ? "ranks" : "batch"));
-}
-
 void agree_on_options(RankTeam& team, const TrainOptions& options) { team.agree(agreed_text(options)); }
 
 std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions& options, const Scene& scene,
                                              const AppearanceSpec& appearance, const BackendOptions& backend_options) {
     const int batch = views_of_step(options.batch, team);
+    if (team) choose_device(*team, options.device);
     auto own = choose_backend(options.device, appearance, backend_options);
     if (!team) {
         static SingleRank single;

@@ -11,9 +11,6 @@
 
 namespace gs {
 
-/// Throws UsageError for `ranks` above 1, or batches, on a GPU, where there are none yet.
-void require_ranks_possible(const TrainOptions& options, int ranks);
-
 /// Makes sure that all ranks have the same build and the same options (RankTeam::agree).
 void agree_on_options(RankTeam& team, const TrainOptions& options);
 

@@ -5,9 +5,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
+#include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/message.h"
 #include "lib/core/version.h"
 #include "lib/train/choose_backend.h"
@@ -16,7 +18,7 @@
 namespace gs {
 namespace {
 
-void hold_once(Communicator& ranks, MessageReader begin) {
+void hold_once(RankTeam& team, MessageReader begin) {
     AppearanceSpec appearance;
     const auto device = begin.get<Device>();
     begin.get(appearance.model), begin.get(appearance.max_degree), begin.get(appearance.activation);
@@ -24,8 +26,9 @@ void hold_once(Communicator& ranks, MessageReader begin) {
     std::vector<Image> targets(begin.get<std::uint64_t>());
     for (Image& image : targets)
         begin.get(image.width), begin.get(image.height), begin.get(image.channels), begin.get(image.u8);
+    choose_device(team, device);
     const auto backend = make_backend(device, appearance, options);
-    follow(ranks, *backend, [&](const StepRequest& request) {
+    follow(team.communicator(), *backend, [&](const StepRequest& request) {
         const Image& image = targets.at(std::size_t(request.target.id));
         TargetImage target = request.target;
         target.width = image.width, target.height = image.height, target.channels = image.channels;
@@ -36,15 +39,20 @@ void hold_once(Communicator& ranks, MessageReader begin) {
 
 }  // namespace
 
-void require_ranks_possible(Device device, int ranks) {
-    if (ranks > 1 && uses_cuda(device))
-        throw UsageError("option ranks: only the CPU takes part in work of several ranks so far; use --device cpu");
+void choose_device(const RankTeam& team, Device device) {
+    if (!uses_cuda(device)) return;
+    const int count = cuda_device_count();
+    if (team.local_size() > count && !std::getenv("GSAPP_SHARE_GPUS"))
+        throw UsageError(fmt::format("{} processes of this machine would share {} GPU{}; start as many as there are, "
+                                     "or set GSAPP_SHARE_GPUS=1 to try it",
+                                     team.local_size(), count, count == 1 ? "" : "s"));
+    use_cuda_device(team.local_rank() % count);
 }
 
 std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
                                                     const BackendOptions& options, int views_per_step,
                                                     const std::vector<Image>& targets) {
-    require_ranks_possible(device, team ? team->size() : 1);
+    if (team) choose_device(*team, device);
     auto own = make_backend(device, appearance, options);
     if (!team) {
         static SingleRank single;
@@ -65,7 +73,7 @@ void follow_sharding(RankTeam& team, const std::string& started_as) {
         while (true) {
             MessageReader message = receive_from_rank_0(team.communicator());
             if (message.get<TeamCall>() == TeamCall::kLeave) return;
-            hold_once(team.communicator(), std::move(message));
+            hold_once(team, std::move(message));
         }
     });
 }

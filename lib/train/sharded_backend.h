@@ -13,8 +13,8 @@
 
 namespace gs {
 
-/// Throws UsageError for more than one rank on a device that does not take part so far.
-void require_ranks_possible(Device device, int ranks);
+/// Gives each rank of a machine a GPU of its own, where `device` is one. Throws UsageError where there are too few.
+void choose_device(const RankTeam& team, Device device);
 
 /// Makes the backend of rank 0. The other ranks of `team`, which must be in follow_sharding, make theirs; null: there
 /// are none. Steps take up to `views_per_step` views; `targets`, 8-bit, are their photographs by TargetImage::id. The

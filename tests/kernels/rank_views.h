@@ -87,7 +87,8 @@ template <class Fn> void for_arrays(Gaussians& a, Gaussians& b, Fn&& fn) {
     fn(a.gradient_count, b.gradient_count, "views of the gradient statistic");
 }
 
-inline void expect_close(const std::vector<float>& a, const std::vector<float>& b, double tolerance, const std::string& what) {
+inline void expect_close(const std::vector<float>& a, const std::vector<float>& b, double tolerance,
+                         const std::string& what) {
     ASSERT_EQ(a.size(), b.size()) << what;
     double largest = 0, difference = 0;
     for (std::size_t k = 0; k < a.size(); ++k) {
