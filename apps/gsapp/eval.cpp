@@ -95,8 +95,7 @@ void run_eval(const EvalArguments& arguments) {
     RunChanges changes = arguments.scene ? arguments.scene->changes(arguments.runs) : RunChanges{};
     changes.device = arguments.metrics.device;
     changes.scores = true;
-    const auto team =
-        join_ranks(arguments.ranks, changes.device, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
+    const auto team = join_ranks(arguments.ranks, "eval", fmt::format("{}", fmt::join(arguments.runs, " ")));
     if (team && team->rank() > 0) return follow_sharding(*team, started_as("eval"));
     changes.team = team.get();
     std::vector<TableRow> rows;

@@ -9,13 +9,12 @@ namespace gs {
 CLI::Option* add_ranks_option(CLI::App& command, int& ranks) {
     return command
         .add_option("--ranks", ranks,
-                    "Processes of this machine that share the Gaussians and render views at the same time, so far on "
-                    "the CPU only (docs/ranks.md)")
+                    "Processes of this machine that share the Gaussians and render views at the same time, each with "
+                    "a GPU of its own where that is the device (docs/ranks.md)")
         ->check(CLI::Range(1, 4096));
 }
 
-std::unique_ptr<RankTeam> join_ranks(int ranks, std::optional<Device> device, const std::string& command,
-                                     const std::string& subject, int threads) {
+std::unique_ptr<RankTeam> join_ranks(int ranks, const std::string& command, const std::string& subject, int threads) {
     if (ranks == 1) return nullptr;
     auto team = RankTeam::join(ranks, command + " " + subject);
     set_num_threads(threads_of_rank(*team, threads));

@@ -125,7 +125,7 @@ nlohmann::ordered_json run_render(const RenderArguments& arguments) {
                         "--output DIR",
                         arguments.run));
     RunChanges changes = arguments.scene->changes({arguments.run});
-    const auto team = join_ranks(arguments.ranks, changes.device, "render", arguments.run);
+    const auto team = join_ranks(arguments.ranks, "render", arguments.run);
     if (team && team->rank() > 0) {
         follow_sharding(*team, started_as("render"));
         return nullptr;

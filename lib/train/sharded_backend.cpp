@@ -43,9 +43,10 @@ void choose_device(const RankTeam& team, Device device) {
     if (!uses_cuda(device)) return;
     const int count = cuda_device_count();
     if (team.local_size() > count && !std::getenv("GSAPP_SHARE_GPUS"))
-        throw UsageError(fmt::format("{} processes of this machine would share {} GPU{}; start as many as there are, "
-                                     "or set GSAPP_SHARE_GPUS=1 to try it",
-                                     team.local_size(), count, count == 1 ? "" : "s"));
+        throw UsageError(
+            fmt::format("{} processes of this machine would share {} GPU{}; start as many as there are, "
+                        "or set GSAPP_SHARE_GPUS=1 to try it",
+                        team.local_size(), count, count == 1 ? "" : "s"));
     use_cuda_device(team.local_rank() % count);
 }
 
