@@ -167,7 +167,7 @@ TEST(Ranks, RenderAndScoreAsOne) {
 }
 
 TEST(Ranks, RenderWithTheControllersThatWereTrained) {
-    Views views(some_model());
+    RankViews views(some_model());
     initialize_controller(views.model.ppisp, 1);
     std::vector<RenderRequest> requests(2);  // the same for both ranks
     for (RenderRequest& request : requests) {
