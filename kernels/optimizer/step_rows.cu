@@ -25,6 +25,7 @@ __global__ void __launch_bounds__(kStepBlock)
     const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(i);
     float p = arrays.param[k][i], m, v;
     moments.load(0, m, v);
+    moments.unpack(m, v);
     adam_update(p, m, v, gradients[i], update.per_column ? update.residual_steps[i % arrays.width[k]] : update.steps[k],
                 update.gains);
     arrays.param[k][i] = p;

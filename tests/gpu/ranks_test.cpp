@@ -26,33 +26,56 @@ class GpuRanks : public ::testing::TestWithParam<std::string> {
     const ModelInfo& info = appearance_model(GetParam());
 };
 
-TEST_P(GpuRanks, TakeTheStepsThatTheCpuTakes) {
+TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
     for (const std::int64_t num_residuals : {kRows, std::int64_t(60)}) {
         const RankViews views(info, kRows, num_residuals);
-        const auto train = [&](Gaussians& after) {
+        const auto step = [&](Gaussians& after) {
             return [&](RankedBackend& backend) {
                 backend.upload(views.model);
-                for (int k = 0; k < 3; ++k) {
-                    auto steps = views.steps();
-                    steps[0].gather_gradient_stats = true;
-                    backend.step_on(steps);
-                }
+                auto steps = views.steps();
+                steps[0].gather_gradient_stats = true;
+                backend.step_on(steps);
                 EXPECT_EQ(backend.take_stats().num_nonfinite_gradients, 0);
                 after = backend.download(true);
             };
         };
         Gaussians cpu;
-        with_ranked_backend(1, kViews, views.model.appearance, views.targets(), train(cpu));
+        with_ranked_backend(1, kViews, views.model.appearance, views.targets(), step(cpu));
         for (const int ranks : {1, 2, 3}) {
             SCOPED_TRACE(std::to_string(ranks) + " ranks, " + std::to_string(num_residuals) + " residuals");
             Gaussians gpu;
-            on_device(ranks, views, train(gpu));
+            on_device(ranks, views, step(gpu));
             EXPECT_EQ(gpu.step, cpu.step);
             for_arrays(cpu, gpu, [](const auto& x, const auto& y, const std::string& what) {
-                if (what == "PPISP") return;  // steps of the usual length along gradients that are but rounding
-                expect_close(x, y, what.find("moment") == std::string::npos ? 1e-3 : 5e-3, what);
+                // A parameter's step has the usual length where the gradient is but rounding, too. The device does not
+                // count views in which a splat lies within the image, but reaches no pixel.
+                if (what.find("moment") != std::string::npos || what == "gradient statistic")
+                    expect_close(x, y, 2e-3, what);
             });
         }
+    }
+}
+
+TEST_P(GpuRanks, TakeTheSameStepsInAnyNumber) {
+    const RankViews views(info, kRows, 60);
+    Gaussians one;
+    for (const int ranks : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        Gaussians after;
+        on_device(
+            ranks, views,
+            [&](RankedBackend& backend) {
+                backend.upload(views.model);
+                for (int k = 0; k < 3; ++k) backend.step_on(views.steps());
+                after = backend.download(true);
+            },
+            true);
+        if (ranks == 1)
+            one = after;
+        else
+            for_arrays(one, after, [](const auto& x, const auto& y, const std::string& what) {
+                if (what != "PPISP") expect_close(x, y, 1e-4, what);
+            });
     }
 }
 
