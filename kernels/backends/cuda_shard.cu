@@ -5,10 +5,10 @@
 #include <cmath>
 
 #include "kernels/backends/cuda_backend.h"
+#include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/core/parallel.h"
 #include "kernels/densify/rows_cuda.h"
 #include "kernels/optimizer/step_rows_cuda.h"
-#include "kernels/sort/wire_splats_cuda.h"
 
 namespace gs {
 namespace {

@@ -39,8 +39,8 @@ TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
                 after = backend.download(true);
             };
         };
-        // The device evaluates shared networks in half precision. A colour that is off by a thousandth turns the sign of
-        // a pixel's error where it was less than that.
+        // The device evaluates shared networks in half precision. A colour that is off by a thousandth turns the sign
+        // of a pixel's error where it was less than that.
         const double tolerance = info.num_shared > 0 ? 0.05 : 2e-3;
         Gaussians cpu;
         with_ranked_backend(1, kViews, views.model.appearance, views.targets(), step(cpu));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // One thread a splat. The tiles are found as in preprocessing, by the same code with the same flags.
+#include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/place_splat_cuda.cuh"
-#include "kernels/sort/wire_splats_cuda.h"
 
 namespace gs {
 namespace {
