@@ -80,6 +80,7 @@ void add_train_command(CLI::App& app, Command& selected) {
             const auto team = RankTeam::join(options.ranks, "train " + options.model);
             if (team && team->rank() > 0) return follow_training(*team, options);
             if (team) {
+                choose_device(*team, options.device);
                 agree_on_options(*team, options);
                 options.threads = threads_of_rank(*team, options.threads);
             }

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <random>
 
@@ -58,6 +59,17 @@ Image shown_photograph(const View& view, const Vec3<float>& background) {
     if (scale >= 1) return image;
     return resize_image(image, std::max(1, int(std::lround(scale * image.width))),
                         std::max(1, int(std::lround(scale * image.height))));
+}
+
+/// Returns N of "model-N.ngsplat", or 0.
+std::int64_t number_of_model(const std::string& name) {
+    std::int64_t n = 0;
+    const std::string before = "model-", after = ".ngsplat";
+    if (name.rfind(before, 0) != 0) return 0;
+    const char* const begin = name.data() + before.size();
+    const char* const end = name.data() + name.size();
+    const auto [rest, error] = std::from_chars(begin, end, n);
+    return error == std::errc() && std::string_view(rest, std::size_t(end - rest)) == after ? n : 0;
 }
 
 }  // namespace
@@ -144,7 +156,9 @@ std::optional<WebAnswer> LivePage::answer(const WebRequest& request) {
     if (name == "status.json") return status();
     if (name.rfind("photograph/", 0) == 0) return photograph(name.substr(std::string("photograph/").size()));
     const std::lock_guard lock(mutex_);
-    if (version_ == 0 || name != fmt::format("model-{}.ngsplat", version_)) return WebAnswer{.status = 404};
+    // A page that was told of a snapshot may ask for it after the next has taken its place: it gets that one.
+    if (const std::int64_t asked = number_of_model(name); asked < 1 || asked > version_)
+        return WebAnswer{.status = 404};
     fetched_ = version_;
     WebAnswer model;
     model.file = snapshot_;

@@ -150,7 +150,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     }
     void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
-    void project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) override {
+    void project(const CameraParams<float>& camera, RenderMode mode, bool, ProjectedView& out) override {
         raster_.project(ParameterView<float>::of(state_), camera, state_.active_degree, mode, out);
     }
     void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
@@ -195,9 +195,8 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
             },
             [&](std::int64_t i, float weight) { sums[i].weight = weight; });
     }
-    void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
-                           std::vector<ResidualSums>& totals) override {
-        add_view_to(totals, projected, sums, state_[Group::kBase].param, state_.appearance.activation);
+    std::vector<Vec3<float>> colors_without_residual() const override {
+        return shown_bases(state_[Group::kBase].param, state_.appearance.activation);
     }
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override {
         return residual_scores_of(totals, state_.appearance.activation, state_[Group::kBase].param);

@@ -349,7 +349,8 @@ CudaBins CudaBackend::forward_whole(const std::function<CudaBins()>& enqueue) {
         bins = enqueue();
         read_status();
     } while (statuses_->stopped);
-    if (for_steps) capacity_ = for_steps;  // a single close view must not slow down further training
+    // A single close view must not slow down further training. Less than before is all that there is memory for.
+    if (for_steps) capacity_ = std::min(capacity_, for_steps);
     return bins;
 }
 

@@ -64,7 +64,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void morton_sort() override;
 
     // cuda_shard.cu
-    void project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) override;
+    void project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) override;
     void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override;
     ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
                             std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
@@ -74,8 +74,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
                           std::vector<double>& scores) override;
     void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
                              std::vector<ResidualSplatSums>& sums) override;
-    void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
-                           std::vector<ResidualSums>& totals) override;
+    std::vector<Vec3<float>> colors_without_residual() const override;
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
     std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                                    const std::vector<std::vector<SplatSums<float>>>& sums,
@@ -142,6 +141,9 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void enqueue_loss(const StepRequest& r, const DeviceTarget& target);
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
+    std::vector<float> base_colors() const;
+    /// Computes the sums of all `out.size()` splats of a view, and waits for them.
+    void sums_of_splats(const StepRequest& r, const CudaBins& bins, std::vector<SplatSums<float>>& out);
     /// Returns the loss that a status holds, and its parts.
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
     /// Notes it in stats_.
@@ -150,7 +152,6 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     ModelArrays arrays_of_step(bool gather_gradient_stats);
     /// Waits, and returns what has become of the work in the stream.
     const StepStatus& read_status();
-    std::vector<float> base_colors() const;
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);
     /// Waits for the oldest step in flight and takes its status. Repeats the steps that were stopped.
     void finish_oldest();

@@ -45,13 +45,13 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
-void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) {
+void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) {
     settle();
     const std::int64_t n = model_.count;
     out.splats.clear(), out.rows.clear(), out.part_ends.clear();
     if (n == 0) return;
-    lay_out({n, std::max<std::int64_t>(capacity_, 1), camera.width, camera.height, false});
-    PreprocessArgs args = preprocess_args(camera, mode, {});
+    lay_out({n, 1, camera.width, camera.height, false});  // its instances are none of this rank's business
+    PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
     args.shared = {model_.shared_prepared.get(), nullptr};
     args.separate = separate_;
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
@@ -99,13 +99,20 @@ ViewLoss CudaBackend::loss_of_splats(const std::vector<WireSplat>& splats, const
     sums.resize(splats.size());
     if (!std::isfinite(loss.loss)) return loss;
     if (!splats.empty()) {
-        const auto n = std::int64_t(splats.size());
-        enqueue_sums(r, n, bins);
-        pack_sums(sums_, n, wire_.sums.reserve(splats.size()), stream_);
-        copy_to_host(wire_.sums, splats.size(), sums, stream_);
+        sums_of_splats(r, bins, sums);
     }
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
     return loss;
+}
+
+void CudaBackend::sums_of_splats(const StepRequest& r, const CudaBins& bins, std::vector<SplatSums<float>>& out) {
+    const auto n = std::int64_t(out.size());
+    // In a fixed order only splats with an instance are written. Here all are read, and a splat that its owner saw at
+    // the edge of a tile may have none.
+    if (options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
+    enqueue_sums(r, n, bins);
+    pack_sums(sums_, n, wire_.sums.reserve(out.size()), stream_);
+    copy_to_host(wire_.sums, out.size(), out, stream_);
 }
 
 void CudaBackend::distill_splats(const std::vector<WireSplat>& splats, const StepRequest& r) {
@@ -143,24 +150,18 @@ void CudaBackend::residuals_of_splats(const std::vector<WireSplat>& splats, cons
     const CudaBins bins = forward_whole(splats, view_of(r), true);
     const TargetImage target = enqueue_error(r, nullptr);
     if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
-    std::vector<SplatSums<float>> sums;
-    const auto backward = [&] {
-        enqueue_sums(r, std::int64_t(splats.size()), bins);
-        pack_sums(sums_, std::int64_t(splats.size()), wire_.sums.reserve(splats.size()), stream_);
-        copy_to_host(wire_.sums, splats.size(), sums, stream_);
-    };
-    backward();
+    std::vector<SplatSums<float>> sums(splats.size());
+    sums_of_splats(r, bins, sums);
     for (std::size_t k = 0; k < out.size(); ++k) out[k].gradient = {sums[k].r, sums[k].g, sums[k].b};
     write_weights(target, dL_dimage_, stream_);
-    backward();
+    sums_of_splats(r, bins, sums);
     for (std::size_t k = 0; k < out.size(); ++k) out[k].weight = sums[k].r;
 }
 
 // --- the step of the rank's Gaussians -------------------------------------------------------------------------------
 
-void CudaBackend::add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
-                                    std::vector<ResidualSums>& totals) {
-    add_view_to(totals, projected, sums, base_colors(), meta_.appearance.activation);
+std::vector<Vec3<float>> CudaBackend::colors_without_residual() const {
+    return shown_bases(base_colors(), meta_.appearance.activation);
 }
 
 ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSums>& totals) {
@@ -175,7 +176,7 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
     if (n == 0) return std::vector<float>(std::size_t(num_shared), 0.0f);
-    lay_out({n, std::max<std::int64_t>(capacity_, 1), views[0].camera.width, views[0].camera.height, true});
+    lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});
     const float share = 1 / float(num_views);
     const StepGradients gradients{
         zeros(wire_.gaussians, std::size_t(n), stream_),

@@ -137,8 +137,8 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         const bool hit = base + lane < end && reaches(splat, mine.corner, mine.kWidth, mine.kHeight);
         const unsigned hits = __ballot_sync(~0u, hit), before = (1u << lane) - 1;
         const int count = __popc(hits), place = hit ? __popc(hits & before) : count + __popc(~hits & before);
-        // Others without opacity fill the last four up, so that the loop needs no limits.
-        if (!hit) splat.opacity = 0;
+        // Empty ones fill the last four up, so that the loop needs no limits.
+        if (!hit) splat = {};
         if (hit || place < (count + 3) / 4 * 4) batch.store(place, splat);
         if (base + 32 + lane < end) next = fetch(base + 32 + lane);
         __syncwarp();

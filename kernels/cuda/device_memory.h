@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <utility>
 #include <vector>
 
@@ -11,9 +12,15 @@
 
 namespace gs {
 
-/// The bytes that all buffers of the process hold now, and the most that they ever held. Only one thread may use it.
+/// The bytes that all buffers of the process hold now, and the most that they ever held.
 struct DeviceMemoryCount {
-    std::int64_t now = 0, peak = 0;
+    std::atomic<std::int64_t> now = 0, peak = 0;
+
+    void add(std::int64_t bytes) {
+        const std::int64_t sum = now += bytes;
+        for (std::int64_t most = peak; most < sum && !peak.compare_exchange_weak(most, sum);) {
+        }
+    }
 };
 inline DeviceMemoryCount& device_memory_count() {
     static DeviceMemoryCount count;
@@ -87,7 +94,7 @@ template <class T> class DeviceBuffer {
   private:
     void release() {
         cudaFree(data_);
-        device_memory_count().now -= bytes();
+        device_memory_count().add(-std::int64_t(bytes()));
         data_ = nullptr, capacity_ = 0;
     }
     bool try_allocate(std::size_t n) {
@@ -97,9 +104,7 @@ template <class T> class DeviceBuffer {
             return false;
         }
         capacity_ = n;
-        auto& count = device_memory_count();
-        count.now += bytes();
-        count.peak = std::max(count.peak, count.now);
+        device_memory_count().add(std::int64_t(bytes()));
         return true;
     }
     void allocate(std::size_t n) {

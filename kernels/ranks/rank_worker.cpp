@@ -24,9 +24,9 @@ Shard& shard_of(Backend& backend) {
 /// Nothing, for views whose splats have no sums.
 struct NoSums {};
 
-std::vector<ShownView> shown(const std::vector<StepRequest>& steps) {
+std::vector<ShownView> shown(const std::vector<StepRequest>& steps, bool for_step) {
     std::vector<ShownView> views;
-    for (const StepRequest& step : steps) views.push_back({step.camera});
+    for (const StepRequest& step : steps) views.push_back({step.camera, RenderMode::kFull, for_step});
     return views;
 }
 
@@ -46,7 +46,7 @@ void RankWorker::render_views(const std::vector<ShownView>& views, std::vector<s
     sums.resize(num_views);
     std::vector<std::int64_t> own_counts(num_views);
     for (std::size_t k = 0; k < num_views; ++k) {
-        shard_.project(views[k].camera, views[k].mode, projected_[k]);
+        shard_.project(views[k].camera, views[k].mode, views[k].for_step, projected_[k]);
         own_counts[k] = std::int64_t(projected_[k].splats.size());
     }
     const auto counts = all_gather(ranks_, own_counts);  // by rank, by view
@@ -187,7 +187,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
     std::vector<float> isp_gradient(isp_size_, 0.0f);
-    render_views(shown(views), sums_, [&](std::size_t k, auto& sums) {
+    render_views(shown(views, true), sums_, [&](std::size_t k, auto& sums) {
         bring_target(views[k]);
         losses[k] = shard_.loss_of_splats(splats_, views[k], sums, isp_gradient);
     });
@@ -259,13 +259,14 @@ ResidualScores RankWorker::residual_scores(std::size_t num_views,
                                            const std::function<std::vector<StepRequest>(std::size_t first)>& batch_on) {
     std::vector<ResidualSums> totals(std::size_t(backend_.num_residuals()), ResidualSums{});
     std::vector<std::vector<ResidualSplatSums>> sums;
+    const std::vector<Vec3<float>> bases = shard_.colors_without_residual();
     for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
         std::vector<StepRequest> some = batch_on(first);
-        render_views(shown(some), sums, [&](std::size_t k, auto& of_view) {
+        render_views(shown(some, false), sums, [&](std::size_t k, auto& of_view) {
             bring_target(some[k]);
             shard_.residuals_of_splats(splats_, some[k], of_view);
         });
-        for (std::size_t k = 0; k < some.size(); ++k) shard_.add_residual_sums(projected_[k], sums[k], totals);
+        for (std::size_t k = 0; k < some.size(); ++k) add_view_to(totals, projected_[k], sums[k], bases);
     }
     return shard_.residual_scores_of_rows(totals);
 }

@@ -30,6 +30,7 @@ struct RankCosts {
 struct ShownView {
     CameraParams<float> camera;
     RenderMode mode = RenderMode::kFull;
+    bool for_step = false;
 };
 
 class RankWorker {

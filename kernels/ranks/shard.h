@@ -32,26 +32,32 @@ struct ResidualSplatSums {
 };
 
 /// Adds what a view says of the residuals of a rank's Gaussians to `totals` (rows with a residual). `bases` are the
-/// base colours of all rows.
+/// colours of all rows without a residual.
 inline void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& projected,
-                        const std::vector<ResidualSplatSums>& sums, const std::vector<float>& bases,
-                        ColorActivation activation) {
+                        const std::vector<ResidualSplatSums>& sums, const std::vector<Vec3<float>>& bases) {
     parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
         const std::uint32_t row = projected.rows[k];
         if (row >= totals.size() || !(sums[k].weight > 0)) return;
         const WireSplat& s = projected.splats[k];
-        const float* base = &bases[3 * std::size_t(row)];
-        totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue},
-                        activate(activation, Vec3<float>{base[0], base[1], base[2]}));
+        totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue}, bases[row]);
     });
+}
+
+/// Returns the colours that Gaussians with these base colours (n, 3) show without a residual.
+inline std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, ColorActivation activation) {
+    std::vector<Vec3<float>> out;
+    for (std::size_t i = 0; i < bases.size(); i += 3)
+        out.push_back(activate(activation, Vec3<float>{bases[i], bases[i + 1], bases[i + 2]}));
+    return out;
 }
 
 /// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
 /// is rendered in the order in which its splats come where their depths are equal.
 class Shard {
   public:
-    /// Computes the splats of the rank's Gaussians that touch a tile of the view.
-    virtual void project(const CameraParams<float>& camera, RenderMode mode, ProjectedView& out) = 0;
+    /// Computes the splats of the rank's Gaussians that touch a tile of the view: for a step, or for a frame, which may
+    /// read residuals in half precision.
+    virtual void project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) = 0;
 
     /// Renders a view as Backend::render does.
     virtual void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
@@ -70,9 +76,8 @@ class Shard {
     virtual void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
                                      std::vector<ResidualSplatSums>& sums) = 0;
 
-    /// Adds what a view says of the residuals to `totals` (rows with a residual).
-    virtual void add_residual_sums(const ProjectedView& projected, const std::vector<ResidualSplatSums>& sums,
-                                   std::vector<ResidualSums>& totals) = 0;
+    /// Returns the colours that the rank's Gaussians show without a residual.
+    virtual std::vector<Vec3<float>> colors_without_residual() const = 0;
     virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
 
     /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the

@@ -10,6 +10,7 @@ namespace gs {
 namespace {
 
 constexpr int kBlock = 256;
+constexpr unsigned kManyBlocks = 512;  ///< enough to fill a large device once
 
 struct CountInOrder {
     const std::uint32_t* counts;
@@ -89,7 +90,6 @@ __global__ void __launch_bounds__(kBlock)
         }
     }
 }
-constexpr int kLargeBlocks = 512;  ///< enough blocks to fill a large device once
 
 /// Sets offsets[t] to the first instance of a tile >= t. A thread looks whether lists begin at some instances in a row;
 /// one place lies behind the last instance. Keys beyond the last instance exceed every tile.
@@ -217,12 +217,13 @@ template <class Key>
 void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
     const InstanceLists<Key> lists{std::uint32_t(capacity_), order_, offsets_, keys, unsorted_};
-    write_instances<Key><<<num_blocks(std::max<std::int64_t>(n_, 1), kBlock), kBlock, 0, stream>>>(
-        lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
+    // At least so many blocks that what lies behind the last instance is not left to a few.
+    const unsigned blocks = std::max(num_blocks(n_, kBlock), std::min(num_blocks(capacity_ + 1, kBlock), kManyBlocks));
+    write_instances<Key><<<blocks, kBlock, 0, stream>>>(lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
     GS_CUDA_LAUNCHED("write_instances");
     if (n_ > 0) {
         write_large_instances<Key>
-            <<<kLargeBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
+            <<<kManyBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
         GS_CUDA_LAUNCHED("write_large_instances");
     }
     std::size_t bytes = workspace_bytes_;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <string_view>
 
 #include "kernels/core/error.h"
 #include "kernels/core/parallel.h"
@@ -37,12 +38,24 @@ void hold_once(RankTeam& team, MessageReader begin) {
     });
 }
 
+/// Returns the value of an environment variable, empty where it is not set.
+std::string_view variable(const char* name) {
+    const char* value = std::getenv(name);
+    return value ? value : "";
+}
+bool may_share_gpus() { return !variable("GSAPP_SHARE_GPUS").empty() && variable("GSAPP_SHARE_GPUS") != "0"; }
+/// Returns whether Slurm shows each task only GPUs of its own.
+bool slurm_binds_gpus() {
+    return !variable("SLURM_GPUS_PER_TASK").empty() || !variable("SLURM_GPU_BIND").empty() ||
+           !variable("SLURM_TRES_PER_TASK").empty();
+}
+
 }  // namespace
 
 void choose_device(const RankTeam& team, Device device) {
-    if (!uses_cuda(device)) return;
-    const int count = cuda_device_count();
-    if (team.local_size() > count && !std::getenv("GSAPP_SHARE_GPUS"))
+    const int count = uses_cuda(device) ? cuda_device_count() : 0;
+    if (count == 0) return;  // make_backend says why, where a GPU was asked for
+    if (team.local_size() > count && !may_share_gpus() && !(count == 1 && slurm_binds_gpus()))
         throw UsageError(
             fmt::format("{} processes of this machine would share {} GPU{}; start as many as there are, "
                         "or set GSAPP_SHARE_GPUS=1 to try it",

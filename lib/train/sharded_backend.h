@@ -13,7 +13,8 @@
 
 namespace gs {
 
-/// Gives each rank of a machine a GPU of its own, where `device` is one. Throws UsageError where there are too few.
+/// Gives each rank of a machine a GPU of its own, where `device` is one. Does nothing where there is none. Throws
+/// UsageError where there are too few.
 void choose_device(const RankTeam& team, Device device);
 
 /// Makes the backend of rank 0. The other ranks of `team`, which must be in follow_sharding, make theirs; null: there

@@ -74,12 +74,20 @@ def bench(program):
 def wrong_use(program, root):
     for arguments in (["bench", "--generate", "10", "--ranks", "0"], ["bench", "--generate", "10", "--ranks", "two"], ["bench", "--generate", "-1", "--ranks", "2"],
                       ["bench", "--ranks", "2", "-s", "builtin:glossy"], ["bench", "--generate", "10", "--ranks", "2", "--compare-deterministic"],
-                      ["bench", "--generate", "10", "--ranks", "2", "--frame-repeat", "3"], ["bench", "--generate", "10", "--ranks", "2", "--device", "cuda"],
+                      ["bench", "--generate", "10", "--ranks", "2", "--frame-repeat", "3"],
                       ["eval", root / "run", "--ranks", "0"], ["eval", root / "run", "--ranks", "2", "--skip-render"],
-                      ["eval", root / "run", "--ranks", "2", "--device", "cuda"], ["render", root / "run", "--ranks", "x"],
-                      ["render", root / "run", "--ranks", "2", "--device", "cuda"], ["render", root / "run", "--ranks", "2", "--views", "train", "--size", "0x0"]):
+                      ["render", root / "run", "--ranks", "x"], ["render", root / "run", "--ranks", "2", "--views", "train", "--size", "0x0"]):
         done = call(program, *arguments)
         check(done.returncode == 2 and done.stdout == "", arguments, done)
+
+
+def no_gpu(program, root):
+    """Where a GPU was asked for and none is seen, one message says so, also where ranks may share one."""
+    for arguments in (["bench", "--generate", "10"], ["eval", root / "run"], ["render", root / "run", "-o", root / "none"], ["train", "-s", "builtin:glossy", "-m", root / "none"]):
+        for share in ("", "1"):
+            done = call(program, *arguments, "--ranks", "2", "--device", "cuda", env={**os.environ, "CUDA_VISIBLE_DEVICES": "", "GSAPP_SHARE_GPUS": share})
+            check(done.returncode == 4 and errors(done.stderr) == 1 and "CUDA" in done.stderr, arguments, share, done)
+    check(not (root / "none").exists(), "nothing is left")
 
 
 def same_as_one(program, root):
@@ -154,6 +162,7 @@ def main():
         check(done.returncode == 0, done.stderr)
         bench(program)
         wrong_use(program, root)
+        no_gpu(program, root)
         same_as_one(program, root)
         lost_rank(program, root)
         missing_file(program, root)

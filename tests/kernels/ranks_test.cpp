@@ -230,7 +230,7 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
         shown.emplace_back();
         for (const auto& camera : views.cameras) {
             ProjectedView projected;
-            backend->shard()->project(camera, RenderMode::kFull, projected);
+            backend->shard()->project(camera, RenderMode::kFull, true, projected);
             shown.back().push_back(projected.splats.size());
         }
     }

@@ -79,7 +79,9 @@ TEST_F(Page, ShowsTheLatestSnapshotAlone) {
     page_->show(folder_.path() / "b.ngsplat", 200);
     EXPECT_EQ(status()["model"]["iteration"], 200);
     EXPECT_EQ(get("/" + status()["model"]["url"].get<std::string>()).body, "second");
-    EXPECT_EQ(get("/live/model-1.ngsplat").status, 404);
+    EXPECT_EQ(get("/live/model-1.ngsplat").body, "second") << "who was told of the first before it was replaced";
+    for (const char* name : {"model-0.ngsplat", "model-3.ngsplat", "model-.ngsplat", "model-2", "model-2.ngsplat2"})
+        EXPECT_EQ(get("/live/" + std::string(name)).status, 404) << name;
     EXPECT_EQ(get("/live/../live_page.h").status, 404);
 }
 
