@@ -25,7 +25,7 @@ constexpr double kShareStep = 0.9;
 constexpr std::size_t kMostViews = 32;
 /// The views that say what goes before the last stage, since later stages look again: what is worth least shows in few.
 /// At the end all views are looked at, although little goes. What none of a few views shows is worth nothing to them,
-/// and nothing makes up for it any more: on lego with `sv` runs ended 0.2 dB lower.
+/// and nothing makes up for it any more.
 constexpr std::size_t kFewViews = 64;
 
 /// The rows in the order of what their residuals are worth.
