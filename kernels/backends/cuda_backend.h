@@ -146,7 +146,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void sums_of_splats(const StepRequest& r, const CudaBins& bins, std::vector<SplatSums<float>>& out);
     /// Returns the loss that a status holds, and its parts.
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
-    /// Notes it in stats_.
+    /// Notes the loss of a step in stats_.
     void note_loss(const ViewLoss& loss);
     /// Returns the arrays of the model, with those of ADC's statistic if there is one, or is to be.
     ModelArrays arrays_of_step(bool gather_gradient_stats);

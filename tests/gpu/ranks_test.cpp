@@ -158,15 +158,7 @@ TEST_F(GpuRanksOfOneModel, SkipAStepWhoseLossIsNotFinite) {
     RankViews views(info);
     views.photographs[2][17] = std::nanf("");
     for (const int ranks : {1, 3})
-        on_device(ranks, views, [&](RankedBackend& backend) {
-            backend.upload(views.model);
-            backend.step_on(views.steps());
-            EXPECT_EQ(backend.take_stats().consecutive_skips, 1);
-            Gaussians after = backend.download(true);
-            EXPECT_EQ(after.step, kViews) << "a skipped step counts";
-            after.step = after.ppisp.step = 0;
-            expect_equal(after, views.model);
-        });
+        on_device(ranks, views, [&](RankedBackend& backend) { expect_skipped_step(views, backend); });
 }
 
 TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
@@ -176,14 +168,7 @@ TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
         on_device(
             3, views,
             [&](RankedBackend& backend) {
-                backend.upload(views.model);
-                for (int k = 0; k < 3; ++k) {
-                    auto steps = views.steps();
-                    for (StepRequest& step : steps) step.noise = 100, step.iteration = k;
-                    backend.step_on(steps);
-                    backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
-                }
-                Gaussians after = backend.download(true);
+                Gaussians after = train_with_noise(views, backend);
                 if (again)
                     expect_equal(first, after);
                 else

@@ -7,6 +7,7 @@
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
 #include "kernels/ranks/rank_worker.h"
+#include "kernels/ranks/ranked_backend.h"
 #include "tests/kernels/random_scene.h"
 
 namespace gs::test {
@@ -102,6 +103,29 @@ inline void expect_equal(Gaussians& a, Gaussians& b) {
     EXPECT_EQ(a.count, b.count);
     EXPECT_EQ(a.step, b.step);
     for_arrays(a, b, [](const auto& x, const auto& y, const std::string& what) { EXPECT_EQ(x, y) << what; });
+}
+
+/// Takes a step on views of which one has a loss that is not finite, and expects that it changes no parameter.
+inline void expect_skipped_step(const RankViews& views, RankedBackend& backend) {
+    backend.upload(views.model);
+    backend.step_on(views.steps());
+    EXPECT_EQ(backend.take_stats().consecutive_skips, 1);
+    Gaussians before = views.model, after = backend.download(true);
+    EXPECT_EQ(after.step, kViews) << "a skipped step counts";
+    after.step = after.ppisp.step = 0;
+    expect_equal(after, before);
+}
+
+/// Returns the model after three steps with noise, after each of which it is densified.
+inline Gaussians train_with_noise(const RankViews& views, RankedBackend& backend) {
+    backend.upload(views.model);
+    for (int k = 0; k < 3; ++k) {
+        auto steps = views.steps();
+        for (StepRequest& step : steps) step.noise = 100, step.iteration = k;
+        backend.step_on(steps);
+        backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
+    }
+    return backend.download(true);
 }
 
 }  // namespace gs::test

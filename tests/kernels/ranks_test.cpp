@@ -417,17 +417,9 @@ TEST(Ranks, TrainWhereSomeHaveNothing) {
 TEST(Ranks, SkipAStepWhoseLossIsNotFinite) {
     RankViews views(some_model());
     views.photographs[2][17] = std::nanf("");
-    for (const int ranks : {1, 3}) {
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
-            backend.upload(views.model);
-            backend.step_on(views.steps());
-            EXPECT_EQ(backend.take_stats().consecutive_skips, 1);
-            Gaussians after = backend.download(true);
-            EXPECT_EQ(after.step, kViews) << "a skipped step counts";
-            after.step = after.ppisp.step = 0;
-            expect_equal(after, views.model);
-        });
-    }
+    for (const int ranks : {1, 3})
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
+                            [&](RankedBackend& backend) { expect_skipped_step(views, backend); });
 }
 
 TEST(Ranks, RepeatThemselvesToTheBit) {
@@ -435,14 +427,7 @@ TEST(Ranks, RepeatThemselvesToTheBit) {
     Gaussians first;
     for (const bool again : {false, true})
         with_ranked_backend(3, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
-            backend.upload(views.model);
-            for (int k = 0; k < 3; ++k) {
-                auto steps = views.steps();
-                for (StepRequest& step : steps) step.noise = 100, step.iteration = k;
-                backend.step_on(steps);
-                backend.densify({McmcParams{.cap = kRows + 20}, k, 42});
-            }
-            Gaussians after = backend.download(true);
+            Gaussians after = train_with_noise(views, backend);
             if (again)
                 expect_equal(first, after);
             else
