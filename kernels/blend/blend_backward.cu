@@ -24,7 +24,7 @@ constexpr int kStride = 36;
 struct WarpMemory {
     float h[kRows][kStride], w[kRows][kStride];
     SplatBatch batch;
-    float gradient[3][32];  ///< dL/dpixel
+    float gradient[3][40];  ///< dL/dpixel of 32 pixels; three lanes of a row's pixel read different banks
     std::uint32_t target[32];
     std::uint8_t list[kChunk];  ///< instances of the chunk that changed a pixel of the sub-tile
 };
