@@ -99,6 +99,7 @@ def check_after(browser, gsapp, run, port):
     saved.address()
     wait_for(browser, f"{STATE}.startsWith('Saved at iteration')", "and it goes on with the program that serves the run again")
     check(len(curve(browser, "live-loss").split()) > 2, "with the curve that was")
+    wait_for(browser, "document.getElementById('live-info').innerText.includes('Picture of iteration')", "whose picture is shown, too")
     browser.evaluate("fetch('live/status.json').then(r => r.json()).then(s => fetch(s.model.url)).then(r => r.blob()).then(b => { keptModel = b; })")
     saved.process.terminate()
     check(saved.exit_code() == 0, "which Ctrl-C ends")

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 import { expect, test } from 'vitest';
 import { polyline } from '../src/live/chart';
+import { facts } from '../src/live/live_panel';
+import type { Status } from '../src/live/status';
 
 const points = (text: string) => text.split(' ').map((point) => point.split(',').map(Number));
 
@@ -16,4 +18,13 @@ test('values that are not known are left out, and a constant lies in the middle'
 test('one value is no curve', () => {
   expect(polyline({ iterations: [7], values: [1] })).toBe('');
   expect(polyline({ iterations: [], values: [] })).toBe('');
+});
+
+test('the facts say of which iteration the picture on the page is, not the one that gsapp has', () => {
+  const status: Status = {
+    id: 'a', scene: 'lego', appearance: 'sh', run: 'run', state: 'training', controls: true, iteration: 900, num_gaussians: 5000, train_seconds: 7, save_pending: false,
+    model: { version: 3, iteration: 800, url: 'live/model-3.ngsplat' }, photographs: 0, loss_curve: { iterations: [], values: [] }, psnr_curve: { iterations: [], values: [] }, psnr_of: '',
+  };
+  expect(facts(status, 700)).toContainEqual(['Picture of iteration', '700']);
+  expect(facts(status, undefined).map(([name]) => name)).not.toContain('Picture of iteration');
 });

@@ -78,6 +78,7 @@ export class Live {
       if (!isSame || photographs !== this.photographs)
         this.app.setSite({ name: scene, photographs: photographs > 0 ? Array.from({ length: photographs }, (_, k) => `live/photograph/${k}.jpg`) : undefined });
       [this.id, this.version, this.photographs] = [id, model.version, photographs];
+      this.panel.showPicture(id, model.iteration);
     } catch {
       // replaced by a newer one meanwhile, which the next look finds
     } finally {

@@ -32,13 +32,14 @@ export function stateText(status: Status): string {
   return texts[state] ?? state;
 }
 
-export function facts(status: Status): [string, string][] {
+/** `picture`: the iteration of the picture that is shown, if it is of this program. */
+export function facts(status: Status, picture: number | undefined): [string, string][] {
   const { num_gaussians, iterations_per_second: speed, train_seconds, saved_iteration, save_pending, snapshot_error } = status;
   return [
     ['Gaussians', count(num_gaussians)],
     ...(speed ? [['Iterations per second', speed.toFixed(speed < 10 ? 1 : 0)]] as [string, string][] : []),
     ...(train_seconds > 0 ? [['Trained for', duration(train_seconds)]] as [string, string][] : []),
-    ...(status.model ? [['Picture of iteration', count(status.model.iteration)]] as [string, string][] : []),
+    ...(picture !== undefined ? [['Picture of iteration', count(picture)]] as [string, string][] : []),
     ...(save_pending ? [['Saved', 'at the next hundredth iteration']] as [string, string][] : saved_iteration ? [['Saved', `iteration ${count(saved_iteration)}`]] as [string, string][] : []),
     ...(status.save_error ? [['Not saved', status.save_error]] as [string, string][] : []),
     ...(snapshot_error ? [['No picture', snapshot_error]] as [string, string][] : []),
@@ -53,6 +54,8 @@ export class LivePanel {
   private readonly save = element<HTMLButtonElement>('live-save');
   private readonly stop = element<HTMLButtonElement>('live-stop');
   private status: Status | undefined;
+  /** What is shown: the program that sent it, and its iteration. */
+  private picture: { id: string; iteration: number } | undefined;
   private confirming: ReturnType<typeof setTimeout> | undefined;
 
   constructor(control: (control: Control) => void) {
@@ -78,13 +81,23 @@ export class LivePanel {
   show(status: Status, mayControl: boolean): void {
     this.status = status;
     this.setState(stateText(status));
-    fillList('live-info', facts(status));
+    this.showFacts();
     this.showCurve('live-loss', status.loss_curve, (loss) => `Loss ${loss.toFixed(4)}`);
     this.showCurve('live-psnr', status.psnr_curve, (psnr) => `PSNR ${psnr.toFixed(2)} dB, ${status.psnr_of}`);
     const runs = status.state === 'training' || status.state === 'paused' || status.state === 'starting';
     element('live-buttons').hidden = !(status.controls && mayControl && runs);
     this.pause.textContent = status.state === 'paused' ? 'Continue' : 'Pause';
     this.save.disabled = status.save_pending;
+  }
+
+  private showFacts(): void {
+    if (this.status) fillList('live-info', facts(this.status, this.picture?.id === this.status.id ? this.picture.iteration : undefined));
+  }
+
+  /** Another picture is shown, which the program `id` sent. */
+  showPicture(id: string, iteration: number): void {
+    this.picture = { id, iteration };
+    this.showFacts();
   }
 
   private showCurve(id: string, curve: Curve, text: (value: number) => string): void {
