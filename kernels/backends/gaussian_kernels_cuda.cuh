@@ -227,6 +227,24 @@ template <class Model> constexpr int update_blocks_at_once() {
     return kNumSharedOf<Model> != 0 ? 512 / update_block<Model>() : 9;
 }
 
+/// Computes the gradients of what this lane's Gaussian shows, in a warp of which some lanes' residuals are `shown` and
+/// lie in `space`: those of the residuals' parameters in space.gradients, which are 0 before, and that of y = base +
+/// residual. Returns that of the mean through the direction.
+template <class Model>
+__device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, std::int64_t i, bool shown,
+                                                  const PackedSums* __restrict__ sums,
+                                                  WarpAppearance<Model>& appearance, WarpSpace<Model>& space, int width,
+                                                  Vec3<float>& dL_dy) {
+    const ViewDirection<float> direction =
+        shown ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+    const Vec3<float> residual = appearance.residual(space.memory.rows, width, direction.unit, a.degree, shown);
+    const bool finite = shown && color_gradient(a, i, residual, sums[i].sums(), dL_dy);
+    Vec3<float> dL_ddirection;
+    appearance.backward(space.memory.rows, width, direction.unit, a.degree, finite, dL_dy, space.gradients,
+                        dL_ddirection);
+    return shown ? direction_pullback(direction, dL_ddirection) : Vec3<float>{0, 0, 0};
+}
+
 /// Adds up the warps' gradients of the shared weights in the order of the warps. Ends the use of `warps`.
 template <class Model>
 __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps,
@@ -263,17 +281,13 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     WarpSpace<Model>& space = warps[warp].space();
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (seen) {
-        float *parameters = space.memory.rows, *gradients = space.gradients;
+        float* gradients = space.gradients;
         space.memory.load(a, i - lane, seen, visible ? a.lazy.lag(i) : 0);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
-        const ViewDirection<float> direction =
-            visible ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
-        const Vec3<float> residual = appearance.residual(parameters, width, direction.unit, a.degree, visible);
-        Vec3<float> dL_dy{0, 0, 0}, dL_ddirection;
-        const bool finite = visible && color_gradient(a, i, residual, sums[i].sums(), dL_dy);
-        appearance.backward(parameters, width, direction.unit, a.degree, finite, dL_dy, gradients, dL_ddirection);
-        if (visible) a.separate.dL_dmeans[i] = direction_pullback(direction, dL_ddirection);
+        Vec3<float> dL_dy{0, 0, 0};
+        const Vec3<float> dL_dmean = appearance_gradient<Model>(a, i, visible, sums, appearance, space, width, dL_dy);
+        if (visible) a.separate.dL_dmeans[i] = dL_dmean;
         __syncwarp();
         store_rows(seen, width, space.memory.list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
     }
@@ -295,7 +309,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     const bool shown = with_residual && visible && i < a.params.num_residuals;
     const unsigned seen = __ballot_sync(~0u, shown);
     WarpSpace<Model>& space = warps[warp].space();
-    float *parameters = space.memory.rows, *gradients = space.gradients;
+    float* gradients = space.gradients;
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     GaussianGradient<float> gradient{};
     Vec3<float> dL_dmean{0, 0, 0};
@@ -303,14 +317,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         space.memory.load(a, i - lane, seen, 0);
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
-        const ViewDirection<float> direction =
-            shown ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
-        const Vec3<float> residual = appearance.residual(parameters, width, direction.unit, a.degree, shown);
-        const bool finite = shown && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
-        Vec3<float> dL_ddirection;
-        appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients,
-                            dL_ddirection);
-        if (shown) dL_dmean = direction_pullback(direction, dL_ddirection);
+        dL_dmean = appearance_gradient<Model>(a, i, shown, sums, appearance, space, width, gradient.base);
     }
     if (visible) {
         const SplatSums<float> s = sums[i].sums();
@@ -380,17 +387,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
         if (seen) {
             if constexpr (kFused) {
-                const ViewDirection<float> direction =
-                    shown ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
-                residual = appearance.residual(parameters, width, direction.unit, a.degree, shown);
-                const bool finite = shown && color_gradient(a, i, residual, sums[i].sums(), gradient.base);
-                Vec3<float> dL_ddirection;
-                appearance.backward(parameters, width, direction.unit, a.degree, finite, gradient.base, gradients,
-                                    dL_ddirection);
-                if (shown)
-                    dL_dmean = direction_pullback(direction, dL_ddirection);
-                else
-                    residual = {0, 0, 0};  // of a Gaussian without one
+                dL_dmean = appearance_gradient<Model>(a, i, shown, sums, appearance, space, width, gradient.base);
             } else {
                 load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
                 if (shown) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
