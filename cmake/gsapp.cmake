@@ -40,23 +40,35 @@ function(gs_add_library name)
   endif()
 endfunction()
 
-# gs_add_tests(LABEL [SERIAL] [QUICK] LINK target...): makes one test program of every *_test.cpp in the current folder.
-# ctest lists its cases one by one under LABEL. SERIAL ones never run beside others; QUICK ones compute little themselves.
+# gs_add_tests(LABEL [SERIAL] [QUICK] [CASES] LINK target...): makes one test program of every *_test.cpp in the current
+# folder. ctest lists its suites under LABEL, or with CASES each case, where these take seconds. SERIAL ones never run
+# beside others; QUICK ones compute little themselves.
 function(gs_add_tests label)
-  cmake_parse_arguments(ARG "SERIAL;QUICK" "" "LINK;SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL;QUICK;CASES" "" "LINK;SOURCES" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*_test.cpp)
   if(NOT sources AND NOT ARG_SOURCES)
     return()
   endif()
   file(RELATIVE_PATH relative ${CMAKE_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
   string(REPLACE "/" "_" name ${relative})
-  add_executable(${name} ${sources} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest GTest::gtest_main)
+  add_executable(${name} ${CMAKE_SOURCE_DIR}/tests/main.cpp ${sources} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE gsapp_flags ${ARG_LINK} GTest::gtest)
   if(ARG_QUICK)
     gs_precompile(${name} quick_tests)
   else()
     gs_precompile(${name} tests)
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES
-    LABELS ${label} RUN_SERIAL ${ARG_SERIAL})
+  if(ARG_CASES)
+    gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${label} RUN_SERIAL ${ARG_SERIAL})
+    return()
+  endif()
+  file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.cmake CONTENT
+    "set(name ${name})
+set(program [=[$<TARGET_FILE:${name}>]=])
+set(label ${label})
+set(serial ${ARG_SERIAL})
+set(list [=[${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.txt]=])
+include([=[${CMAKE_SOURCE_DIR}/cmake/list_suites.cmake]=])
+")
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${CMAKE_CURRENT_BINARY_DIR}/${name}_suites.cmake)
 endfunction()
