@@ -39,6 +39,10 @@ def check_stands_alone(browser, url):
 OF_MACHINE = ("No available adapters.", "GPU stall due to ReadPixels")
 
 
+# How long an answer may take, in seconds: on a machine of two cores others may compute, too, while the browser draws in software.
+PATIENCE = 120
+
+
 class Browser:
     """One page. Collects console errors, exceptions, and requests for anything but the page itself and data URIs."""
 
@@ -109,7 +113,7 @@ class Browser:
         if self.session:
             message["sessionId"] = self.session
         os.write(self.write_end, json.dumps(message).encode() + b"\0")
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + PATIENCE
         while True:
             answer = self._receive(deadline)
             if answer.get("id") != number:
@@ -122,7 +126,7 @@ class Browser:
     def open(self, url):
         self.events.clear()
         self.call("Page.navigate", url=url)
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + PATIENCE
         while "Page.loadEventFired" not in self.events:
             self._note(self._receive(deadline))
 

@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 
-from browser import Browser, find_chromium, check
+from browser import PATIENCE, Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGPU, wait_for
 
 STATE = "document.getElementById('live-state').textContent"
@@ -31,7 +31,7 @@ class Program:
         self.reader.start()
 
     def address(self):
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             for line in list(self.lines):
                 if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
@@ -52,15 +52,15 @@ def curve(browser, name):
 
 
 def check_training(browser, run):
-    wait_for(browser, f"{STATE}.includes('Iteration') && document.body.classList.contains('loaded')", "the training is shown", 60)
+    wait_for(browser, f"{STATE}.includes('Iteration') && document.body.classList.contains('loaded')", "the training is shown")
     check("token" not in browser.evaluate("location.href"), "the address bar does not show the token")
     check(browser.evaluate("document.getElementById('name').textContent") == "glossy", "with the scene's name")
     first = browser.evaluate(MIDDLE)
-    wait_for(browser, "(document.querySelector('#live-loss polyline')?.getAttribute('points') ?? '').split(' ').length > 2", "the curve of the loss grows", 60)
-    wait_for(browser, "(document.querySelector('#live-psnr polyline')?.getAttribute('points') ?? '').split(' ').length > 1", "and that of the PSNR", 60)
+    wait_for(browser, "(document.querySelector('#live-loss polyline')?.getAttribute('points') ?? '').split(' ').length > 2", "the curve of the loss grows")
+    wait_for(browser, "(document.querySelector('#live-psnr polyline')?.getAttribute('points') ?? '').split(' ').length > 1", "and that of the PSNR")
     check("test views" in browser.evaluate("document.querySelector('#live-psnr figcaption').textContent"), "which says of what it is")
     # A picture comes every few seconds, so the curves may grow for a while before it does.
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + PATIENCE
     while browser.evaluate(MIDDLE) == first:
         check(time.monotonic() < deadline, "the picture changes")
         time.sleep(0.2)
@@ -70,7 +70,7 @@ def check_training(browser, run):
     wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "which is shown beside it")
     version = "document.getElementById('live-info').innerText.match(/iteration\\s+([\\d,]+)/)[1]"
     before = browser.evaluate(version)
-    wait_for(browser, f"{version} !== '{before}'", "a newer picture comes", 60)
+    wait_for(browser, f"{version} !== '{before}'", "a newer picture comes")
     check(browser.evaluate("document.getElementById('camera').value") == "1", "the camera stays where it is while pictures come")
     check(browser.evaluate("document.getElementById('label-right').textContent") == "Photograph", "and so does the comparison")
     browser.evaluate("document.getElementById('compare-on').click()")
@@ -82,7 +82,7 @@ def check_training(browser, run):
     check(browser.evaluate(STATE) == paused, "and stays where it is")
     browser.evaluate("document.getElementById('live-save').click(); document.getElementById('live-pause').click()")
     wait_for(browser, f"{STATE}.startsWith('Iteration')", "it goes on")
-    wait_for(browser, "/Saved\\s*iteration [\\d,]+00/.test(document.getElementById('live-info').innerText)", "it saves", 60)
+    wait_for(browser, "/Saved\\s*iteration [\\d,]+00/.test(document.getElementById('live-info').innerText)", "it saves")
     check(list((run / "checkpoints").glob("*00.safetensors")) and list((run / "point_cloud").glob("*00/point_cloud.ply")), "a checkpoint and a point cloud")
 
     browser.evaluate("document.getElementById('live-stop').click()")

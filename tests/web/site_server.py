@@ -7,7 +7,7 @@ import threading
 import time
 import zlib
 
-from browser import check
+from browser import PATIENCE, check
 
 SOFTWARE_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 # The same with WebGPU; without Vulkan it loses its device when a canvas is shown.
@@ -85,7 +85,7 @@ class Site:
         self.url = f"http://127.0.0.1:{self.server.server_port}/"
 
 
-def wait_for(browser, expression, what, seconds=30):
+def wait_for(browser, expression, what, seconds=PATIENCE):
     """Until a JavaScript expression is true."""
     deadline = time.monotonic() + seconds
     while not browser.evaluate(f"!!({expression})"):

@@ -39,7 +39,7 @@ def remember(browser, hooks, key):
 
 
 def arrived(browser, share):
-    wait_for(browser, f"document.getElementById('progress').value > {share - 0.005} && !document.getElementById('notice').hidden", f"{share} of the file have arrived", 60)
+    wait_for(browser, f"document.getElementById('progress').value > {share - 0.005} && !document.getElementById('notice').hidden", f"{share} of the file have arrived")
 
 
 def message(browser):
@@ -61,7 +61,7 @@ def check_parts(browser, site, case, least):
         check(browser.evaluate("document.getElementById('notice').classList.contains('aside')"), "beside the picture")
         remember(browser, "gsappLoading", share)
         site.server.go_on.set()
-    wait_for(browser, "window.gsapp", "the rest arrives", 60)
+    wait_for(browser, "window.gsapp", "the rest arrives")
     check(message(browser) == "", "and the message goes away")
     remember(browser, "gsapp", "end")
     for share in SHARES:
