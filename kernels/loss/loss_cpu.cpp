@@ -88,6 +88,41 @@ template <class Real> void filter_column(const Window<Real>& in, const SsimTaps<
     }
 }
 
+/// Computes the SSIM of a row from its filtered moments, and writes its derivatives, times `step` and the weight of the
+/// pixel, to p, q and r. Returns the weighted sum. Without weights each pixel counts 1: they are a template argument
+/// because GCC leaves a loop scalar that asks for them.
+template <bool kWeighted, class Real>
+Real ssim_row(const Real* const moments[5], const Real* weight, Real step, int width, Real* p, Real* q, Real* r) {
+    const Real *mx = moments[0], *my = moments[1], *xx = moments[2], *yy = moments[3], *xy = moments[4];
+    Real sum = 0;
+#pragma omp simd reduction(+ : sum)
+    for (int x = 0; x < width; ++x) {
+        const SsimPixel<Real> s = ssim_pixel(mx[x], my[x], xx[x], yy[x], xy[x]);
+        const Real w = kWeighted ? weight[x] : Real(1), u = step * w;
+        sum += w * s.ssim;
+        p[x] = u * s.p, q[x] = u * s.q, r[x] = u * s.r;
+    }
+    return sum;
+}
+
+/// Writes the gradient of a row of the render from the filtered derivatives p, q and r of SSIM. Returns the sum of
+/// absolute differences; masked images are already multiplied by the weight.
+template <bool kWeighted, class Real>
+Real gradient_row(const Real* render, const Real* target, const Real* const derivatives[3], const Real* weight,
+                  Real l1_step, int width, Real* out) {
+    const Real *p = derivatives[0], *q = derivatives[1], *r = derivatives[2];
+    Real sum = 0;
+#pragma omp simd reduction(+ : sum)
+    for (int x = 0; x < width; ++x) {
+        const Real difference = render[x] - target[x];
+        const Real sign = (difference > Real(0) ? Real(1) : Real(0)) - (difference < Real(0) ? Real(1) : Real(0));
+        sum += difference * sign;
+        const Real g = l1_step * sign + p[x] + Real(2) * render[x] * q[x] + target[x] * r[x];
+        out[x] = kWeighted ? g * weight[x] : g;
+    }
+    return sum;
+}
+
 /// The target as planar (3,H,W): decoded, composited on the background, clamped to [0,1].
 template <class Real> void decode_target(const TargetImage& t, const Vec3<float>& background, std::vector<Real>& out) {
     const std::size_t pixels = std::size_t(t.width) * t.height;
@@ -135,8 +170,9 @@ double ImageLoss<Real>::apply_mask(const Real* image, const std::uint8_t* mask, 
     masked_.resize(3 * pixels);
     double weight_sum = 0;
     for (std::size_t i = 0; i < pixels; ++i) weight_sum += weight_[i] = mask[i] * (Real(1) / Real(255));
-    for (std::size_t i = 0; i < 3 * pixels; ++i)
-        masked_[i] = image[i] * weight_[i % pixels], target_[i] *= weight_[i % pixels];
+    for (std::size_t c = 0; c < 3 * pixels; c += pixels)
+        for (std::size_t i = 0; i < pixels; ++i)
+            masked_[c + i] = image[c + i] * weight_[i], target_[c + i] *= weight_[i];
     return weight_sum;
 }
 
@@ -159,7 +195,10 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
         std::fill(dL_dimage, dL_dimage + 3 * pixels, Real(0));
         return {};
     }
-    const Real* weight = weight_.empty() ? nullptr : weight_.data();
+    const bool is_weighted = !weight_.empty();
+    const auto weight_row = [&](int y) { return is_weighted ? &weight_[std::size_t(y) * w] : nullptr; };
+    const auto ssim_of_row = is_weighted ? ssim_row<true, Real> : ssim_row<false, Real>;
+    const auto gradient_of_row = is_weighted ? gradient_row<true, Real> : gradient_row<false, Real>;
     const double norm = 1.0 / (3 * weight_sum);
     const Real l1_step = Real((1 - lambda_dssim) * norm), ssim_step = Real(-lambda_dssim * norm);
     maps_.resize(3 * 3 * pixels);
@@ -173,54 +212,32 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
         RowScratch<Real> v(11, w);  // 5 rows filtered vertically, then these filtered in both directions, and zeros
         const Real* const zeros = v.row(10);
         Real* const vertical[5] = {v.row(0), v.row(1), v.row(2), v.row(3), v.row(4)};
+        Real* const filtered[5] = {v.row(5), v.row(6), v.row(7), v.row(8), v.row(9)};
         double ssim_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             vertical_moments(Window<Real>(a, y, zeros), Window<Real>(b, y, zeros), taps, w, vertical);
-            for (int k = 0; k < 5; ++k) filter_row(v.row(k), taps, w, v.row(5 + k));
-            const Real *f0 = v.row(5), *f1 = v.row(6), *f2 = v.row(7), *f3 = v.row(8), *f4 = v.row(9);
+            for (int k = 0; k < 5; ++k) filter_row(vertical[k], taps, w, filtered[k]);
             Real* p = &maps_[(3 * c) * pixels + std::size_t(y) * w];
-            Real *q = p + pixels, *r = q + pixels;
-            const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
-            Real row_sum = 0;
-#pragma omp simd reduction(+ : row_sum)
-            for (int x = 0; x < w; ++x) {
-                const SsimPixel<Real> s = ssim_pixel(f0[x], f1[x], f2[x], f3[x], f4[x]);
-                const Real pixel_weight = m ? m[x] : Real(1), u = ssim_step * pixel_weight;
-                row_sum += pixel_weight * s.ssim;
-                p[x] = u * s.p;
-                q[x] = u * s.q;
-                r[x] = u * s.r;
-            }
-            ssim_sum += row_sum;
+            ssim_sum += ssim_of_row(filtered, weight_row(y), ssim_step, w, p, p + pixels, p + 2 * pixels);
         }
         ssim_sums_[task] = ssim_sum;
     });
     parallel_for(tasks, [&](std::int64_t task) {
         const std::size_t c = task / strips;
         const Plane<Real> a{render + c * pixels, w, h}, b{target_.data() + c * pixels, w, h};
-        RowScratch<Real> v(7, w);
-        const Real* const zeros = v.row(6);
+        RowScratch<Real> v(5, w);  // a row filtered vertically, then three filtered in both directions, and zeros
+        const Real* const zeros = v.row(4);
+        Real* const filtered[3] = {v.row(1), v.row(2), v.row(3)};
         double l1_sum = 0;
         for (int y = int(task % strips) * kRows, end = std::min(h, y + kRows); y < end; ++y) {
             for (int k = 0; k < 3; ++k) {
                 const Plane<Real> map{&maps_[(3 * c + k) * pixels], w, h};
-                filter_column(Window<Real>(map, y, zeros), taps, w, v.row(k));
-                filter_row(v.row(k), taps, w, v.row(3 + k));
+                filter_column(Window<Real>(map, y, zeros), taps, w, v.row(0));
+                filter_row(v.row(0), taps, w, filtered[k]);
             }
-            const Real *fp = v.row(3), *fq = v.row(4), *fr = v.row(5), *px = a.data + std::size_t(y) * w,
-                       *ty = b.data + std::size_t(y) * w;
-            const Real* m = weight ? weight + std::size_t(y) * w : nullptr;
-            Real* out = dL_dimage + c * pixels + std::size_t(y) * w;
-            Real row_sum = 0;
-#pragma omp simd reduction(+ : row_sum)
-            for (int x = 0; x < w; ++x) {
-                const Real diff = px[x] - ty[x];
-                const Real sign = diff > Real(0) ? Real(1) : (diff < Real(0) ? Real(-1) : Real(0));
-                row_sum += diff * sign;  // masked images are already multiplied by the weight
-                const Real g = l1_step * sign + fp[x] + Real(2) * px[x] * fq[x] + ty[x] * fr[x];
-                out[x] = m ? g * m[x] : g;
-            }
-            l1_sum += row_sum;
+            const std::size_t row = std::size_t(y) * w;
+            l1_sum += gradient_of_row(a.data + row, b.data + row, filtered, weight_row(y), l1_step, w,
+                                      dL_dimage + c * pixels + row);
         }
         l1_sums_[task] = l1_sum;
     });
@@ -229,8 +246,12 @@ LossValues ImageLoss<Real>::compute(const Real* image, const TargetImage& target
 
 template <class Real> void ImageLoss<Real>::weights(const TargetImage& target, Real* out) const {
     const std::size_t pixels = std::size_t(target.width) * target.height;
-    for (std::size_t k = 0; k < 3 * pixels; ++k)
-        out[k] = target.mask ? target.mask[k % pixels] * Real(1.0 / 255) : Real(1);
+    if (!target.mask) {
+        std::fill_n(out, 3 * pixels, Real(1));
+        return;
+    }
+    for (std::size_t c = 0; c < 3 * pixels; c += pixels)
+        for (std::size_t i = 0; i < pixels; ++i) out[c + i] = target.mask[i] * Real(1.0 / 255);
 }
 
 template <class Real>
