@@ -61,7 +61,6 @@ class ExplainingCommunicator final : public Communicator {
         : Communicator(connection->rank(), connection->size()),
           connection_(std::move(connection)),
           reason_(std::move(reason)) {}
-    void abort() override { connection_->abort(); }
 
   private:
     void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
@@ -73,6 +72,16 @@ class ExplainingCommunicator final : public Communicator {
             throw DeviceError(rank() == 0 ? e.what() : "the connection to rank 0 was lost");
         }
     }
+    void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
+                            RankDevice& device) override {
+        try {
+            Communicator::transfer_on_device(out, in, device);
+        } catch (const DeviceError& e) {  // of the link, or of this rank's own device
+            const std::string reason = reason_();
+            throw DeviceError(reason.empty() ? e.what() : reason);
+        }
+    }
+    void break_off() override { connection_->abort(); }
 
     const std::unique_ptr<Communicator> connection_;
     const std::function<std::string()> reason_;
