@@ -18,6 +18,7 @@ class DeviceBlock {
 /// The device of a rank. What it is told it does in order, on one stream.
 class RankDevice {
   public:
+    /// Makes an empty block, which may outlive this object.
     virtual std::unique_ptr<DeviceBlock> make_block() = 0;
     /// Copies between the host's and the device's memory in any direction. Memory of the host must stay as it is until
     /// the device is idle.
