@@ -19,6 +19,7 @@
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
+#include "kernels/ranks/connect_devices.h"
 #include "kernels/ranks/gloo_communicator.h"
 #include "kernels/ranks/message.h"
 #include "lib/core/interrupt.h"
@@ -100,6 +101,7 @@ struct RankTeam::Implementation final : MeetingPlace {
     bool ending = false;
     std::string failure;  ///< on other ranks than 0, what rank 0 said or why it cannot be reached
     std::unique_ptr<Communicator> communicator;
+    bool asked_devices = false;  ///< whether connect_devices() was called
     std::thread watch;
 
     std::string reason() {
@@ -250,12 +252,14 @@ RankTeam::~RankTeam() {
     }
     if (!left) {
         team.roster->fail("rank 0 has ended");
+        if (team.communicator) team.communicator->abort();  // nobody is there to take leave of
         if (team.processes)
             team.processes->kill();
         else
             std::this_thread::sleep_for(2 * kReport);  // so that ranks elsewhere hear of it
     }
-    team.processes.reset();  // waits for them
+    team.communicator.reset();  // the devices take leave of each other
+    team.processes.reset();     // waits for them
 }
 
 int RankTeam::rank() const { return implementation_->place.rank; }
@@ -288,6 +292,16 @@ Communicator& RankTeam::communicator() {
     // A failure from before was told to nobody.
     if (!team.failure.empty() || (team.roster && !team.roster->failure().empty())) team.communicator->abort();
     return *team.communicator;
+}
+
+std::string RankTeam::connect_devices(const std::string& device) {
+    if (std::exchange(implementation_->asked_devices, true)) return "";
+    try {
+        return gs::connect_devices(communicator(), device);
+    } catch (const DeviceError& e) {
+        const std::string reason = implementation_->awaited_reason();
+        throw DeviceError(reason.empty() ? e.what() : reason);
+    }
 }
 
 void RankTeam::agree(const std::string& text) {
