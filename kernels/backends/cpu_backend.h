@@ -18,7 +18,7 @@
 
 namespace gs {
 
-template <class Model> class CpuBackend final : public Backend, public Shard, private BackendTimer {
+template <class Model> class CpuBackend : public Backend, public Shard, private BackendTimer {
   public:
     /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
     explicit CpuBackend(const BackendOptions& options)
