@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Looks for nvcc. GSAPP_CUDA=AUTO uses it if it is there, ON requires it, OFF does not look.
+# Looks for nvcc and for NCCL. GSAPP_CUDA=AUTO uses it if it is there, ON requires it, OFF does not look.
 set(GSAPP_CUDA AUTO CACHE STRING "Use CUDA: AUTO, ON or OFF")
 set_property(CACHE GSAPP_CUDA PROPERTY STRINGS AUTO ON OFF)
 if(GSAPP_CUDA)
@@ -31,6 +31,13 @@ if(GSAPP_CUDA)
     endforeach()
     list(JOIN GSAPP_CUDA_ARCHITECTURES " " GSAPP_CUDA_ARCHITECTURES)
     message(STATUS "CUDA backend for ${GSAPP_CUDA_ARCHITECTURES}")
+    # Only its header is needed: the library is loaded at run time.
+    find_path(GSAPP_NCCL_INCLUDE nccl.h HINTS ${CMAKE_CUDA_TOOLKIT_INCLUDE_DIRECTORIES} DOC "Folder of nccl.h")
+    if(GSAPP_NCCL_INCLUDE)
+      set(GSAPP_WITH_NCCL ON)
+    else()
+      message(STATUS "No nccl.h: between GPUs splats pass through the host (apt-get install libnccl-dev, or set GSAPP_NCCL_INCLUDE)")
+    endif()
   elseif(GSAPP_CUDA STREQUAL "ON")
     message(FATAL_ERROR "GSAPP_CUDA=ON, but no nvcc was found; set CMAKE_CUDA_COMPILER or put nvcc on the PATH")
   else()

@@ -16,7 +16,7 @@ set(CPACK_THREADS 0)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "colmap, ffmpeg, python3, curl, unzip")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "colmap, ffmpeg, libnccl2, python3, curl, unzip")
 set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
 
 # Read once for each generator: the libraries are a component of the .tar.gz alone.

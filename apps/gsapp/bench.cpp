@@ -70,7 +70,7 @@ void bench_generated_sets_on_ranks(const TrainArguments& train, const BenchArgum
     if (arguments.repeats.frame_repeat > 0)
         throw UsageError("bench --ranks times steps and no frames; leave out --frame-repeat");
     TrainOptions options = train.resolve({.stored_run = false, .default_source = "generated"});
-    const auto team = join_ranks(options.ranks, "bench", "", options.threads);
+    const auto team = join_ranks(num_local_ranks(options), "bench", "", options.threads);
     setup_log(shown_messages(options));
     if (!team) set_num_threads(options.threads);
     if (team && team->rank() > 0) return follow_sharding(*team, started_as("bench"));

@@ -14,6 +14,7 @@
 #include "apps/gsapp/about.h"
 #include "apps/gsapp/command.h"
 #include "kernels/cuda/cuda_device.h"
+#include "kernels/ranks/nccl_library.h"
 #include "lib/core/bytes.h"
 #include "lib/core/cpu_features.h"
 #include "lib/core/json_text.h"
@@ -100,6 +101,16 @@ Finding driver_finding() {
             .get = "on Debian, from non-free: apt-get install nvidia-driver; a container is started with --gpus all"};
 }
 
+Finding nccl_finding() {
+    const NcclFinding nccl = find_nccl();
+    return {
+        .name = "NCCL",
+        .found = nccl.why_not.empty() ? fmt::format("{} in {}", nccl.version, nccl.path) : "",
+        .needed_for = "several GPUs (gsapp train --gpus), between which splats else pass through the host's memory; " +
+                      nccl.why_not,
+        .get = kGetNccl};
+}
+
 Finding memory_finding() {
     const double total = memory("MemTotal"), free = memory("MemAvailable");
     return {.name = "memory",
@@ -142,6 +153,7 @@ std::vector<Finding> look_around() {
             memory_finding(),
             gpu_finding(),
             driver_finding(),
+            nccl_finding(),
             disk_finding(),
             {.name = "web viewer",
              .found = viewer_folder().string(),

@@ -77,7 +77,7 @@ void add_train_command(CLI::App& app, Command& selected) {
             options.json = *json;
             std::optional<LiveView> live;
             if (view_option->count() > 0) live = LiveView{port_of(*view)};
-            const auto team = RankTeam::join(options.ranks, "train " + options.model);
+            const auto team = RankTeam::join(num_local_ranks(options), "train " + options.model);
             if (team && team->rank() > 0) return follow_training(*team, options);
             if (team) {
                 choose_device(*team, options.device);

@@ -69,6 +69,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
     result.seconds = seconds_now() - start;
     result.ranks = backend->take_reports();
     result.link = backend->measure_connection();
+    if (const DeviceLink* link = team ? team->communicator().link() : nullptr) result.link_name = link->name();
     return result;
 }
 
@@ -77,8 +78,11 @@ double exchange_floor(const RankedBenchResult& result) {
     double most = 0;
     for (const RankReport& rank : result.ranks)
         most = std::max({most, rank.costs.traffic.sent, rank.costs.traffic.received});
-    const double exchanges = double(result.ranks[0].costs.traffic.exchanges) / result.steps;
-    return most / result.steps / result.link.bytes_per_second + exchanges * result.link.latency_seconds;
+    const Traffic& traffic = result.ranks[0].costs.traffic;
+    const double of_devices = double(traffic.device_exchanges), of_hosts = double(traffic.exchanges) - of_devices;
+    return (most / result.link.bytes_per_second + of_hosts * result.link.latency_seconds +
+            of_devices * result.link.device_latency_seconds) /
+           result.steps;
 }
 
 }  // namespace gs

@@ -25,6 +25,7 @@ struct RankedBenchResult {
     double seconds = 0;             ///< of all steps, on rank 0
     std::vector<RankReport> ranks;  ///< by rank
     LinkSpeed link;                 ///< of rank 0
+    std::string link_name;          ///< between devices: "NCCL 2.28.3"; empty: splats pass through the host
 
     double step_seconds() const { return seconds / steps; }
     double views_per_second() const { return steps * double(views_per_step) / seconds; }
@@ -38,7 +39,7 @@ RankedBenchResult bench_ranks(RankTeam* team, const TrainOptions& options, std::
                               const BenchOptions& bench);
 
 /// Returns the least seconds of a step's exchanges: the most bytes that a rank sends or receives over the bandwidth of
-/// the link, and its latency for each exchange. 0 for one rank.
+/// the link, and the latency of each exchange, between hosts or devices. 0 for one rank.
 double exchange_floor(const RankedBenchResult& result);
 
 /// Writes the results as text: one line for each set, and one for each of its ranks.

@@ -78,9 +78,11 @@ OrderedJson json_of_ranks(const RankedBenchResult& r) {
                         {"seconds", r.seconds},
                         {"views_per_second", r.views_per_second()},
                         {"link",
-                         {{"message_bytes", r.link.message_bytes},
+                         {{"between_devices", r.link_name},
+                          {"message_bytes", r.link.message_bytes},
                           {"bytes_per_second", r.link.bytes_per_second},
-                          {"latency_seconds", r.link.latency_seconds}}},
+                          {"latency_seconds", r.link.latency_seconds},
+                          {"device_latency_seconds", r.link.device_latency_seconds}}},
                         {"exchange_floor_seconds", exchange_floor(r)},
                         {"ranks", OrderedJson::array()}};
     for (const RankReport& rank : r.ranks) {
@@ -95,7 +97,8 @@ OrderedJson json_of_ranks(const RankedBenchResult& r) {
                                  {"bytes_sent", traffic.sent},
                                  {"bytes_received", traffic.received},
                                  {"messages", traffic.messages},
-                                 {"exchanges", traffic.exchanges}});
+                                 {"exchanges", traffic.exchanges},
+                                 {"device_exchanges", traffic.device_exchanges}});
     }
     return json;
 }
@@ -105,10 +108,12 @@ OrderedJson json_of_ranks(const RankedBenchResult& r) {
 std::string format_ranked_bench(const std::vector<RankedBenchResult>& results, TableStyle style) {
     if (results.empty()) return "";
     const RankedBenchResult& first = results[0];
-    return fmt::format("{}; {} steps at {}x{}\n\n", first.device, first.steps, first.width, first.height) +
+    const std::string link = first.link_name.empty() ? "" : ", connected by " + first.link_name;
+    return fmt::format("{}{}; {} steps at {}x{}\n\n", first.device, link, first.steps, first.width, first.height) +
            table_text(set_table(results), style) + "\n" + table_text(rank_table(results), style) +
            "\nBytes are those that ranks exchanged, as counted where they were; waiting for slower ranks counts as "
-           "exchange. The link was measured by exchanges of large messages and of one byte among all ranks.\n";
+           "exchange. The link was measured by exchanges of large messages and of one byte among all ranks, "
+           "of large ones on the way that splats take.\n";
 }
 
 std::string ranked_bench_json(const std::vector<RankedBenchResult>& results) {

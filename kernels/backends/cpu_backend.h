@@ -18,7 +18,7 @@
 
 namespace gs {
 
-template <class Model> class CpuBackend final : public Backend, public Shard, private BackendTimer {
+template <class Model> class CpuBackend : public Backend, public Shard, private BackendTimer {
   public:
     /// Takes only the cutoffs of `options`. Every sum has a fixed order here, and images stay where they are.
     explicit CpuBackend(const BackendOptions& options)
@@ -153,47 +153,46 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     void project(const CameraParams<float>& camera, RenderMode mode, bool, ProjectedView& out) override {
         raster_.project(ParameterView<float>::of(state_), camera, state_.active_degree, mode, out);
     }
-    void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
-                       RenderedImage& out) override {
+    void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override {
         make_room(request.camera, out);
-        raster_.forward(splats, request.camera, request.background, out.rgb.data(), out.alpha.data());
+        raster_.forward(splats.values(), request.camera, request.background, out.rgb.data(), out.alpha.data());
         finish_image(request, out);
     }
-    ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
-                            std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override {
+    ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r, RankArray<SplatSums<float>>& sums,
+                            std::vector<float>& isp_gradient) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, corrected, &splats);
-        sums.resize(splats.size());
+        SplatSums<float>* out = sums.resize(splats.size());
         if (std::isfinite(loss.loss)) {
             backward(corrected);
-            parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t i) { sums[i] = raster_.sums(i); });
+            parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t i) { out[i] = raster_.sums(i); });
             if (corrected && r.isp_rate > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
         }
         count_work(transmittance_.size());
         return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
-    void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
-    double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r) override {
+    void distill_splats(const RankArray<WireSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
+    double squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r) override {
         return squared_error(r, &splats);
     }
-    void scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
-                          std::vector<double>& scores) override {
+    void scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
+                          RankArray<double>& scores) override {
         const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
-        raster_.forward(splats, request.camera, request.background, image_.data(), transmittance_.data());
-        scores.assign(splats.size(), 0.0);
-        raster_.add_scores(image_.data(), transmittance_.data(), scores);
+        raster_.forward(splats.values(), request.camera, request.background, image_.data(), transmittance_.data());
+        std::fill_n(scores.resize(splats.size()), splats.size(), 0.0);
+        raster_.add_scores(image_.data(), transmittance_.data(), scores.values());
     }
-    void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
-                             std::vector<ResidualSplatSums>& sums) override {
-        sums.resize(splats.size());
+    void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
+                             RankArray<ResidualSplatSums>& sums) override {
+        ResidualSplatSums* out = sums.resize(splats.size());
         residual_sums(
             r, &splats, std::int64_t(sums.size()),
             [&](std::int64_t i, const Vec3<float>& gradient) {
-                sums[i] = {0, gradient};
+                out[i] = {0, gradient};
             },
-            [&](std::int64_t i, float weight) { sums[i].weight = weight; });
+            [&](std::int64_t i, float weight) { out[i].weight = weight; });
     }
     std::vector<Vec3<float>> colors_without_residual() const override {
         return shown_bases(state_[Group::kBase].param, state_.appearance.activation);
@@ -203,7 +202,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     }
 
     std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                                   const std::vector<std::vector<SplatSums<float>>>& sums,
+                                   const std::vector<RankArray<SplatSums<float>>>& sums,
                                    std::int64_t num_gaussians) override {
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
@@ -218,11 +217,11 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
                 const int used = i < params.num_residuals ? width : 0;
                 bool finite = true;
                 for (std::size_t v = 0; v < views.size(); ++v) {
-                    if (at[v] == end[v] || projected[v].rows[at[v]] != i) continue;
+                    if (at[v] == end[v] || projected[v].rows.data()[at[v]] != i) continue;
                     Gradient one{};
                     gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
-                                             sums[v][at[v]++], static_cast<GaussianGradient<float>&>(one), one.residual,
-                                             dL_dshared);
+                                             sums[v].data()[at[v]++], static_cast<GaussianGradient<float>&>(one),
+                                             one.residual, dL_dshared);
                     finite = drop_nonfinite(one, one.residual, used) && finite;
                     add_gradient_statistic(arrays, views[v].camera.width, views[v].camera.height, i, one);
                     total.add(one, mean, used);
@@ -332,7 +331,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
     }
 
     /// The splats of the next functions are those of the model where they are null.
-    using Splats = const std::vector<WireSplat>*;
+    using Splats = const RankArray<WireSplat>*;
 
     void distill(const StepRequest& r, Splats splats) {
         check_distillation(state_.ppisp, r.isp);
@@ -378,7 +377,7 @@ template <class Model> class CpuBackend final : public Backend, public Shard, pr
         transmittance_.resize(pixels);
         dL_dimage_.resize(3 * pixels);
         if (splats)
-            raster_.forward(*splats, r.camera, r.background, image_.data(), transmittance_.data());
+            raster_.forward(splats->values(), r.camera, r.background, image_.data(), transmittance_.data());
         else
             raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree,
                             RenderMode::kFull, image_.data(), transmittance_.data());

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <span>
 #include <vector>
 
 #include "kernels/blend/blend_cpu.h"
@@ -61,7 +62,7 @@ template <class Real, class Model> class CpuRasterizer {
     }
 
     /// Renders a view of ready splats in the same way. They take the place of Gaussians in what is kept.
-    void forward(const std::vector<WireSplat>& splats, const CameraParams<Real>& camera, const Vec3<Real>& background,
+    void forward(std::span<const WireSplat> splats, const CameraParams<Real>& camera, const Vec3<Real>& background,
                  Real* image, Real* transmittance) {
         begin_view(camera, background, 0);
         {
@@ -86,7 +87,7 @@ template <class Real, class Model> class CpuRasterizer {
         const std::int64_t parts = num_parts(params.count);
         projected_parts_.resize(parts);
         parallel_for(parts, [&](std::int64_t part) {
-            ProjectedView& p = projected_parts_[part];
+            ProjectedPart& p = projected_parts_[part];
             std::vector<std::uint32_t> tiles;
             p.splats.clear(), p.rows.clear();
             SplatLanes<Real> lanes;
@@ -103,11 +104,14 @@ template <class Real, class Model> class CpuRasterizer {
                     p.rows.push_back(std::uint32_t(first + lane));
                 }
         });
-        out.splats.clear(), out.rows.clear(), out.part_ends.clear();
-        for (const ProjectedView& p : projected_parts_) {
-            out.splats.insert(out.splats.end(), p.splats.begin(), p.splats.end());
-            out.rows.insert(out.rows.end(), p.rows.begin(), p.rows.end());
-            out.part_ends.push_back(out.rows.size());
+        out.part_ends.clear();
+        std::size_t num = 0;
+        for (const ProjectedPart& p : projected_parts_) out.part_ends.push_back(num += p.rows.size());
+        WireSplat* splats = out.splats.resize(num);
+        std::uint32_t* rows = out.rows.resize(num);
+        for (const ProjectedPart& p : projected_parts_) {
+            splats = std::copy(p.splats.begin(), p.splats.end(), splats);
+            rows = std::copy(p.rows.begin(), p.rows.end(), rows);
         }
     }
 
@@ -167,7 +171,7 @@ template <class Real, class Model> class CpuRasterizer {
     Vec3<Real> color(std::int64_t i) const { return splats_[i].color; }
 
     /// Adds the scores of the last forward(), whose mode must be kFull, to `scores` (Gaussians).
-    void add_scores(const Real* image, const Real* transmittance, std::vector<double>& scores) {
+    void add_scores(const Real* image, const Real* transmittance, std::span<double> scores) {
         score_sums_.resize(binning_.instances().size());
         parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
             score_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image,
@@ -288,7 +292,11 @@ template <class Real, class Model> class CpuRasterizer {
     BinningInput bins_;
     TileBinning binning_;
     std::vector<Splat<Real>> splats_;
-    std::vector<ProjectedView> projected_parts_;  ///< of project()
+    struct ProjectedPart {
+        std::vector<WireSplat> splats;
+        std::vector<std::uint32_t> rows;
+    };
+    std::vector<ProjectedPart> projected_parts_;  ///< of project()
     std::vector<std::uint16_t> block_masks_;
     std::vector<std::int64_t> processed_;
     std::vector<SplatSums<Real>> sums_;

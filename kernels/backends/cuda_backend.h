@@ -11,6 +11,7 @@
 
 #include "kernels/backends/images_cuda.h"
 #include "kernels/backends/model_kernels_cuda.h"
+#include "kernels/backends/rank_device_cuda.h"
 #include "kernels/backends/recent_most.h"
 #include "kernels/backends/stage_times_cuda.h"
 #include "kernels/blend/score_cuda.h"
@@ -64,20 +65,21 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void morton_sort() override;
 
     // cuda_shard.cu
+    RankDevice* device() override { return &rank_device_; }
     void project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) override;
-    void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override;
-    ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
-                            std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
-    void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& request) override;
-    double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request) override;
-    void scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
-                          std::vector<double>& scores) override;
-    void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
-                             std::vector<ResidualSplatSums>& sums) override;
+    void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override;
+    ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
+                            RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
+    void distill_splats(const RankArray<WireSplat>& splats, const StepRequest& request) override;
+    double squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request) override;
+    void scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
+                          RankArray<double>& scores) override;
+    void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
+                             RankArray<ResidualSplatSums>& sums) override;
     std::vector<Vec3<float>> colors_without_residual() const override;
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
     std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                                   const std::vector<std::vector<SplatSums<float>>>& sums,
+                                   const std::vector<RankArray<SplatSums<float>>>& sums,
                                    std::int64_t num_gaussians) override;
     void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
                        std::vector<float>& isp_gradient) override;
@@ -129,7 +131,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Enqueues a view, making room until it fits, and waits.
     CudaBins forward_whole(const std::function<CudaBins()>& enqueue);
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
-    CudaBins forward_whole(const std::vector<WireSplat>& splats, const RenderRequest& request, bool for_backward);
+    CudaBins forward_whole(const RankArray<WireSplat>& splats, const RenderRequest& request, bool for_backward);
     /// Corrects the image of the last forward pass, if the request asks for it, and copies it to the host.
     void finish_image(const RenderRequest& request, RenderedImage& out);
     /// Writes the gradient of half the squared error of a rendered training view to dL_dimage_. Adds that error to
@@ -142,8 +144,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     std::vector<float> base_colors() const;
-    /// Computes the sums of all `out.size()` splats of a view, and waits for them.
-    void sums_of_splats(const StepRequest& r, const CudaBins& bins, std::vector<SplatSums<float>>& out);
+    /// Enqueues the sums of all splats of a view, as ranks exchange them.
+    void enqueue_sums(const StepRequest& r, const CudaBins& bins, RankArray<SplatSums<float>>& out);
     /// Returns the loss that a status holds, and its parts.
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
     /// Notes the loss of a step in stats_.
@@ -175,6 +177,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     const BackendOptions options_;
     const Cutoffs<float> cutoffs_;
     cudaStream_t stream_ = nullptr;
+    CudaRankDevice rank_device_{stream_};
     CudaModel model_;
     CudaLazyResiduals lazy_;
     DeviceBuffer<__half> half_residuals_;  ///< empty without options.half_residuals
@@ -197,9 +200,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
 
     /// What only a training over several ranks uses (cuda_shard.cu).
     struct {
-        DeviceBuffer<WireSplat> splats;
-        DeviceBuffer<SplatSums<float>> sums;
-        DeviceBuffer<std::uint32_t> rows;
+        DeviceBuffer<std::uint32_t> rows;  ///< of a projected view
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
         DeviceBuffer<GaussianGradient<float>> gaussians;  ///< gradients of a step

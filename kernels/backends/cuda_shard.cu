@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend as one rank of a training: projects its Gaussians for others, renders splats of others, and takes
-// the step of its Gaussians on the sums that come back. Splats and sums pass through the host's memory.
+// the step of its Gaussians on the sums that come back. Splats and sums are in the device's memory.
 #include <algorithm>
 #include <cmath>
 
@@ -18,19 +18,6 @@ struct IsVisible {
     __device__ bool operator()(std::uint32_t i) const { return counts[i] > 0; }
 };
 
-template <class T>
-void copy_to_host(const DeviceBuffer<T>& from, std::size_t n, std::vector<T>& to, cudaStream_t stream) {
-    to.resize(n);
-    if (n == 0) return;
-    GS_CUDA(cudaMemcpyAsync(to.data(), from.get(), n * sizeof(T), cudaMemcpyDeviceToHost, stream));
-    GS_CUDA(cudaStreamSynchronize(stream));
-}
-template <class T> const T* copy_to_device(const std::vector<T>& from, DeviceBuffer<T>& to, cudaStream_t stream) {
-    if (from.empty()) return nullptr;
-    T* out = to.reserve(from.size());
-    GS_CUDA(cudaMemcpyAsync(out, from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, stream));
-    return out;
-}
 /// Makes room for n values, all of their bytes 0.
 template <class T> T* zeros(DeviceBuffer<T>& buffer, std::size_t n, cudaStream_t stream) {
     if (n == 0) return nullptr;
@@ -48,7 +35,7 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) {
     settle();
     const std::int64_t n = model_.count;
-    out.splats.clear(), out.rows.clear(), out.part_ends.clear();
+    out.splats.resize(0), out.rows.resize(0);
     if (n == 0) return;
     lay_out({n, 1, camera.width, camera.height, false});  // its instances are none of this rank's business
     PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
@@ -65,32 +52,30 @@ void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bo
         select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
     const auto num = std::size_t(read_back(num_rows, stream_));
     if (num == 0) return;
-    pack_splats(rows, std::int64_t(num), args.params, camera, splats_, wire_.splats.reserve(num), stream_);
-    copy_to_host(wire_.splats, num, out.splats, stream_);
-    copy_to_host(wire_.rows, num, out.rows, stream_);
+    rank_device_.copy(out.rows.resize(num), rows, num * sizeof *rows);
+    pack_splats(rows, std::int64_t(num), args.params, camera, splats_, out.splats.resize(num), stream_);
 }
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
 
-CudaBins CudaBackend::forward_whole(const std::vector<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
-    const WireSplat* wire = copy_to_device(splats, wire_.splats, stream_);
+CudaBins CudaBackend::forward_whole(const RankArray<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
     const auto n = std::int64_t(splats.size());
     return forward_whole([&] {
         return enqueue_splats(r.camera, n, r.background, for_backward, [&] {
             const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
-            unpack_splats(wire, n, args.width_padded, args.height_padded, args.depth_key, args.cutoffs.inverse_alpha,
-                          splats_, binning_.input(), control_.get(), stream_);
+            unpack_splats(splats.data(), n, args.width_padded, args.height_padded, args.depth_key,
+                          args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
         });
     });
 }
 
-void CudaBackend::render_splats(const std::vector<WireSplat>& splats, const RenderRequest& r, RenderedImage& out) {
+void CudaBackend::render_splats(const RankArray<WireSplat>& splats, const RenderRequest& r, RenderedImage& out) {
     forward_whole(splats, r, false);
     finish_image(r, out);
 }
 
-ViewLoss CudaBackend::loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
-                                     std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
+ViewLoss CudaBackend::loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
+                                     RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
     const CudaBins bins = forward_whole(splats, view_of(r), true);
     const DeviceTarget target = images_.get(r.target, 0, stream_);
     enqueue_loss(r, target);
@@ -98,24 +83,22 @@ ViewLoss CudaBackend::loss_of_splats(const std::vector<WireSplat>& splats, const
     adapt_room(loss.num_instances);
     sums.resize(splats.size());
     if (!std::isfinite(loss.loss)) return loss;
-    if (!splats.empty()) {
-        sums_of_splats(r, bins, sums);
-    }
+    enqueue_sums(r, bins, sums);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
     return loss;
 }
 
-void CudaBackend::sums_of_splats(const StepRequest& r, const CudaBins& bins, std::vector<SplatSums<float>>& out) {
+void CudaBackend::enqueue_sums(const StepRequest& r, const CudaBins& bins, RankArray<SplatSums<float>>& out) {
     const auto n = std::int64_t(out.size());
+    if (n == 0) return;
     // In a fixed order only splats with an instance are written. Here all are read, and a splat that its owner saw at
     // the edge of a tile may have none.
     if (options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     enqueue_sums(r, n, bins);
-    pack_sums(sums_, n, wire_.sums.reserve(out.size()), stream_);
-    copy_to_host(wire_.sums, out.size(), out, stream_);
+    pack_sums(sums_, n, out.data(), stream_);
 }
 
-void CudaBackend::distill_splats(const std::vector<WireSplat>& splats, const StepRequest& r) {
+void CudaBackend::distill_splats(const RankArray<WireSplat>& splats, const StepRequest& r) {
     check_distillation(ppisp_.host(), r.isp);
     forward_whole(splats, view_of(r), true);
     const DeviceTarget target = images_.get(r.target, 0, stream_);
@@ -127,35 +110,40 @@ void CudaBackend::distill_splats(const std::vector<WireSplat>& splats, const Ste
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
-double CudaBackend::squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r) {
+double CudaBackend::squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r) {
     forward_whole(splats, view_of(r), true);
     return error_of_view(r);
 }
 
-void CudaBackend::scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& r,
-                                   std::vector<double>& scores) {
+void CudaBackend::scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& r,
+                                   RankArray<double>& scores) {
     CudaScores sums(std::int64_t(splats.size()), stream_);
     const CudaBins bins = forward_whole(splats, {r.camera, r.background, RenderMode::kFull, r.isp}, false);
     const SlotMap slots = binning_.slots();
     sums.add(bins, splats_, blend_image(r.camera, r.background), options_.deterministic ? &slots : nullptr,
              std::int64_t(statuses_->num_instances));
     const std::vector<float> values = sums.download();
-    scores.assign(values.begin(), values.end());
+    std::copy(values.begin(), values.end(), scores.resize(values.size()));
 }
 
-void CudaBackend::residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& r,
-                                      std::vector<ResidualSplatSums>& out) {
-    out.resize(splats.size());
-    if (splats.empty()) return;
+void CudaBackend::residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
+                                      RankArray<ResidualSplatSums>& out) {
+    ResidualSplatSums* const of_splat = out.resize(splats.size());
+    if (splats.size() == 0) return;
     const CudaBins bins = forward_whole(splats, view_of(r), true);
     const TargetImage target = enqueue_error(r, nullptr);
     if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
-    std::vector<SplatSums<float>> sums(splats.size());
-    sums_of_splats(r, bins, sums);
-    for (std::size_t k = 0; k < out.size(); ++k) out[k].gradient = {sums[k].r, sums[k].g, sums[k].b};
+    RankArray<SplatSums<float>> sums(&rank_device_);
+    sums.resize(splats.size());
+    std::vector<SplatSums<float>> copied;
+    const auto for_each_sum = [&](auto&& use) {
+        enqueue_sums(r, bins, sums);
+        std::size_t k = 0;
+        for (const SplatSums<float>& s : sums.on_host(copied)) use(of_splat[k++], s);
+    };
+    for_each_sum([](ResidualSplatSums& to, const SplatSums<float>& s) { to.gradient = {s.r, s.g, s.b}; });
     write_weights(target, dL_dimage_, stream_);
-    sums_of_splats(r, bins, sums);
-    for (std::size_t k = 0; k < out.size(); ++k) out[k].weight = sums[k].r;
+    for_each_sum([](ResidualSplatSums& to, const SplatSums<float>& s) { to.weight = s.r; });
 }
 
 // --- the step of the rank's Gaussians -------------------------------------------------------------------------------
@@ -170,7 +158,7 @@ ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSu
 
 std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& views,
                                             const std::vector<ProjectedView>& projected,
-                                            const std::vector<std::vector<SplatSums<float>>>& sums,
+                                            const std::vector<RankArray<SplatSums<float>>>& sums,
                                             std::int64_t num_gaussians) {
     synchronize();
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
@@ -188,9 +176,8 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
     for (std::size_t v = 0; v < views.size(); ++v) {
         GS_CUDA(cudaMemsetAsync(counts, 0, n * sizeof *counts, stream_));
-        unpack_sums(copy_to_device(sums[v], wire_.sums, stream_),
-                    copy_to_device(projected[v].rows, wire_.rows, stream_), std::int64_t(sums[v].size()), sums_, counts,
-                    stream_);
+        const auto num = std::int64_t(projected[v].rows.size());
+        unpack_sums(sums[v].data(), projected[v].rows.data(), num, sums_, counts, stream_);
         PreprocessArgs args = preprocess_args(views[v].camera, RenderMode::kFull, {});
         args.shared = {model_.shared_prepared.get(), shared_sums_};
         kernels_.collect(args, counts, sums_, arrays, gradients, share, control_.get(), stream_);

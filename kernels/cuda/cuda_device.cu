@@ -110,6 +110,15 @@ int cuda_device_count() {
 
 void use_cuda_device(int index) { GS_CUDA(cudaSetDevice(index)); }
 
+std::string cuda_device_id() {
+    if (!cuda_available()) return "";
+    const cudaDeviceProp properties = current_device();
+    std::string id;
+    for (const char byte : properties.uuid.bytes)
+        for (const int digit : {(byte >> 4) & 15, byte & 15}) id += "0123456789abcdef"[digit];
+    return id;
+}
+
 bool cuda_available() { return cuda_unavailable_reason().empty(); }
 
 std::string cuda_driver_description() {

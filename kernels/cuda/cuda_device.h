@@ -17,6 +17,10 @@ int cuda_device_count();
 /// Makes device `index` that of this thread, for all that it does from now on. Throws DeviceError.
 void use_cuda_device(int index);
 
+/// Returns a text that tells this thread's device from all others, on any machine; empty where cuda_available() is
+/// false.
+std::string cuda_device_id();
+
 /// Returns in one line why cuda_available() is false ("built without CUDA", the driver's message).
 std::string cuda_unavailable_reason();
 

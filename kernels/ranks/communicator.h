@@ -5,11 +5,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <span>
+#include <stop_token>
+#include <string>
 #include <type_traits>
 #include <vector>
 
-#include "kernels/core/clock.h"
+#include "kernels/ranks/rank_device.h"
 
 namespace gs {
 
@@ -17,22 +20,38 @@ using Bytes = std::span<std::byte>;
 using ConstBytes = std::span<const std::byte>;
 
 /// What a rank has exchanged with others. Counts what is handed to the connection and what it delivers, without the
-/// headers that TCP and Gloo add.
+/// headers that TCP, Gloo and NCCL add.
 struct Traffic {
-    double sent = 0, received = 0;  ///< bytes
-    std::int64_t messages = 0;      ///< sent or received
-    std::int64_t exchanges = 0;     ///< calls of exchange()
-    double seconds = 0;             ///< in these, waiting for other ranks included
+    double sent = 0, received = 0;      ///< bytes
+    std::int64_t messages = 0;          ///< sent or received
+    std::int64_t exchanges = 0;         ///< calls of exchange()
+    std::int64_t device_exchanges = 0;  ///< those of them whose arrays lay on a device
+    double seconds = 0;                 ///< in these calls, waiting for other ranks included
 
     Traffic operator-(const Traffic& before) const {
-        return {sent - before.sent, received - before.received, messages - before.messages,
-                exchanges - before.exchanges, seconds - before.seconds};
+        return {sent - before.sent,
+                received - before.received,
+                messages - before.messages,
+                exchanges - before.exchanges,
+                device_exchanges - before.device_exchanges,
+                seconds - before.seconds};
     }
     Traffic& operator+=(const Traffic& more) {
         sent += more.sent, received += more.received, messages += more.messages;
-        exchanges += more.exchanges, seconds += more.seconds;
+        exchanges += more.exchanges, device_exchanges += more.device_exchanges, seconds += more.seconds;
         return *this;
     }
+};
+
+/// A way on which arrays go from one rank's device to another's without the host.
+class DeviceLink {
+  public:
+    virtual ~DeviceLink() = default;
+    /// Names it: "NCCL 2.28.3".
+    virtual std::string name() const = 0;
+    /// Sends out[r] to every other rank r and receives in[r] from it, all of them on `device`, when that has done what
+    /// it was told before. Waits for the end. Throws DeviceError when a rank is lost.
+    virtual void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
 };
 
 /// Connects all ranks with each other. Calls wait for what they need from other ranks, and throw DeviceError when one
@@ -44,39 +63,45 @@ class Communicator {
     int size() const { return size_; }
 
     /// Sends out[r] to rank r and receives in[r] from it, for all r at once, its own included. What one rank sends and
-    /// what the other expects must have the same size; nothing is sent where that is 0.
-    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) {
-        const double start = seconds_now();
-        transfer(out, in);
-        for (std::size_t r = 0; r < out.size(); ++r) {
-            if (int(r) == rank_) continue;
-            traffic_.sent += double(out[r].size()), traffic_.received += double(in[r].size());
-            traffic_.messages += int(!out[r].empty()) + int(!in[r].empty());
-        }
-        ++traffic_.exchanges;
-        traffic_.seconds += seconds_now() - start;
-    }
+    /// what the other expects must have the same size; nothing is sent where that is 0. The arrays lie in the memory of
+    /// `device`, or in the host's where that is null; they may lie elsewhere on another rank, unless there is a link.
+    void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device = nullptr);
     /// Returns what was exchanged since the beginning.
     const Traffic& traffic() const { return traffic_; }
+    /// Sends arrays of devices over `link` from now on, and no longer through the host. All ranks must do so.
+    void use(std::unique_ptr<DeviceLink> link) { link_ = std::move(link); }
+    /// Returns the link between the devices, null if there is none.
+    const DeviceLink* link() const { return link_.get(); }
     /// Makes the call that waits, and all that follow, throw. May be called from any thread.
-    virtual void abort() = 0;
+    void abort();
+    /// Returns what says whether abort() was called.
+    std::stop_token stop_token() const { return stop_.get_token(); }
 
   protected:
     Communicator(int rank, int size) : rank_(rank), size_(size) {}
 
+    /// Does what exchange() says, with arrays on a device: over the link, or else through the host's memory.
+    virtual void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
+                                    RankDevice& device);
+
   private:
-    /// Does what exchange() says.
+    /// Does what exchange() says, with arrays in the host's memory.
     virtual void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) = 0;
+    /// Makes transfer() throw if it waits.
+    virtual void break_off() {}
 
     int rank_, size_;
     Traffic traffic_;
+    std::unique_ptr<DeviceLink> link_;
+    std::stop_source stop_;
+    std::vector<std::vector<std::byte>> sent_,
+        received_;  ///< by rank: arrays of a device on their way through the host
 };
 
 /// The only rank of a training on one device.
 class SingleRank final : public Communicator {
   public:
     SingleRank() : Communicator(0, 1) {}
-    void abort() override {}
 
   private:
     void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {

@@ -40,7 +40,8 @@ class GlooCommunicator final : public Communicator {
     GlooCommunicator(std::shared_ptr<gloo::Context> context, int rank, int size)
         : Communicator(rank, size), context_(std::move(context)) {}
 
-    void abort() override {
+  private:
+    void break_off() override {
         const std::lock_guard lock(mutex_);
         aborted_ = true;
         if (!waits_for_) return;
@@ -48,7 +49,6 @@ class GlooCommunicator final : public Communicator {
         waits_for_->abortWaitRecv();
     }
 
-  private:
     void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
         {
             const std::lock_guard lock(mutex_);

@@ -4,6 +4,9 @@
 
 #include <algorithm>
 
+#include "kernels/core/clock.h"
+#include "kernels/ranks/rank_array.h"
+
 namespace gs {
 namespace {
 
@@ -12,21 +15,23 @@ constexpr std::size_t kSent = std::size_t(32) << 20;
 constexpr int kLargeExchanges = 7, kSmallExchanges = 201;
 
 /// Returns the median time of `count` exchanges of `size` bytes with each other rank, after two to warm up.
-double median_exchange(Communicator& ranks, std::size_t size, int count) {
+double median_exchange(Communicator& ranks, RankDevice* device, std::size_t size, int count) {
     const std::size_t num_ranks = std::size_t(ranks.size());
-    const std::vector<std::byte> sent(size);
-    std::vector<std::vector<std::byte>> received(num_ranks);
+    RankArray<std::byte> sent(device);
+    sent.assign(std::vector<std::byte>(size));
+    std::vector<RankArray<std::byte>> received;
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t r = 0; r < num_ranks; ++r) {
+        received.emplace_back(device);
         if (int(r) == ranks.rank()) continue;
         received[r].resize(size);
-        out[r] = sent, in[r] = received[r];
+        out[r] = sent.bytes(), in[r] = received[r].bytes();
     }
     std::vector<double> times;
     for (int k = -2; k < count; ++k) {
         const double start = seconds_now();
-        ranks.exchange(out, in);
+        ranks.exchange(out, in, device);
         if (k >= 0) times.push_back(seconds_now() - start);
     }
     const auto middle = times.begin() + std::ptrdiff_t(times.size() / 2);
@@ -36,11 +41,17 @@ double median_exchange(Communicator& ranks, std::size_t size, int count) {
 
 }  // namespace
 
-LinkSpeed measure_link(Communicator& ranks) {
+LinkSpeed measure_link(Communicator& ranks, RankDevice* device) {
     if (ranks.size() == 1) return {};
     const std::size_t others = std::size_t(ranks.size() - 1), size = kSent / others;
-    const double large = median_exchange(ranks, size, kLargeExchanges);
-    return {double(size * others), double(size * others) / large, median_exchange(ranks, 1, kSmallExchanges)};
+    LinkSpeed speed;
+    speed.message_bytes = double(size * others);
+    speed.bytes_per_second = double(size * others) / median_exchange(ranks, device, size, kLargeExchanges);
+    speed.latency_seconds = median_exchange(ranks, nullptr, 1, kSmallExchanges);
+    // All ranks do as many exchanges, on whatever they compute.
+    const double of_device = median_exchange(ranks, device, 1, kSmallExchanges);
+    if (device) speed.device_latency_seconds = of_device;
+    return speed;
 }
 
 }  // namespace gs

@@ -10,11 +10,13 @@ namespace gs {
 /// alone.
 struct LinkSpeed {
     double message_bytes = 0;     ///< that each rank sent in one exchange, and received
-    double bytes_per_second = 0;  ///< sent by a rank while it received as many: median of a few exchanges
-    double latency_seconds = 0;   ///< of an exchange of one byte with each other rank: median
+    double bytes_per_second = 0;  ///< of the way that splats take: sent by a rank while it received as many, median
+    double latency_seconds = 0;   ///< of an exchange of one byte with each other rank, host to host: median
+    double device_latency_seconds = 0;  ///< of one of one byte where it lies on a device; 0 without a device
 };
 
-/// Measures the connection. All ranks must call it.
-LinkSpeed measure_link(Communicator& ranks);
+/// Measures the connection, from the memory of `device` to that of the other ranks', or between hosts where it is null.
+/// All ranks must call it.
+LinkSpeed measure_link(Communicator& ranks, RankDevice* device);
 
 }  // namespace gs

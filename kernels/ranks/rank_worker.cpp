@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "kernels/core/clock.h"
 #include "kernels/core/error.h"
 #include "kernels/ranks/messages.h"
 
@@ -22,7 +21,7 @@ Shard& shard_of(Backend& backend) {
 }
 
 /// Nothing, for views whose splats have no sums.
-struct NoSums {};
+struct NoSum {};
 
 std::vector<ShownView> shown(const std::vector<StepRequest>& steps, bool for_step) {
     std::vector<ShownView> views;
@@ -33,17 +32,23 @@ std::vector<ShownView> shown(const std::vector<StepRequest>& steps, bool for_ste
 }  // namespace
 
 RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targets)
-    : ranks_(ranks), backend_(backend), shard_(shard_of(backend)), targets_(std::move(targets)) {}
+    : ranks_(ranks),
+      backend_(backend),
+      shard_(shard_of(backend)),
+      targets_(std::move(targets)),
+      splats_(shard_.device()),
+      rows_of_splats_(shard_.device()),
+      sums_(shard_.device()) {}
 
 void RankWorker::bring_target(StepRequest& request) const {
     if (!request.target.u8 && !request.target.f32) request.target = targets_(request);
 }
 
 template <class Sum, class Fn>
-void RankWorker::render_views(const std::vector<ShownView>& views, std::vector<std::vector<Sum>>& sums, Fn&& view) {
+void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view) {
     const std::size_t num_views = views.size(), num_ranks = std::size_t(ranks_.size());
-    projected_.resize(std::max(projected_.size(), num_views));
-    sums.resize(num_views);
+    while (projected_.size() < num_views) projected_.emplace_back(shard_.device());
+    while (sums.of_view.size() < num_views) sums.of_view.emplace_back(sums.computed.device());
     std::vector<std::int64_t> own_counts(num_views);
     for (std::size_t k = 0; k < num_views; ++k) {
         shard_.project(views[k].camera, views[k].mode, views[k].for_step, projected_[k]);
@@ -59,30 +64,26 @@ void RankWorker::render_views(const std::vector<ShownView>& views, std::vector<s
         for (std::size_t r = 0; r < num_ranks; ++r) {
             begin[r + 1] = begin[r] + (renders ? std::size_t(counts[r][mine]) : 0);
             if (first + r >= num_views) continue;
-            out[r] = bytes_of(projected_[first + r].splats);
+            out[r] = projected_[first + r].splats.bytes();
             if (int(r) != ranks_.rank()) splats_sent_ += double(projected_[first + r].splats.size());
         }
         splats_.resize(begin[num_ranks]);
-        const auto part = [&](auto& values, std::size_t r) {
-            return std::span(values).subspan(begin[r], begin[r + 1] - begin[r]);
-        };
-        for (std::size_t r = 0; r < num_ranks; ++r) in[r] = std::as_writable_bytes(part(splats_, r));
-        ranks_.exchange(out, in);
-        if constexpr (std::is_same_v<Sum, NoSums>) {
+        for (std::size_t r = 0; r < num_ranks; ++r) in[r] = splats_.bytes(begin[r], begin[r + 1]);
+        ranks_.exchange(out, in, splats_.device());
+        if constexpr (std::is_same_v<Sum, NoSum>) {
             order_by_rows(first, num_views, begin);
             if (renders) view(mine);
         } else {
-            std::vector<Sum> computed;
-            if (renders) view(mine, computed);
-            computed.resize(splats_.size());
+            sums.computed.resize(splats_.size());
+            if (renders) view(mine);
             for (std::size_t r = 0; r < num_ranks; ++r) {
-                out[r] = std::as_bytes(part(computed, r));
+                out[r] = sums.computed.bytes(begin[r], begin[r + 1]);
                 in[r] = {};
                 if (first + r >= num_views) continue;
-                sums[first + r].resize(projected_[first + r].splats.size());
-                in[r] = room_of(sums[first + r]);
+                sums.of_view[first + r].resize(projected_[first + r].splats.size());
+                in[r] = sums.of_view[first + r].bytes();
             }
-            ranks_.exchange(out, in);
+            ranks_.exchange(out, in, sums.computed.device());
         }
     }
 }
@@ -90,14 +91,18 @@ void RankWorker::render_views(const std::vector<ShownView>& views, std::vector<s
 void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views, const std::vector<std::size_t>& begin) {
     const std::size_t num_ranks = std::size_t(ranks_.size());
     if (num_ranks == 1) return;
-    std::vector<std::uint32_t> rows(splats_.size());
+    rows_of_splats_.resize(splats_.size());
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t r = 0; r < num_ranks; ++r) {
-        if (first_view + r < num_views) out[r] = bytes_of(projected_[first_view + r].rows);
-        in[r] = std::as_writable_bytes(std::span(rows).subspan(begin[r], begin[r + 1] - begin[r]));
+        if (first_view + r < num_views) out[r] = std::as_const(projected_[first_view + r].rows).bytes();
+        in[r] = rows_of_splats_.bytes(begin[r], begin[r + 1]);
     }
-    ranks_.exchange(out, in);
+    ranks_.exchange(out, in, rows_of_splats_.device());
+    std::vector<std::uint32_t> copied_rows;
+    std::vector<WireSplat> copied_splats, ordered;
+    const auto rows = rows_of_splats_.on_host(copied_rows);
+    const auto splats = splats_.on_host(copied_splats);
     // The order of row_order: with a residual or without, row, rank. Those of each rank are in it.
     struct Place {
         bool plain;
@@ -112,9 +117,9 @@ void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views, co
     for (std::size_t merged = 1; merged < num_ranks; merged *= 2)
         for (std::size_t r = 0; r < num_ranks; r += 2 * merged)
             std::inplace_merge(at(r), at(r + merged), at(r + 2 * merged));
-    ordered_.clear();
-    for (const Place& place : places) ordered_.push_back(splats_[place.at]);
-    splats_.swap(ordered_);
+    ordered.reserve(splats.size());
+    for (const Place& place : places) ordered.push_back(splats[place.at]);
+    splats_.assign(ordered);
 }
 
 void RankWorker::upload(const Gaussians& part) {
@@ -157,7 +162,7 @@ std::vector<Gaussians> RankWorker::download(bool with_moments) {
 void RankWorker::render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out) {
     std::vector<ShownView> show;
     for (const RenderRequest& view : views) show.push_back({view.camera, view.mode});
-    std::vector<std::vector<NoSums>> none;
+    SumsOfViews<NoSum> none;
     std::vector<RenderedImage> own;
     std::vector<RenderedImage>& images = ranks_.rank() == 0 ? out : own;
     images.resize(views.size());
@@ -187,9 +192,9 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     for (StepRequest& view : views) view.seed = rank_seed(view.seed, ranks_.rank());
     std::vector<ViewLoss> losses(views.size());
     std::vector<float> isp_gradient(isp_size_, 0.0f);
-    render_views(shown(views, true), sums_, [&](std::size_t k, auto& sums) {
+    render_views(shown(views, true), sums_, [&](std::size_t k) {
         bring_target(views[k]);
-        losses[k] = shard_.loss_of_splats(splats_, views[k], sums, isp_gradient);
+        losses[k] = shard_.loss_of_splats(splats_, views[k], sums_.computed, isp_gradient);
     });
     const auto all_losses = all_gather(ranks_, losses);
     StepStats stats;
@@ -204,7 +209,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     if (stats.consecutive_skips) {
         shard_.count_step(views);
     } else {
-        std::vector<float> shared = shard_.update_rows(views, projected_, sums_, num_gaussians_);
+        std::vector<float> shared = shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_);
         shared.push_back(float(shard_.take_nonfinite()));
         sum_over_ranks(ranks_, shared);
         stats.num_nonfinite_gradients = std::int64_t(shared.back());
@@ -226,12 +231,12 @@ void RankWorker::count_step(const Mark& begin) {
 }
 
 void RankWorker::distill(const StepRequest& request) {
-    std::vector<std::vector<NoSums>> none;
+    SumsOfViews<NoSum> none;
     render_views({{request.camera}}, none, [&](std::size_t) { shard_.distill_splats(splats_, request); });
 }
 
 double RankWorker::squared_error(const StepRequest& request) {
-    std::vector<std::vector<NoSums>> none;
+    SumsOfViews<NoSum> none;
     double error = 0;
     render_views({{request.camera}}, none,
                  [&](std::size_t) { error = shard_.squared_error_of_splats(splats_, request); });
@@ -241,16 +246,18 @@ double RankWorker::squared_error(const StepRequest& request) {
 std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
     std::vector<double> totals(std::size_t(backend_.count()), 0.0);
     const std::size_t batch = std::size_t(ranks_.size());
-    std::vector<std::vector<double>> sums;
+    SumsOfViews<double> sums;
+    std::vector<std::uint32_t> copied_rows;
     for (std::size_t first = 0; first < views.size(); first += batch) {
         const std::size_t size = std::min(batch, views.size() - first);
         std::vector<ShownView> some;
         for (std::size_t k = 0; k < size; ++k) some.push_back({views[first + k].camera});
-        render_views(some, sums, [&](std::size_t k, auto& of_view) {
-            shard_.scores_of_splats(splats_, views[first + k], of_view);
-        });
-        for (std::size_t k = 0; k < size; ++k)
-            for (std::size_t i = 0; i < sums[k].size(); ++i) totals[projected_[k].rows[i]] += sums[k][i];
+        render_views(some, sums,
+                     [&](std::size_t k) { shard_.scores_of_splats(splats_, views[first + k], sums.computed); });
+        for (std::size_t k = 0; k < size; ++k) {
+            const auto rows = projected_[k].rows.on_host(copied_rows);
+            for (std::size_t i = 0; i < rows.size(); ++i) totals[rows[i]] += sums.of_view[k].values()[i];
+        }
     }
     return {totals.begin(), totals.end()};
 }
@@ -258,15 +265,16 @@ std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
 ResidualScores RankWorker::residual_scores(std::size_t num_views,
                                            const std::function<std::vector<StepRequest>(std::size_t first)>& batch_on) {
     std::vector<ResidualSums> totals(std::size_t(backend_.num_residuals()), ResidualSums{});
-    std::vector<std::vector<ResidualSplatSums>> sums;
+    SumsOfViews<ResidualSplatSums> sums;
     const std::vector<Vec3<float>> bases = shard_.colors_without_residual();
     for (std::size_t first = 0; first < num_views; first += std::size_t(ranks_.size())) {
         std::vector<StepRequest> some = batch_on(first);
-        render_views(shown(some, false), sums, [&](std::size_t k, auto& of_view) {
+        render_views(shown(some, false), sums, [&](std::size_t k) {
             bring_target(some[k]);
-            shard_.residuals_of_splats(splats_, some[k], of_view);
+            shard_.residuals_of_splats(splats_, some[k], sums.computed);
         });
-        for (std::size_t k = 0; k < some.size(); ++k) add_view_to(totals, projected_[k], sums[k], bases);
+        for (std::size_t k = 0; k < some.size(); ++k)
+            add_view_to(totals, projected_[k], sums.of_view[k].values(), bases);
     }
     return shard_.residual_scores_of_rows(totals);
 }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "kernels/backend.h"
+#include "kernels/core/clock.h"
 #include "kernels/core/process_use.h"
 #include "kernels/ranks/communicator.h"
 #include "kernels/ranks/dealt_rows.h"
@@ -31,6 +32,15 @@ struct ShownView {
     CameraParams<float> camera;
     RenderMode mode = RenderMode::kFull;
     bool for_step = false;
+};
+
+/// Sums over pixels of splats in several views, all in one memory.
+template <class Sum> struct SumsOfViews {
+    /// Makes room in the memory of `device`, or of the host where that is null.
+    explicit SumsOfViews(RankDevice* device = nullptr) : computed(device) {}
+
+    RankArray<Sum> computed;              ///< of the view that this rank renders: of all its splats
+    std::vector<RankArray<Sum>> of_view;  ///< by view: of the rank's own splats
 };
 
 class RankWorker {
@@ -86,13 +96,15 @@ class RankWorker {
     void count_step(const Mark& begin);
     RankCosts take_costs() { return std::exchange(costs_, {}); }
     Backend& backend() { return backend_; }
+    /// Returns the device of the rank, null where it computes on the host.
+    RankDevice* device() { return shard_.device(); }
 
   private:
-    /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. `sums` are
-    /// per view, and view(k) fills sums_of_view for splats_. Afterwards `sums[k]` has those of the splats in
+    /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
+    /// view(k) fills sums.computed for splats_, and afterwards sums.of_view[k] has those of the splats in
     /// projected_[k]. Views without sums have their splats in the order of the whole model's rows, the others by rank.
     template <class Sum, class Fn>
-    void render_views(const std::vector<ShownView>& views, std::vector<std::vector<Sum>>& sums, Fn&& view);
+    void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
     /// Sorts splats_, of which those of rank r begin at begin[r], by their rows in the whole model. All ranks call it,
     /// with the view that each of the ranks from 0 on renders.
     void order_by_rows(std::size_t first_view, std::size_t num_views, const std::vector<std::size_t>& begin);
@@ -104,12 +116,12 @@ class RankWorker {
     const TargetSource targets_;
     std::vector<RankRows> rows_;
     std::int64_t num_gaussians_ = 0;
-    std::size_t isp_size_ = 0;                         ///< values of PPISP
-    std::vector<ProjectedView> projected_;             ///< per view: the rank's splats
-    std::vector<WireSplat> splats_;                    ///< of the view that is rendered: those of all ranks, by rank
-    std::vector<std::vector<SplatSums<float>>> sums_;  ///< per view: of projected_
-    std::vector<WireSplat> ordered_;                   ///< splats_ while they are sorted
-    double splats_sent_ = 0;                           ///< to other ranks, since the beginning
+    std::size_t isp_size_ = 0;              ///< values of PPISP
+    std::vector<ProjectedView> projected_;  ///< per view: the rank's splats
+    RankArray<WireSplat> splats_;           ///< of the view that is rendered: those of all ranks, by rank
+    RankArray<std::uint32_t> rows_of_splats_;
+    SumsOfViews<SplatSums<float>> sums_;  ///< of a step
+    double splats_sent_ = 0;              ///< to other ranks, since the beginning
     RankCosts costs_;
 };
 

@@ -286,7 +286,7 @@ std::vector<RankReport> RankedBackend::take_reports() {
 }
 
 LinkSpeed RankedBackend::measure_connection() {
-    return together(message_of(Call::kMeasureLink), [&] { return measure_link(ranks_); });
+    return together(message_of(Call::kMeasureLink), [&] { return measure_link(ranks_, worker_.device()); });
 }
 
 double RankedBackend::time_frames(const std::vector<RenderRequest>& views, int repeats) {
@@ -379,7 +379,7 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
                 all_gather(ranks, report(worker));
                 break;
             case Call::kMeasureLink:
-                measure_link(ranks);
+                measure_link(ranks, worker.device());
                 break;
         }
     }

@@ -7,6 +7,7 @@
 
 #include "kernels/blend/residual_score.h"
 #include "kernels/core/parallel.h"
+#include "kernels/ranks/rank_array.h"
 #include "kernels/requests.h"
 #include "kernels/splat/wire_splat.h"
 
@@ -14,8 +15,11 @@ namespace gs {
 
 /// The splats of some Gaussians in one view, and the rows of these, ascending.
 struct ProjectedView {
-    std::vector<WireSplat> splats;
-    std::vector<std::uint32_t> rows;
+    /// Makes an empty one in the memory of `device`, or of the host where that is null.
+    explicit ProjectedView(RankDevice* device = nullptr) : splats(device), rows(device) {}
+
+    RankArray<WireSplat> splats;
+    RankArray<std::uint32_t> rows;
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
@@ -34,11 +38,15 @@ struct ResidualSplatSums {
 /// Adds what a view says of the residuals of a rank's Gaussians to `totals` (rows with a residual). `bases` are the
 /// colours of all rows without a residual.
 inline void add_view_to(std::vector<ResidualSums>& totals, const ProjectedView& projected,
-                        const std::vector<ResidualSplatSums>& sums, const std::vector<Vec3<float>>& bases) {
+                        std::span<const ResidualSplatSums> sums, const std::vector<Vec3<float>>& bases) {
+    std::vector<WireSplat> copied_splats;
+    std::vector<std::uint32_t> copied_rows;
+    const auto splats = projected.splats.on_host(copied_splats);
+    const auto rows = projected.rows.on_host(copied_rows);
     parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t k) {
-        const std::uint32_t row = projected.rows[k];
+        const std::uint32_t row = rows[k];
         if (row >= totals.size() || !(sums[k].weight > 0)) return;
-        const WireSplat& s = projected.splats[k];
+        const WireSplat& s = splats[k];
         totals[row].add(sums[k].weight, sums[k].gradient, {s.red, s.green, s.blue}, bases[row]);
     });
 }
@@ -52,29 +60,33 @@ inline std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, Col
 }
 
 /// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
-/// is rendered in the order in which its splats come where their depths are equal.
+/// is rendered in the order in which its splats come where their depths are equal. Splats, their rows and the gradient
+/// sums of a step lie in the memory of device(); other sums in the host's.
 class Shard {
   public:
+    /// Returns the device on which the rank computes, which lives as long as the backend; null where that is the host.
+    virtual RankDevice* device() { return nullptr; }
+
     /// Computes the splats of the rank's Gaussians that touch a tile of the view: for a step, or for a frame, which may
     /// read residuals in half precision.
     virtual void project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) = 0;
 
     /// Renders a view as Backend::render does.
-    virtual void render_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
+    virtual void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
                                RenderedImage& out) = 0;
     /// Computes the loss of a view, and the gradient sums of each splat if the loss is finite. Adds the gradient of the
     /// view's PPISP to `isp_gradient` (PpispState::size()) where it learns.
-    virtual ViewLoss loss_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
-                                    std::vector<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
+    virtual ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
+                                    RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
     /// Trains a controller as Backend::distill does.
-    virtual void distill_splats(const std::vector<WireSplat>& splats, const StepRequest& request) = 0;
-    virtual double squared_error_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request) = 0;
+    virtual void distill_splats(const RankArray<WireSplat>& splats, const StepRequest& request) = 0;
+    virtual double squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request) = 0;
     /// Computes what a view adds to the score of each splat (Backend::scores).
-    virtual void scores_of_splats(const std::vector<WireSplat>& splats, const RenderRequest& request,
-                                  std::vector<double>& scores) = 0;
+    virtual void scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
+                                  RankArray<double>& scores) = 0;
     /// Computes what a view says of the residual of each splat (Backend::residual_scores).
-    virtual void residuals_of_splats(const std::vector<WireSplat>& splats, const StepRequest& request,
-                                     std::vector<ResidualSplatSums>& sums) = 0;
+    virtual void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
+                                     RankArray<ResidualSplatSums>& sums) = 0;
 
     /// Returns the colours that the rank's Gaussians show without a residual.
     virtual std::vector<Vec3<float>> colors_without_residual() const = 0;
@@ -85,7 +97,7 @@ class Shard {
     /// Returns the gradient of the shared weights by the rank's Gaussians.
     virtual std::vector<float> update_rows(const std::vector<StepRequest>& views,
                                            const std::vector<ProjectedView>& projected,
-                                           const std::vector<std::vector<SplatSums<float>>>& sums,
+                                           const std::vector<RankArray<SplatSums<float>>>& sums,
                                            std::int64_t num_gaussians) = 0;
     /// Ends the step: takes that of the shared weights and of PPISP, with gradients summed over ranks, and counts it.
     virtual void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,

@@ -234,7 +234,7 @@ std::string option_text(const Option& option, const TrainOptions& options) {
                        : !option.max_word.empty() && value == *option.max ? option.max_word
                                                                           : number_text(value);
             else
-                return number_text(value);
+                return !option.max_word.empty() && value == T(*option.max) ? option.max_word : number_text(value);
         },
         option.field);
 }
@@ -258,8 +258,10 @@ void set_option(TrainOptions& options, const Option& option, const std::vector<s
                         value = std::numeric_limits<double>::quiet_NaN();
                         return;
                     }
+                }
+                if constexpr (std::is_arithmetic_v<T> && !std::is_same_v<T, bool>) {
                     if (!option.max_word.empty() && values.front() == option.max_word) {
-                        value = *option.max;
+                        value = T(*option.max);
                         return;
                     }
                 }

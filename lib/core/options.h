@@ -45,7 +45,7 @@ struct Option {
     std::string unit = {};                     ///< empty for pure numbers and words
     std::optional<double> min = {}, max = {};  ///< limits of numbers, inclusive; of a list, those of each element
     std::string nan_word = {};              ///< for doubles: a word that may stand in place of a number, stored as NaN
-    std::string max_word = {};              ///< for doubles: a word for the largest number
+    std::string max_word = {};              ///< for numbers: a word for the largest one
     std::vector<std::string> choices = {};  ///< allowed words; empty = see `values`
     std::string values = {};                ///< allowed values in words, where neither range nor choices say it
     std::vector<std::string> names = {};    ///< further spellings shown in the help ("-s", "--output")

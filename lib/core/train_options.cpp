@@ -130,11 +130,13 @@ std::vector<Option> run_options() {
         number("seed", &O::seed, {}, "seed of every random number of the run").in_words("0..2^64-1"),
         choice("device", &O::device, "where the model is trained; auto: the GPU where there is one"),
         number("threads", &O::threads, {0, 1024, "threads"}, "CPU threads; 0: all cores. Results do not depend on it"),
-        number("ranks", &O::ranks, {1, 4096, "processes"},
-               "processes of this machine that train one model together, each with a part of the Gaussians "
-               "and, where that is the device, a GPU of its own; torchrun and srun start them on several machines "
-               "(docs/ranks.md)")
-            .also("--gpus"),
+        number(
+            "ranks", &O::ranks, {1, kAllGpus, "processes"},
+            "processes of this machine that train one model together, each with a part of the Gaussians "
+            "and, where that is the device, a GPU of its own; all: one for each GPU; torchrun and srun start them on "
+            "several machines (docs/ranks.md)")
+            .also("--gpus")
+            .or_max_word("all"),
         number("batch", &O::batch, {0, 100, "views"},
                "views of which a step takes the mean gradient; each counts as an iteration; 0: one for each rank"),
         flag("deterministic", &O::deterministic,

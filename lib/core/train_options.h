@@ -17,6 +17,9 @@ namespace gs {
 /// TrainOptions::appearance while the scene is to decide.
 inline constexpr const char* kAutoAppearance = "auto";
 
+/// The number of ranks that stands for one on each GPU of this machine, and the most that there may be.
+inline constexpr int kAllGpus = 4096;
+
 struct TrainOptions {
     // Input and output
     std::string source;  ///< scene folder, file, or builtin:NAME
@@ -46,7 +49,7 @@ struct TrainOptions {
     std::uint64_t seed = 0;
     Device device = Device::kAuto;
     int threads = 0;                   ///< 0 = all cores
-    int ranks = 1;                     ///< processes of this machine that train together
+    int ranks = 1;                     ///< processes of this machine that train together, or kAllGpus
     int batch = 0;                     ///< views of a step; 0 = one for each rank
     bool separate_appearance = false;  ///< GPU only: appearance in kernels of its own
     bool deterministic = false;        ///< GPU only: fixed order of all sums

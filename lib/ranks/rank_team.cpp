@@ -19,6 +19,7 @@
 
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
+#include "kernels/ranks/connect_devices.h"
 #include "kernels/ranks/gloo_communicator.h"
 #include "kernels/ranks/message.h"
 #include "lib/core/interrupt.h"
@@ -61,7 +62,6 @@ class ExplainingCommunicator final : public Communicator {
         : Communicator(connection->rank(), connection->size()),
           connection_(std::move(connection)),
           reason_(std::move(reason)) {}
-    void abort() override { connection_->abort(); }
 
   private:
     void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in) override {
@@ -73,6 +73,16 @@ class ExplainingCommunicator final : public Communicator {
             throw DeviceError(rank() == 0 ? e.what() : "the connection to rank 0 was lost");
         }
     }
+    void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
+                            RankDevice& device) override {
+        try {
+            Communicator::transfer_on_device(out, in, device);
+        } catch (const DeviceError& e) {  // of the link, or of this rank's own device
+            const std::string reason = reason_();
+            throw DeviceError(reason.empty() ? e.what() : reason);
+        }
+    }
+    void break_off() override { connection_->abort(); }
 
     const std::unique_ptr<Communicator> connection_;
     const std::function<std::string()> reason_;
@@ -91,6 +101,7 @@ struct RankTeam::Implementation final : MeetingPlace {
     bool ending = false;
     std::string failure;  ///< on other ranks than 0, what rank 0 said or why it cannot be reached
     std::unique_ptr<Communicator> communicator;
+    bool asked_devices = false;  ///< whether connect_devices() was called
     std::thread watch;
 
     std::string reason() {
@@ -241,12 +252,14 @@ RankTeam::~RankTeam() {
     }
     if (!left) {
         team.roster->fail("rank 0 has ended");
+        if (team.communicator) team.communicator->abort();  // nobody is there to take leave of
         if (team.processes)
             team.processes->kill();
         else
             std::this_thread::sleep_for(2 * kReport);  // so that ranks elsewhere hear of it
     }
-    team.processes.reset();  // waits for them
+    team.communicator.reset();  // the devices take leave of each other
+    team.processes.reset();     // waits for them
 }
 
 int RankTeam::rank() const { return implementation_->place.rank; }
@@ -279,6 +292,16 @@ Communicator& RankTeam::communicator() {
     // A failure from before was told to nobody.
     if (!team.failure.empty() || (team.roster && !team.roster->failure().empty())) team.communicator->abort();
     return *team.communicator;
+}
+
+std::string RankTeam::connect_devices(const std::string& device) {
+    if (std::exchange(implementation_->asked_devices, true)) return "";
+    try {
+        return gs::connect_devices(communicator(), device);
+    } catch (const DeviceError& e) {
+        const std::string reason = implementation_->awaited_reason();
+        throw DeviceError(reason.empty() ? e.what() : reason);
+    }
 }
 
 void RankTeam::agree(const std::string& text) {

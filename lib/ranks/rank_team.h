@@ -36,6 +36,10 @@ class RankTeam {
     /// went wrong, if it did, within kLongestSilence.
     Communicator& communicator();
 
+    /// Lets the devices of the ranks exchange arrays without the host, if they can (gs::connect_devices); all ranks
+    /// must call it. Returns why they cannot. Does nothing when it is called again.
+    std::string connect_devices(const std::string& device);
+
     /// Makes sure that all ranks were started alike. Rank 0 shows `text`, a choice in each line. The others throw
     /// UsageError naming the first line in which theirs differs.
     void agree(const std::string& text);

@@ -87,6 +87,7 @@ void train_once(RankTeam& team, TrainOptions options, const Scene& loaded, Messa
     views.deal(views_per_step, [&](int k) { return k % team.size() == team.rank(); });
     std::shared_ptr<const ViewImage> image;
     choose_device(team, options.device);
+    connect_devices(team, options.device);
     const auto backend = make_backend(options.device, appearance, backend_options);
     follow(ranks, *backend, [&](const StepRequest& request) {
         image = views.image_of_rank(request.target.id, request.iteration);
@@ -118,6 +119,7 @@ std::unique_ptr<Backend> make_ranked_backend(RankTeam* team, const TrainOptions&
     message.put(backend_options).put(batch).put(options.seed);
     put_views(message, scene);
     send_to_others(ranks, message);
+    connect_devices(*team, options.device);
     return std::make_unique<TeamBackend>(ranks, std::move(own), batch);
 }
 

@@ -12,6 +12,7 @@
 #include "kernels/core/parallel.h"
 #include "kernels/cuda/cuda_device.h"
 #include "kernels/ranks/message.h"
+#include "lib/core/log.h"
 #include "lib/core/version.h"
 #include "lib/train/choose_backend.h"
 #include "lib/train/training_views.h"
@@ -28,6 +29,7 @@ void hold_once(RankTeam& team, MessageReader begin) {
     for (Image& image : targets)
         begin.get(image.width), begin.get(image.height), begin.get(image.channels), begin.get(image.u8);
     choose_device(team, device);
+    connect_devices(team, device);
     const auto backend = make_backend(device, appearance, options);
     follow(team.communicator(), *backend, [&](const StepRequest& request) {
         const Image& image = targets.at(std::size_t(request.target.id));
@@ -52,6 +54,16 @@ bool slurm_binds_gpus() {
 
 }  // namespace
 
+int num_local_ranks(const TrainOptions& options) {
+    if (options.ranks != kAllGpus) return options.ranks;
+    if (options.device == Device::kCpu)
+        throw UsageError("option ranks: all are as many as there are GPUs, but the device is the CPU; name a number");
+    if (rank_place([](const char* name) -> const char* { return std::getenv(name); })) return 1;
+    if (const int count = cuda_device_count(); count > 0) return count;
+    throw DeviceError("option ranks: all are as many as there are GPUs, and there is none (" +
+                      cuda_unavailable_reason() + ")");
+}
+
 void choose_device(const RankTeam& team, Device device) {
     const int count = uses_cuda(device) ? cuda_device_count() : 0;
     if (count == 0) return;  // make_backend says why, where a GPU was asked for
@@ -61,6 +73,15 @@ void choose_device(const RankTeam& team, Device device) {
                         "or set GSAPP_SHARE_GPUS=1 to try it",
                         team.local_size(), count, count == 1 ? "" : "s"));
     use_cuda_device(team.local_rank() % count);
+}
+
+void connect_devices(RankTeam& team, Device device) {
+    if (device == Device::kCpu) return;
+    const std::string why_not = team.connect_devices(cuda_device_id());
+    if (team.rank() > 0) return;
+    if (!why_not.empty()) log_warning("ranks: splats pass through the host's memory: {}", why_not);
+    if (const DeviceLink* link = team.communicator().link())
+        log_info("ranks: splats go from GPU to GPU by {}", link->name());
 }
 
 std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device device, const AppearanceSpec& appearance,
@@ -78,6 +99,7 @@ std::unique_ptr<RankedBackend> make_sharded_backend(RankTeam* team, Device devic
     message.put(std::uint64_t(targets.size()));
     for (const Image& image : targets) message.put(image.width).put(image.height).put(image.channels).put(image.u8);
     send_to_others(team->communicator(), message);
+    connect_devices(*team, device);
     return std::make_unique<RankedBackend>(team->communicator(), std::move(own), views_per_step);
 }
 

@@ -13,9 +13,17 @@
 
 namespace gs {
 
+/// Returns how many ranks to start on this machine: options.ranks, or for kAllGpus as many as it has GPUs, which is 1
+/// where torchrun or Slurm started them. Throws UsageError for `device: cpu`, DeviceError where there is no GPU.
+int num_local_ranks(const TrainOptions& options);
+
 /// Gives each rank of a machine a GPU of its own, where `device` is one. Does nothing where there is none. Throws
 /// UsageError where there are too few.
 void choose_device(const RankTeam& team, Device device);
+
+/// Connects the GPUs of all ranks, where `device` is one, so that splats go from one to another. Rank 0 says where they
+/// cannot. All ranks must call it after choose_device, at the same point of what they say to each other.
+void connect_devices(RankTeam& team, Device device);
 
 /// Makes the backend of rank 0. The other ranks of `team`, which must be in follow_sharding, make theirs; null: there
 /// are none. Steps take up to `views_per_step` views; `targets`, 8-bit, are their photographs by TargetImage::id. The

@@ -196,6 +196,8 @@ def started_by_others(program, root):
     for value in ("0", "two", "-1", "all"):
         code, _, err = finish(train(program, "-m", root / "x", "--ranks", value))
         check(code == 2 and "ranks" in err, value, code, err)
+    code, _, err = finish(train(program, "-m", root / "x", "--device", "cuda", "--gpus", "all", env={**os.environ, "CUDA_VISIBLE_DEVICES": ""}))
+    check(code == 4 and "option ranks: all" in err and "there is none" in err, code, err)
     check(not (root / "x").exists(), "nothing is written")
 
 

@@ -161,6 +161,44 @@ TEST_F(GpuRanksOfOneModel, SkipAStepWhoseLossIsNotFinite) {
         on_device(ranks, views, [&](RankedBackend& backend) { expect_skipped_step(views, backend); });
 }
 
+TEST_F(GpuRanksOfOneModel, StepOnViewsThatSomeDoNotRenderAndSomeDoNotShow) {
+    // More ranks than views and than rows: some project nothing, and some render nothing.
+    const RankViews views(info, 2, 1);
+    for (const int ranks : {1, 5})
+        on_device(ranks, views, [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.step_on(views.steps());
+            backend.step_on({views.step(3)});
+            EXPECT_TRUE(std::isfinite(backend.take_stats().loss));
+            EXPECT_EQ(backend.download(true).step, kViews + 1);
+        });
+}
+
+TEST_F(GpuRanksOfOneModel, CountTheBytesThatRanksOfTheCpuCount) {
+    const RankViews views(info, kRows, 90);
+    const auto step = [&](Traffic& traffic) {
+        return [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.step_on(views.steps());
+            const RankCosts costs = backend.take_costs();
+            traffic = costs.traffic;
+            traffic.sent -= 48 * costs.splats_sent;  // the devices may see one more or less at an edge
+            const LinkSpeed link = backend.measure_connection();
+            EXPECT_GT(link.bytes_per_second, 0);
+            EXPECT_EQ(link.device_latency_seconds > 0, traffic.device_exchanges > 0);
+        };
+    };
+    Traffic cpu, gpu;
+    with_ranked_backend(2, kViews, views.model.appearance, views.targets(), step(cpu));
+    on_device(2, views, step(gpu));
+    EXPECT_EQ(gpu.exchanges, cpu.exchanges);
+    EXPECT_EQ(gpu.messages, cpu.messages);
+    EXPECT_EQ(cpu.device_exchanges, 0);
+    EXPECT_EQ(gpu.device_exchanges, kViews / 2 * 2) << "splats and sums of each round";
+    // What is left are counts, losses and the sums of PPISP, and sums of splats of the other rank.
+    EXPECT_NEAR(gpu.sent, cpu.sent, 36 * kViews);
+}
+
 TEST_F(GpuRanksOfOneModel, RepeatThemselvesToTheBit) {
     const RankViews views(info, kRows, 90);
     Gaussians first;

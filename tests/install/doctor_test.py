@@ -48,6 +48,8 @@ def main():
             one = findings(everything)[there]
             assert one == {"name": there, "is_there": True, "found": str(folder / file)}, one
         assert findings(everything)["metric weights"]["found"].startswith("1 files"), everything
+        no_nccl = findings(doctor(gsapp, "doctor", "--json", GSAPP_NCCL="off"))["NCCL"]
+        assert no_nccl["is_there"] is False and no_nccl["needed_for"] and "libnccl" in no_nccl["get"], no_nccl
         assert "- colmap" not in doctor(gsapp, "doctor", PATH=str(folder))
         (folder / "colmap").chmod(0o644)
         assert findings(doctor(gsapp, "doctor", "--json", PATH=str(folder)))["colmap"]["is_there"] is False, "not executable"

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Connects the devices of ranks, so that their arrays need not pass through the host.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "kernels/ranks/communicator.h"
+
+namespace gs {
+
+/// Lets arrays go from device to device by NCCL from now on, if all ranks can. All must call it, each on its own
+/// device, which `device` tells from all others (cuda_device_id()); it is empty where a rank has none. Returns why they
+/// cannot, and how that is changed; an empty text if they can, or if no rank has a device. Throws DeviceError when NCCL
+/// fails or a rank is lost.
+std::string connect_devices(Communicator& ranks, const std::string& device);
+
+/// What ranks need to know of a connection by NCCL to be part of it: an ncclUniqueId.
+using NcclId = std::array<char, 128>;
+
+/// Makes the id of a new connection, on one of its ranks. Throws DeviceError.
+NcclId make_nccl_id();
+
+/// Joins the connection that the id names; all ranks must do so. Their current devices must all differ. Throws
+/// DeviceError when NCCL fails, or when ranks.abort() is called.
+std::unique_ptr<DeviceLink> connect_by_nccl(const Communicator& ranks, const NcclId& id);
+
+}  // namespace gs

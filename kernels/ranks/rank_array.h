@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// What ranks exchange lies where the rank computes: in the host's memory, or in that of its device.
+#pragma once
+
+#include <cstring>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "kernels/ranks/rank_device.h"
+
+namespace gs {
+
+template <class T> class RankArray {
+    static_assert(std::is_trivially_copyable_v<T>);
+
+  public:
+    /// Makes an empty array in the memory of `device`, which must outlive it, or in the host's where that is null.
+    explicit RankArray(RankDevice* device = nullptr)
+        : device_(device), block_(device ? device->make_block() : nullptr) {}
+
+    /// Changes the number of values. They are lost where it grows. Throws DeviceError if there is no memory.
+    T* resize(std::size_t size) {
+        if (device_) {
+            data_ = reinterpret_cast<T*>(block_->reserve(size * sizeof(T)));
+        } else {
+            values_.resize(size);
+            data_ = values_.data();
+        }
+        size_ = size;
+        return data_;
+    }
+    /// Takes over values of the host.
+    void assign(const std::vector<T>& values) {
+        resize(values.size());
+        if (values.empty()) return;
+        if (!device_) {
+            std::memcpy(data_, values.data(), size_ * sizeof(T));
+            return;
+        }
+        device_->copy(data_, values.data(), size_ * sizeof(T));
+        device_->wait();
+    }
+
+    RankDevice* device() const { return device_; }
+    std::size_t size() const { return size_; }
+    T* data() { return data_; }
+    const T* data() const { return data_; }
+    /// Returns the values of an array in the host's memory.
+    std::span<T> values() { return {data_, size_}; }
+    std::span<const T> values() const { return {data_, size_}; }
+    /// Returns the values where the host can read them: `copy` holds those of a device.
+    std::span<const T> on_host(std::vector<T>& copy) const {
+        if (!device_ || size_ == 0) return values();
+        copy.resize(size_);
+        device_->copy(copy.data(), data_, size_ * sizeof(T));
+        device_->wait();
+        return copy;
+    }
+
+    /// Returns the bytes of the values from `begin` to before `end`, wherever they lie.
+    std::span<std::byte> bytes(std::size_t begin, std::size_t end) {
+        return std::as_writable_bytes(values().subspan(begin, end - begin));
+    }
+    std::span<std::byte> bytes() { return std::as_writable_bytes(values()); }
+    std::span<const std::byte> bytes() const { return std::as_bytes(values()); }
+
+  private:
+    RankDevice* device_;
+    std::unique_ptr<DeviceBlock> block_;  ///< of the device, where there is one
+    std::vector<T> values_;               ///< in the host's memory otherwise
+    T* data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+}  // namespace gs

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stands in for NCCL in builds that found no nccl.h. The others do not compile it.
+#include "kernels/core/error.h"
+#include "kernels/ranks/connect_devices.h"
+#include "kernels/ranks/nccl_library.h"
+
+namespace gs {
+
+NcclFinding find_nccl() {
+    return {"", "", "this gsapp was built without NCCL; build it where nccl.h is found (libnccl-dev)"};
+}
+NcclId make_nccl_id() { throw DeviceError(find_nccl().why_not); }
+std::unique_ptr<DeviceLink> connect_by_nccl(const Communicator&, const NcclId&) {
+    throw DeviceError(find_nccl().why_not);
+}
+
+}  // namespace gs

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ranks whose arrays lie on a device do what ranks on hosts do, to the bit, whichever way the arrays take. The device
+// is memory of the host, so that the CPU backend computes on it, and NCCL is fake_nccl.
+#include <cstdlib>
+
+#include "appearance/sh/sh.h"
+#include "kernels/backends/cpu_backend.h"
+#include "kernels/ranks/connect_devices.h"
+#include "tests/kernels/fake_rank_device.h"
+#include "tests/kernels/rank_threads.h"
+#include "tests/kernels/rank_views.h"
+
+namespace gs::test {
+namespace {
+
+class BackendOnDevice final : public CpuBackend<appearance::Sh> {
+  public:
+    BackendOnDevice() : CpuBackend({}) {}
+    RankDevice* device() override { return &device_; }
+
+  private:
+    FakeDevice device_;
+};
+
+enum class Way { kHosts, kThroughHosts, kNccl };
+
+/// What several ranks compute.
+struct Results {
+    Gaussians model;
+    std::vector<RenderedImage> images;
+    std::vector<float> scores;
+    ResidualScores residuals;
+    double error = 0;
+    Traffic traffic;
+};
+
+Results results(const RankViews& views, int size, Way way) {
+    Results found;
+    on_ranks(size, [&](Communicator& ranks) {
+        if (way == Way::kNccl) {
+            EXPECT_EQ(connect_devices(ranks, std::to_string(ranks.rank())), "");
+            EXPECT_NE(ranks.link(), nullptr);
+        }
+        std::unique_ptr<Backend> own;
+        if (way == Way::kHosts)
+            own = make_cpu_backend(views.model.appearance);
+        else
+            own = std::make_unique<BackendOnDevice>();
+        if (ranks.rank() > 0) return follow(ranks, *own, views.targets());
+        RankedBackend backend(ranks, std::move(own), kViews);
+        found.model = train_with_noise(views, backend);
+        found.traffic = backend.take_costs().traffic;
+        std::vector<RenderRequest> requests(kViews);
+        for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+        backend.render_all(requests, found.images);
+        found.scores = backend.scores(requests);
+        found.residuals = backend.residual_scores(kViews, [&](std::size_t view) { return views.step(view); });
+        found.error = backend.squared_error(views.step(2));
+    });
+    return found;
+}
+
+TEST(RanksOnDevices, ComputeWhatRanksOnHostsCompute) {
+#ifdef FAKE_NCCL_LIBRARY
+    ::setenv("GSAPP_NCCL", FAKE_NCCL_LIBRARY, 1);
+    const std::vector<Way> ways = {Way::kThroughHosts, Way::kNccl};
+#else
+    const std::vector<Way> ways = {Way::kThroughHosts};
+#endif
+    // More ranks than views and than rows, too: some project nothing, and some render nothing.
+    for (const auto& [rows, residuals, most_ranks] : {std::tuple(kRows, std::int64_t(90), 3), {2, 1, 5}}) {
+        const RankViews views(appearance_model("sh"), rows, residuals);
+        for (const int size : {1, 2, most_ranks}) {
+            Results hosts = results(views, size, Way::kHosts);
+            EXPECT_EQ(hosts.traffic.device_exchanges, 0);
+            for (const Way way : ways) {
+                SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(size) + " ranks" +
+                             (way == Way::kNccl ? ", by NCCL" : ""));
+                Results devices = results(views, size, way);
+                expect_equal(hosts.model, devices.model);
+                ASSERT_EQ(devices.images.size(), hosts.images.size());
+                for (std::size_t k = 0; k < kViews; ++k) EXPECT_EQ(devices.images[k].rgb, hosts.images[k].rgb) << k;
+                EXPECT_EQ(devices.scores, hosts.scores);
+                EXPECT_EQ(devices.residuals.worth, hosts.residuals.worth);
+                EXPECT_EQ(devices.error, hosts.error);
+                EXPECT_EQ(devices.traffic.sent, hosts.traffic.sent);
+                EXPECT_EQ(devices.traffic.received, hosts.traffic.received);
+                EXPECT_EQ(devices.traffic.messages, hosts.traffic.messages);
+                EXPECT_EQ(devices.traffic.exchanges, hosts.traffic.exchanges);
+                const int rounds = (kViews + size - 1) / size;
+                EXPECT_EQ(devices.traffic.device_exchanges, 3 * 2 * rounds) << "splats and sums of three steps";
+            }
+        }
+    }
+    ::unsetenv("GSAPP_NCCL");
+}
+
+}  // namespace
+}  // namespace gs::test
