@@ -50,6 +50,9 @@ struct RenderRequest {
     Vec3<float> background{0, 0, 0};
     RenderMode mode = RenderMode::kFull;
     IspView isp = {};
+    /// Whether a pixel has the colour of the one Gaussian at which its transmittance falls to 1/2 or below, and 0 where
+    /// it stays above, instead of the sum of all colours (docs/math/rasterizer.md#median).
+    bool median = false;
 };
 
 /// The image of one view.

@@ -217,7 +217,11 @@ void add_picture_options(CLI::App& command, RenderArguments& arguments) {
     command.add_flag(
         "--depth", arguments.parts.depth,
         "Also write the expected depth sum(w z)/sum(w) along the camera's axis, in scene units, as OpenEXR "
-        "and in colours: OUTPUT/depth. It is no median: at edges it lies between the surfaces");
+        "and in colours: OUTPUT/depth. It is a mean: at edges it lies between the surfaces");
+    command.add_flag(
+        "--median-depth", arguments.parts.median_depth,
+        "Also write the median depth, that of the Gaussian at which half of the light is gone, in the same "
+        "way: OUTPUT/median_depth. At edges it lies on one of the surfaces; 0 where alpha is below 1/2");
     command.add_flag("--normals", arguments.parts.normals,
                      "Also write normals, the Gaussians' shortest axes turned to the camera, in the scene's axes, as "
                      "OpenEXR and in colours: OUTPUT/normals");

@@ -51,13 +51,16 @@ Image colored_depth(const std::vector<float>& depth, int width, int height, cons
     return image;
 }
 
-std::string depth_range_text(const DepthRange& range) {
+std::string depth_range_text(const DepthRange& range, DepthKind kind) {
     const nlohmann::ordered_json json = {
         {"near", range.near},
         {"far", range.far},
         {"units", "scene units along the camera's forward axis"},
-        {"values", "expected depth, sum(w z) / sum(w); 0 where nothing is seen"},
-        {"colors", "viridis: yellow at near, purple at far, linear in depth; black where nothing is seen"}};
+        {"values", kind == DepthKind::kMedian
+                       ? "median depth, of the Gaussian at which transmittance falls to 1/2 or below; 0 where it stays "
+                         "above"
+                       : "expected depth, sum(w z) / sum(w); 0 where nothing is seen"},
+        {"colors", "viridis: yellow at near, purple at far, linear in depth; black where it is 0"}};
     return json_text(json, 2) + "\n";
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/runs/depth_kind.h"
 #include "lib/io/image.h"
 
 namespace gs {
@@ -33,7 +34,7 @@ class DepthRangeFinder {
 /// evenly in lightness; black where the depth is 0. `depth` is (H,W).
 Image colored_depth(const std::vector<float>& depth, int width, int height, const DepthRange& range);
 
-/// Returns what depth/range.json says: the range, and what values and colours mean.
-std::string depth_range_text(const DepthRange& range);
+/// Returns what range.json says beside such pictures: the range, and what values and colours mean.
+std::string depth_range_text(const DepthRange& range, DepthKind kind);
 
 }  // namespace gs

@@ -18,7 +18,8 @@ namespace fs = std::filesystem;
 namespace {
 
 bool is_frame(const fs::path& part, const fs::path& name) {
-    if (part / name == kDepthRange) return true;
+    for (const DepthKind kind : kDepthKinds)
+        if (part / name == depth_range_file(kind)) return true;
     const std::string stem = name.stem().string(), extension = name.extension().string();
     return stem.size() >= 5 && stem.find_first_not_of("0123456789") == std::string::npos &&
            (extension == ".png" || extension == ".exr");
@@ -34,6 +35,8 @@ std::vector<std::string> other_frames(const fs::path& folder, std::vector<std::s
 }
 
 }  // namespace
+
+fs::path depth_range_file(DepthKind kind) { return fs::path(depth_folder(kind)) / "range.json"; }
 
 std::vector<std::string> frames_in(const fs::path& folder) {
     std::vector<std::string> names;

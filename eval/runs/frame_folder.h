@@ -7,14 +7,16 @@
 #include <string>
 #include <vector>
 
+#include "eval/runs/depth_kind.h"
 #include "lib/io/temporary.h"
 
 namespace gs {
 
 /// What frames can lie in, besides the folder itself.
-inline constexpr const char* kFrameParts[] = {"full", "base", "residual", "depth", "normals", "alpha"};
-/// The file beside depth pictures that states their range.
-inline constexpr const char* kDepthRange = "depth/range.json";
+inline constexpr const char* kFrameParts[] = {"full", "base", "residual", "depth", "median_depth", "normals", "alpha"};
+
+/// Returns the file that states the range of such depth pictures.
+std::filesystem::path depth_range_file(DepthKind kind);
 
 /// Returns the frames in a folder and in the folders of their parts: "00012.png", "depth/00012.exr", ..., sorted.
 std::vector<std::string> frames_in(const std::filesystem::path& folder);

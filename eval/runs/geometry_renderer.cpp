@@ -52,24 +52,25 @@ GeometryRenderer::GeometryRenderer(const SavedRun& run)
       model_(geometry_of(run.backend->download(false))),
       backend_(make_backend(run.options.device, model_.appearance, backend_options(run.options))) {}
 
-const RenderedImage& GeometryRenderer::render(const Camera& camera) {
+const RenderedImage& GeometryRenderer::render(const Camera& camera, bool median) {
     backend_->upload(model_);
     RenderRequest request;
     request.camera = camera_params(camera);
+    request.median = median;
     backend_->render(request, image_);
     return image_;
 }
 
-std::vector<float> GeometryRenderer::depth(const Camera& camera) {
+std::vector<float> GeometryRenderer::depth(const Camera& camera, DepthKind kind) {
     parallel_for_rows(model_.count, [&](std::int64_t i) {
         const double z = camera.rotation.row(2).dot(mean_of(model_, i)) + camera.translation.z();
         float* base = &model_[Group::kBase].param[3 * std::size_t(i)];
         base[0] = base_of(z <= kFar ? z : 0), base[1] = base_of(z <= kFar ? 0 : z / kFar), base[2] = base_of(1);
     });
-    const RenderedImage& image = render(camera);
+    const RenderedImage& image = render(camera, kind == DepthKind::kMedian);
     const std::size_t pixels = image.alpha.size();
     const float* near = image.rgb.data();
-    const float *far = near + pixels, *weight = far + pixels;
+    const float *far = near + pixels, *weight = far + pixels;  // a median has weight 1
     std::vector<float> depth(pixels);
     for (std::size_t i = 0; i < pixels; ++i)
         if (weight[i] > 0) depth[i] = float((near[i] + kFar * far[i]) / (weight[i] * scale_));

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "eval/runs/depth_kind.h"
 #include "eval/runs/saved_run.h"
 
 namespace gs {
@@ -17,16 +18,17 @@ class GeometryRenderer {
     /// Takes the geometry of the model that the run's backend holds.
     explicit GeometryRenderer(const SavedRun& run);
 
-    /// Returns the expected depth of each pixel, (H,W): sum(w z) / sum(w) over the fragments, where z is the distance
-    /// of the Gaussian's mean along the camera's forward axis, in scene units. 0 where nothing is seen.
-    std::vector<float> depth(const Camera& camera);
+    /// Returns the depth of each pixel, (H,W). A Gaussian's depth z is the distance of its mean along the camera's
+    /// forward axis, in scene units. Expected is sum(w z) / sum(w) over the fragments, and 0 where nothing is seen; the
+    /// median is the z of one Gaussian, and 0 where the pixel's alpha is below 1/2.
+    std::vector<float> depth(const Camera& camera, DepthKind kind = DepthKind::kExpected);
 
     /// Returns the normal of each pixel, (H,W,3): the blended directions of the Gaussians' shortest axes, each turned
     /// to the camera, in the scene's axes and of length 1. 0 where nothing is seen or the directions cancel.
     std::vector<float> normals(const Camera& camera);
 
   private:
-    const RenderedImage& render(const Camera& camera);
+    const RenderedImage& render(const Camera& camera, bool median = false);
 
     double scale_;     ///< frame units per scene unit
     Gaussians model_;  ///< its base colours are those of the view that was asked last

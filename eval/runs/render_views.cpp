@@ -49,15 +49,30 @@ Image grey(const Image& image) {
     return out;
 }
 
+/// The depths of one kind, and their range so far.
+struct Depths {
+    DepthKind kind;
+    DepthRangeFinder range = {};
+};
+
+std::vector<Depths> wanted_depths(const RenderParts& parts) {
+    std::vector<Depths> wanted;
+    if (parts.depth) wanted.push_back({DepthKind::kExpected});
+    if (parts.median_depth) wanted.push_back({DepthKind::kMedian});
+    return wanted;
+}
+
 /// Colours the depths that were written, which have one range that is known only now.
-void write_depth_pictures(const fs::path& folder, std::size_t count, const DepthRange& range) {
+void write_depth_pictures(const fs::path& folder, std::size_t count, const Depths& depths) {
+    const fs::path part = folder / depth_folder(depths.kind);
+    const DepthRange range = depths.range.range();
     for (std::size_t i = 0; i < count; ++i) {
-        const Image read = read_image(folder / "depth" / frame_name(i, "exr"));
+        const Image read = read_image(part / frame_name(i, "exr"));
         std::vector<float> depth(std::size_t(read.width) * std::size_t(read.height));
         for (std::size_t p = 0; p < depth.size(); ++p) depth[p] = read.f32[p * std::size_t(read.channels)];
-        write_image(folder / "depth" / frame_name(i, "png"), colored_depth(depth, read.width, read.height, range));
+        write_image(part / frame_name(i, "png"), colored_depth(depth, read.width, read.height, range));
     }
-    write_text_atomic(folder / kDepthRange, depth_range_text(range));
+    write_text_atomic(folder / depth_range_file(depths.kind), depth_range_text(range, depths.kind));
 }
 
 }  // namespace
@@ -83,18 +98,21 @@ std::vector<std::string> render_files(const RenderParts& parts, std::size_t num_
     };
     add(picture_folder("", parts), "png");
     if (parts.decompose) add(kPictureParts[1].name, "png"), add(kPictureParts[2].name, "png");
-    for (const auto& [wanted, part] :
-         {std::pair{parts.depth, "depth"}, {parts.normals, "normals"}, {parts.alpha, "alpha"}})
-        if (wanted) add(part, "exr"), add(part, "png");
-    if (parts.depth) files.push_back(kDepthRange);
+    const auto add_values = [&](const char* part) { add(part, "exr"), add(part, "png"); };
+    for (const Depths& depths : wanted_depths(parts)) {
+        add_values(depth_folder(depths.kind));
+        files.push_back(depth_range_file(depths.kind).string());
+    }
+    if (parts.normals) add_values("normals");
+    if (parts.alpha) add_values("alpha");
     return files;
 }
 
 void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorrection& correction,
                   const RenderParts& parts, const fs::path& folder) {
     std::unique_ptr<GeometryRenderer> geometry;
-    if (parts.depth || parts.normals) geometry = std::make_unique<GeometryRenderer>(run);
-    DepthRangeFinder range;
+    std::vector<Depths> wanted = wanted_depths(parts);
+    if (!wanted.empty() || parts.normals) geometry = std::make_unique<GeometryRenderer>(run);
     std::vector<RenderRequest> requests;
     for (const View& view : views)
         for (const auto& [mode, name] : kPictureParts)
@@ -115,17 +133,17 @@ void render_views(SavedRun& run, const std::vector<View>& views, const EvalCorre
             const Image values = write_values(folder / "alpha", i, camera, image.alpha);
             write_image(folder / "alpha" / frame_name(i, "png"), grey(values));
         }
-        if (parts.depth) {
-            std::vector<float> depth = geometry->depth(camera);
-            range.add(depth, image.alpha);
-            write_values(folder / "depth", i, camera, std::move(depth));
+        for (Depths& depths : wanted) {
+            std::vector<float> depth = geometry->depth(camera, depths.kind);
+            depths.range.add(depth, image.alpha);
+            write_values(folder / depth_folder(depths.kind), i, camera, std::move(depth));
         }
         if (parts.normals) {
             Image values = write_values(folder / "normals", i, camera, geometry->normals(camera));
             write_image(folder / "normals" / frame_name(i, "png"), colored_normals(std::move(values)));
         }
     }
-    if (parts.depth) write_depth_pictures(folder, views.size(), range.range());
+    for (const Depths& depths : wanted) write_depth_pictures(folder, views.size(), depths);
 }
 
 }  // namespace gs

@@ -19,9 +19,9 @@ const std::vector<View>& views_of(const Scene& scene, const std::string& which);
 /// What is written beside the pictures.
 struct RenderParts {
     bool decompose = false;  ///< pictures in full/, and the same as base/ and residual/
-    /// An OpenEXR file with the values (GeometryRenderer), and a picture of them, in depth/, normals/ and alpha/. Alpha
-    /// is one minus the transmittance.
-    bool depth = false, normals = false, alpha = false;
+    /// An OpenEXR file with the values (GeometryRenderer), and a picture of them, in depth/, median_depth/, normals/
+    /// and alpha/. Alpha is one minus the transmittance.
+    bool depth = false, median_depth = false, normals = false, alpha = false;
 };
 
 /// Returns where the pictures lie in the output folder.

@@ -325,6 +325,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
     void finish_image(const RenderRequest& request, RenderedImage& out) {
         for (float& t : out.alpha) t = 1 - t;
+        if (request.median) raster_.write_medians(out.rgb.data());
         // A residual is not a colour, so it is not corrected.
         if (request.mode != RenderMode::kResidualOnly && is_corrected(state_.ppisp, request.isp))
             correction_.apply(state_.ppisp, request.isp, out.rgb.data(), out.width, out.height, out.rgb.data());

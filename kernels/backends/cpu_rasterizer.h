@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "kernels/blend/blend_cpu.h"
+#include "kernels/blend/median_cpu.h"
 #include "kernels/blend/score_cpu.h"
 #include "kernels/core/clock.h"
 #include "kernels/core/error.h"
@@ -181,6 +182,13 @@ template <class Real, class Model> class CpuRasterizer {
             if (bins_.count[i] == 0) return;
             const Real* s = &score_sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
             for (std::uint32_t k = 0; k < bins_.count[i]; ++k) scores[i] += s[k];
+        });
+    }
+
+    /// Replaces the image of the last forward() by the medians of its pixels (RenderRequest::median).
+    void write_medians(Real* image) const {
+        parallel_for(tiles_x_ * tiles_y_, [&](std::int64_t tile) {
+            median_tile(tile_input(tile), processed_[tile], block_masks_.data() + binning_.offsets()[tile], image);
         });
     }
 

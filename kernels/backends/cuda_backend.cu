@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "appearance/model_info.h"
+#include "kernels/blend/median_cuda.h"
 #include "kernels/blend/residual_scores_cuda.h"
 #include "kernels/core/half_range.h"
 #include "kernels/cuda/cuda_device.h"
@@ -374,6 +375,10 @@ void CudaBackend::render(const RenderRequest& r, RenderedImage& out) {
 }
 
 void CudaBackend::finish_image(const RenderRequest& r, RenderedImage& out) {
+    if (r.median) {
+        write_medians(binning_.bins(), splats_, blend_image(r.camera, r.background), stream_);
+        GS_CUDA(cudaStreamSynchronize(stream_));
+    }
     if (r.mode != RenderMode::kResidualOnly && ppisp_.corrects(r.isp)) {  // a residual is not a colour
         ppisp_.apply(r.isp, image_, r.camera.width, r.camera.height, image_, stream_);
         GS_CUDA(cudaStreamSynchronize(stream_));

@@ -31,8 +31,10 @@ template <class Model> std::vector<double> render_in_double_as(const Gaussians& 
                                       c.far_plane};
     const std::size_t pixels = std::size_t(c.width) * std::size_t(c.height);
     std::vector<double> image(3 * pixels), transmittance(pixels);
-    CpuRasterizer<double, Model>().forward(ParameterView<double>::of(state), camera, vec(request.background),
-                                           state.active_degree, request.mode, image.data(), transmittance.data());
+    CpuRasterizer<double, Model> raster;
+    raster.forward(ParameterView<double>::of(state), camera, vec(request.background), state.active_degree, request.mode,
+                   image.data(), transmittance.data());
+    if (request.median) raster.write_medians(image.data());
     return image;
 }
 

@@ -54,6 +54,23 @@ GS_HD void blend_fragment(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const C
     s.t = s.t - w;
 }
 
+/// The transmittance at which a pixel's median lies: half of its light comes from there on.
+inline constexpr double kMedianTransmittance = 0.5;
+
+/// Passes one fragment as blend_fragment does, and takes its colour if the pixel's transmittance falls to 1/2 or below
+/// there (docs/math/rasterizer.md#median). The colour begins as 0.
+template <class P, class T>
+GS_HD void pass_median(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cutoffs<T>& cutoffs = {}) {
+    const P half = P(T(kMedianTransmittance));
+    PixelForward<P> blended = s;
+    blend_fragment<P, T>(blended, alpha, cr, cg, cb, cutoffs);
+    const auto falls = at_least(half, blended.t), fell = at_least(half, s.t);
+    s.r = select(fell, s.r, select(falls, cr, s.r));
+    s.g = select(fell, s.g, select(falls, cg, s.g));
+    s.b = select(fell, s.b, select(falls, cb, s.b));
+    s.t = blended.t;
+}
+
 /// The front-to-back state of a pixel in the backward pass. `behind` is dL/dpixel . (colour still to come), so one
 /// scalar replaces three; `background` is T_final dL/dpixel . bg.
 template <class P> struct PixelBackward {

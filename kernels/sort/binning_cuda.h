@@ -28,6 +28,8 @@ class CudaBinning {
     const CudaBinningInput& input() const { return input_; }
     /// Sorts at most `capacity` instances. If there are more, it writes none and sets control->stopped.
     CudaBins build(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
+    /// Returns the order of the last build().
+    const CudaBins& bins() const { return bins_; }
     SlotMap slots() const { return {order_, offsets_}; }
     std::int64_t bytes() const { return identity_.bytes(); }
 

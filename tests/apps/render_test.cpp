@@ -107,8 +107,8 @@ TEST_F(RenderCommand, FramesOfTwoCallsAreNeverMixed) {
     EXPECT_NE(program.read("run/renders/iteration_2/orbit/00001.png"), first) << "a third of a turn, not a fifth";
     expect_ok("--orbit 4");  // replaces all that was there
     EXPECT_EQ(files("run/renders"), 4);
-    expect_ok("--orbit 4 --depth --normals --alpha");
-    EXPECT_EQ(files("run/renders"), 4 + 3 * 8 + 1);
+    expect_ok("--orbit 4 --depth --median-depth --normals --alpha");
+    EXPECT_EQ(files("run/renders"), 4 + 4 * 8 + 2);
     expect_refused("--orbit 4", 2, "alpha/00000.exr");
     expect_ok("--orbit 4 --overwrite");
     EXPECT_EQ(files("run/renders"), 4);
@@ -116,6 +116,24 @@ TEST_F(RenderCommand, FramesOfTwoCallsAreNeverMixed) {
     expect_ok("--orbit 41 -o both/train");
     expect_refused("--views all -o both", 2, "both/train");
     EXPECT_EQ(files("both"), 41);
+}
+
+TEST_F(RenderCommand, MedianDepthHasAFolderOfItsOwn) {
+    expect_ok("--orbit 2 --median-depth --alpha -o out");
+    EXPECT_EQ(files("out/median_depth"), 2 * 2 + 1);
+    EXPECT_EQ(files("out/depth"), -1) << "nobody asked for the expected one";
+    const auto range = parse_json(program.read("out/median_depth/range.json"));
+    EXPECT_NE(range["values"].get<std::string>().find("median"), std::string::npos);
+    EXPECT_GT(range["far"], range["near"]);
+    const Image depth = read_image(program.path("out/median_depth/00001.exr")),
+                alpha = read_image(program.path("out/alpha/00001.exr"));
+    int covered = 0;
+    for (int y = 0; y < depth.height; ++y)
+        for (int x = 0; x < depth.width; ++x) {
+            ASSERT_EQ(depth.value(x, y, 0) > 0, alpha.value(x, y, 0) >= 0.5f) << x << "," << y;
+            covered += depth.value(x, y, 0) > 0;
+        }
+    EXPECT_GT(covered, 50);
 }
 
 TEST_F(RenderCommand, WhatIsStoppedLeavesNothing) {

@@ -117,6 +117,9 @@ inline std::vector<double> random_weights(std::size_t n, std::uint32_t seed) {
 /// One pixel of a renderer without tiles and, on request, without truncation.
 struct BruteForcePixel {
     Vec3<double> color;
+    Vec3<double> median{0, 0, 0};     ///< colour of the Gaussian at which T falls to 1/2 or below; 0 without one
+    double transmittance = 1;         ///< of all Gaussians
+    double half_distance = 1e9;       ///< nearest distance of a T to 1/2
     double dropped_alpha = 0;         ///< sum of alphas below 1/255
     double threshold_distance = 1e9;  ///< nearest relative distance of an alpha to 1/255 or of T to 1e-4
 };
@@ -193,11 +196,14 @@ class BruteForce {
                 if (truncate) continue;
             }
             out.color += s.color * (t * alpha);
+            if (t > 0.5 && t * (1 - alpha) <= 0.5) out.median = s.color;
             t *= 1 - alpha;
+            out.half_distance = std::min(out.half_distance, std::abs(t - 0.5));
             out.threshold_distance = std::min(out.threshold_distance, std::abs(t * 1e4 - 1));
             if (truncate && t < 1e-4) break;
         }
         out.color += background * t;
+        out.transmittance = t;
         return out;
     }
     double max_color() const { return max_color_; }

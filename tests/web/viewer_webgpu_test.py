@@ -17,7 +17,7 @@ import zlib
 
 from browser import Browser, find_chromium, check
 from site_server import SOFTWARE_WEBGPU, Site, open_viewer, wait_for
-from viewer_scenes import BACKGROUND, header, message, padded, scene_file, trailer, unit
+from viewer_scenes import BACKGROUND, drop, header, message, padded, scene_file, trailer, unit
 
 # 56.3 and more were measured. A dilation of 0.28 in place of 0.3 in one way gives 44.7, a sort that leaves out the highest digits 21.6.
 LEAST_PSNR = 52
@@ -49,6 +49,21 @@ SAVED_AND_FILMED = """(async () => {
   frame.close();
   track.stop();
   return colors;
+})()"""
+
+# Counts what is compiled.
+COUNT_PIPELINES = """(() => {
+  window.compiled = 0;
+  for (const name of ['createShaderModule', 'createComputePipeline', 'createRenderPipeline']) {
+    const create = globalThis.GPUDevice?.prototype[name];
+    if (create) GPUDevice.prototype[name] = function (...given) { ++window.compiled; return create.apply(this, given); };
+  }
+})()"""
+
+# Files that are dropped from here on arrive when window.letGo() is called.
+HOLD_FILES = """(() => {
+  const { stream } = Blob.prototype, go = new Promise((resolve) => (window.letGo = resolve));
+  Blob.prototype.stream = function () { return stream.call(this).pipeThrough(new TransformStream({ transform: async (part, to) => (await go, to.enqueue(part)) })); };
 })()"""
 
 # Keeps the page's device, so that a test can take it away.
@@ -169,6 +184,36 @@ def check_page(browser, url, folder):
     check(all(abs(c - 255 * b) < 1 for c, b in zip(pixels(browser, "testViewPixels(0, 'full')"), BACKGROUND)), "without Gaussians there is the background")
 
 
+def check_compiled_once(browser, url):
+    """A second model, and the first again, take the pipelines that are there, and show what they hold."""
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=COUNT_PIPELINES)["identifier"]
+    open_by(browser, url, "webgpu", "ball.ngsplat")
+    first = pixels(browser, "testViewPixels(0, 'full')")
+    compiled = browser.evaluate("compiled")
+    for name, count in (("two.ngsplat", 2), ("ball.ngsplat", 3000)):
+        drop(browser, name, scene_file(count))
+        wait_for(browser, f"document.title.startsWith('{name}') && document.getElementById('meter').textContent.startsWith('{count:,} drawn')", f"{name} is drawn")
+        shown = pixels(browser, "testViewPixels(0, 'full')")
+        check((shown == first) == (count == 3000), f"{name}: the picture is its own")
+    check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} of the first model, then {browser.evaluate('compiled')}")
+    browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+
+
+def check_file_on_its_way(browser, url):
+    """What the user opened comes also where WebGL2 takes over before it is there, and the model before stays until then."""
+    for end, how in (("pictures are compared", "document.getElementById('compare-on').click()"), ("the device is lost", "device.destroy()")):
+        open_by(browser, url, "webgpu", "ball.ngsplat")
+        browser.evaluate(HOLD_FILES)
+        drop(browser, "next.ngsplat", scene_file(20))
+        wait_for(browser, "document.getElementById('notice').innerText.includes('next.ngsplat')", "a file is on its way")
+        browser.evaluate(how)
+        wait_for(browser, "gsapp.way === 'WebGL2' && document.title.startsWith('ball.ngsplat') && document.getElementById('meter').textContent.includes('3,000 drawn · sorted in')", f"{end}: the model before is shown again")
+        wait_for(browser, "document.getElementById('notice').innerText.includes('next.ngsplat')", f"{end}: the file is still on its way")
+        browser.evaluate("letGo()")
+        wait_for(browser, "document.title.startsWith('next.ngsplat') && document.getElementById('meter').textContent.startsWith('20 drawn')", f"{end}: the file is shown when it is there")
+        check(message(browser) == "", f"{end}: nothing is left to say: {message(browser)}")
+
+
 def check_end(browser, url):
     """Where the device is lost, and where pictures are compared, WebGL2 goes on; what the address says has to be there."""
     picture = "testViewPixels(0, 'full')"
@@ -215,6 +260,8 @@ def main():
         browser.errors.clear()
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=KEEP_DEVICE)
         check_page(browser, site.url, folder / "site")
+        check_compiled_once(browser, site.url)
+        check_file_on_its_way(browser, site.url)
         check_end(browser, site.url)
         check_order(browser, site.url, folder / "site")
         check(browser.errors == [], f"the console is silent: {browser.errors}")

@@ -2,48 +2,35 @@
 // The page: one renderer, at most one model, and what the user asked to see of it.
 
 import { AddressBar, formatAddress, parseAddress, type Address } from './address';
-import { runBenchmark, type BenchmarkResult } from './benchmark';
 import { CenterSample } from './camera/extent';
 import { Navigator } from './camera/navigator';
-import { turntable, type CameraPath } from './camera/path';
 import type { View } from './camera/view';
 import { Comparison } from './compare/comparison';
 import type { Site } from './compare/site';
+import { Films } from './films';
 import type { Scene } from './format/ngsplat';
 import type { Plane } from './format/reader';
 import { Levels, type Level } from './levels/levels';
 import { ModelLoader, type Stage } from './loader';
+import { Pictures, type Subject } from './pictures';
 import type { Mode } from './render/prepass';
 import { Renderer } from './render/renderer';
 import type { Picture, SceneRenderer } from './render/scene_renderer';
+import { Screen } from './screen';
 import { DEFAULTS, type Settings } from './settings';
 import { SortClient } from './sort/sort_client';
 import { BenchmarkPanel } from './ui/benchmark_panel';
-import { element, save } from './ui/elements';
-import { FilmPanel } from './ui/film_panel';
 import { toggleFullscreen } from './ui/fullscreen';
 import { onKeys } from './ui/keys';
 import { Meter } from './ui/meter';
 import { hideNotice, showError } from './ui/notice';
 import { Panel, sceneInfo } from './ui/panel';
-import { record } from './ui/recorder';
-import { WebGpuRenderer } from './webgpu/renderer';
-
-/** More pixels than this per CSS pixel are not seen, but paid for. */
-const MOST_DEVICE_PIXELS = 2;
 
 /** Milliseconds between two pictures of a model that is on its way. */
 const REFRESH = 200;
 
-interface Loaded {
-  name: string;
-  /** What the model is called on the page. */
-  title: string;
-  /** Nothing of it is still on its way. */
-  isComplete: boolean;
-  scene: Scene;
+interface Loaded extends Subject {
   sample: CenterSample;
-  navigator: Navigator;
   sorter?: SortClient;
 }
 
@@ -52,21 +39,17 @@ const orderKey = ({ position, right, forward, fx, fy, cx, cy, width, height }: V
   JSON.stringify([position, right, forward, fx, fy, cx, cy, width, height, size]);
 
 export class App implements Stage {
-  /** What the user points at, and where WebGL2 draws. */
-  private readonly canvas = element<HTMLCanvasElement>('canvas');
-  private renderer: SceneRenderer;
+  private readonly screen: Screen;
   private readonly panel: Panel;
-  private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.benchmark(frames, progress));
-  private readonly film = new FilmPanel({
-    view: () => this.model.navigator.current(),
-    show: (view) => this.move((navigator) => navigator.showExactly(view)),
-    turntable: () => turntable(this.model.navigator.current(), this.model.navigator.target, this.model.scene.up),
-    frame: () => this.model.scene.frame,
-    play: (path, seconds) => this.play(path, seconds),
-    record: (path, seconds) => record(this.renderer.canvas, () => this.play(path, seconds)),
-    stop: () => this.playing.abort(),
+  /** What is taken of the model as it is. */
+  readonly pictures = new Pictures({
+    model: () => this.model, renderer: () => this.renderer, signal: () => this.loader.signal, sort: (view) => this.sort(view),
+    picture: (mode, testView) => this.picture(mode, testView), drawView: (view, testView) => this.drawView(view, testView), redraw: () => this.redraw(),
   });
-  private playing = new AbortController();
+  private readonly benchmarkPanel = new BenchmarkPanel((frames, progress) => this.pictures.benchmark(frames, progress));
+  private readonly films = new Films({
+    model: () => this.model, canvas: () => this.renderer.canvas, show: (view) => this.move((navigator) => navigator.showExactly(view)), draw: () => this.draw(),
+  });
   private readonly meter = new Meter();
   private readonly comparison = new Comparison(() => this.redraw());
   private readonly levels = new Levels((file) => this.loader.showLevel(file), (detail) => this.change({ detail }));
@@ -79,67 +62,49 @@ export class App implements Stage {
   private wanted: string | undefined = location.hash;
   private sortedFor = '';
   private scheduled = false;
-  /** Something needs the model as it is. */
-  isReserved = false;
   /** A newer state of the model is there, but not all of it, or not its order: the picture before stays. */
   private awaitsOrder = false;
   private refreshing: ReturnType<typeof setTimeout> | undefined;
 
   /** Draws by WebGPU where there is a device, as long as that can. Throws RenderError where nothing can draw. */
   constructor(device?: GPUDevice) {
-    this.renderer = device ? new WebGpuRenderer(device, this.canvasBehind(), (message) => this.leaveWebGpu(message), () => this.meter.show(this.renderer.drawn)) : new Renderer(this.canvas);
+    this.screen = new Screen(device, {
+      resized: () => this.draw(), // at once: setting the size has cleared the picture
+      failed: (message) => this.leaveWebGpu(message),
+      counted: () => this.meter.show(this.renderer.drawn),
+    });
+    const savePicture = () => this.pictures.save();
     this.panel = new Panel({
       change: (settings) => this.change(settings),
       camera: (index) => this.move((navigator) => (index === undefined ? navigator.unpin() : navigator.pin(index))),
-      frame: this.frame, reset: this.reset, copyLink: () => this.copyLink(), savePicture: () => this.savePicture(),
+      frame: this.frame, reset: this.reset, copyLink: () => this.copyLink(), savePicture,
     });
     this.panel.show(this.settings);
-    const saved = () => void this.savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
-    onKeys(this.canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.film.add() }, () => this.playing.abort());
-    for (const event of ['pointerdown', 'wheel', 'keydown']) this.canvas.addEventListener(event, () => this.playing.abort());
+    const saved = () => void savePicture().catch((error: Error) => this.fail('The picture cannot be saved', error.message));
+    const { canvas } = this.screen, stop = () => this.films.stop();
+    onKeys(canvas, { f: this.frame, r: this.reset, x: toggleFullscreen, p: saved, k: () => this.loaded && this.films.addKeyframe() }, stop);
+    for (const event of ['pointerdown', 'wheel', 'keydown']) canvas.addEventListener(event, stop);
     addEventListener('hashchange', (event) => {
       const { hash } = new URL(event.newURL); // the address may have been brought up to date since
       if (this.loaded) this.apply(hash);
       else this.wanted = hash;
     });
-    this.canvas.addEventListener('webglcontextlost', () => this.lose());
-    this.canvas.addEventListener('webglcontextrestored', () => void this.loader.restore());
-    new ResizeObserver(this.resize).observe(this.canvas);
-    addEventListener('resize', this.resize); // another density of the screen may become known after the size
+    canvas.addEventListener('webglcontextlost', () => this.lose());
+    canvas.addEventListener('webglcontextrestored', () => void this.loader.restore());
   }
 
-  /** A canvas for WebGPU: one that has drawn by one way cannot draw by the other. */
-  private canvasBehind(): HTMLCanvasElement {
-    const canvas = document.createElement('canvas');
-    canvas.id = 'webgpu-canvas';
-    canvas.ariaHidden = 'true';
-    this.canvas.before(canvas);
-    return canvas;
+  private get renderer(): SceneRenderer {
+    return this.screen.renderer;
   }
 
-  private readonly resize = () => {
-    const scale = Math.min(devicePixelRatio, MOST_DEVICE_PIXELS);
-    this.renderer.setSize(Math.max(1, Math.round(scale * this.canvas.clientWidth)), Math.max(1, Math.round(scale * this.canvas.clientHeight)));
-    this.draw(); // at once: setting the size has cleared the picture
-  };
-
-  /** From here on WebGL2 draws. There must be no scene. */
-  private useWebGl(): void {
-    this.renderer.forget();
-    this.renderer.canvas.remove();
-    this.renderer = new Renderer(this.canvas);
-    this.resize();
-  }
-
-  /** The same where there may be a scene, which is read again. `message` says why. */
+  /** From here on WebGL2 draws; a scene is read again. `message` says why. */
   private leaveWebGpu(message: string): void {
     console.info(`WebGL2 draws from here on: ${message}`);
-    this.playing.abort();
     if (this.loaded) this.wanted = this.fragment();
     this.loader.stop();
     this.unload();
     try {
-      this.useWebGl();
+      this.screen.useWebGl();
     } catch (error) {
       return this.fail('This model cannot be drawn', (error as Error).message);
     }
@@ -196,22 +161,13 @@ export class App implements Stage {
     return this.wanted === undefined ? this.settings.detail : parseAddress(this.wanted).settings.detail;
   }
 
+  get isReserved(): boolean {
+    return this.pictures.isReserved;
+  }
+
   private get model(): Loaded {
     if (!this.loaded) throw new Error('There is no model yet.');
     return this.loaded;
-  }
-
-  /** Shows a path in its time, until the user moves or stops it, or another model comes. */
-  private async play(path: CameraPath, seconds: number): Promise<void> {
-    this.playing.abort();
-    const { signal } = (this.playing = new AbortController()), { navigator } = this.model, begin = performance.now();
-    for (let time = 0; !signal.aborted && this.loaded?.navigator === navigator; ) {
-      navigator.showExactly(path(time));
-      this.draw();
-      if (time === 1) return;
-      await new Promise(requestAnimationFrame);
-      time = Math.min(1, (performance.now() - begin) / 1000 / seconds);
-    }
   }
 
   private async copyLink(): Promise<string> {
@@ -225,28 +181,12 @@ export class App implements Stage {
     return `Copied.${file}`;
   }
 
-  /** The picture as it is on the screen, as PNG. */
-  private async savePicture(): Promise<string> {
-    const { blob, title, view } = await this.reserve(async (loaded) => {
-      const { navigator, title } = loaded, { canvas } = this.renderer, view = navigator.view(canvas.width, canvas.height);
-      await this.sort(view);
-      if (this.loaded !== loaded) throw new Error('Another model has come meanwhile.');
-      this.drawView(view, navigator.pinned);
-      // Asked for before anything else runs: the browser clears the canvas when it has shown it.
-      return { title, view, blob: await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve)) };
-    });
-    if (!blob) throw new Error('The browser cannot make a PNG file of this size.');
-    save(blob, `${title}.png`);
-    return `Saved, ${view.width} × ${view.height} pixels.`;
-  }
-
   fail(title: string, message: string): void {
     showError(title, message, this.loaded !== undefined);
   }
 
   /** The device is gone, and all on it. What is deleted now, before another one comes, needs no device. */
   private lose(): void {
-    this.playing.abort();
     if (this.loaded) this.wanted = this.fragment();
     const smaller = this.levels.smallerAfterLoss();
     this.loader.stop(smaller);
@@ -267,21 +207,10 @@ export class App implements Stage {
     this.loaded = undefined;
     this.renderer.clearScene();
     if (keep) return;
+    this.films.stop();
     this.comparison.setScene(undefined);
     this.levels.clear();
     document.body.classList.remove('loaded');
-  }
-
-  private beginDrawing(scene: Scene): void {
-    if (!this.renderer.canvas.isConnected) this.useWebGl(); // which could not be done before
-    try {
-      this.renderer.beginScene(scene);
-    } catch (error) {
-      if (this.renderer instanceof Renderer) throw error;
-      console.info(`WebGL2 draws from here on: ${(error as Error).message}`);
-      this.useWebGl();
-      this.renderer.beginScene(scene);
-    }
   }
 
   /** Shows a scene whose texels follow, with `keepCamera` from where the camera is. */
@@ -289,7 +218,7 @@ export class App implements Stage {
     const keep = keepCamera ? this.loaded?.navigator : undefined;
     this.unload(keep); // first, so that both need not fit into memory
     try {
-      this.beginDrawing(scene);
+      this.screen.beginScene(scene);
     } catch (error) {
       keep?.dispose();
       this.unload();
@@ -298,7 +227,7 @@ export class App implements Stage {
     document.body.classList.add('loaded');
     if (keep) this.comparison.replaceScene(scene);
     else this.comparison.setScene(scene);
-    const navigator = keep ?? new Navigator(scene, this.canvas, () => this.redraw());
+    const navigator = keep ?? new Navigator(scene, this.screen.canvas, () => this.redraw());
     if (keep) keep.setScene(scene);
     else navigator.setMovement(this.settings.movement);
     this.awaitsOrder = keep !== undefined && scene.count > 0;
@@ -407,19 +336,6 @@ export class App implements Stage {
     }
   }
 
-  /** The order that `work` sorts for stays: nothing else is drawn meanwhile. */
-  private async reserve<T>(work: (loaded: Loaded) => Promise<T>): Promise<T> {
-    if (this.isReserved) throw new Error('another one is running');
-    const { model } = this;
-    this.isReserved = true;
-    try {
-      return await work(model);
-    } finally {
-      this.isReserved = false;
-      this.redraw();
-    }
-  }
-
   /** What lies beside the model, of which `file` is shown. */
   setSite(site: Site, file = ''): void {
     this.comparison.setSite(site);
@@ -430,43 +346,5 @@ export class App implements Stage {
   firstLevel(levels: Level[], tooLarge?: number): string {
     if (tooLarge !== undefined) this.levels.refuse(tooLarge);
     return this.levels.begin(levels, this.wantedDetail);
-  }
-
-  /** A test view at its own size and pose: rgba bytes from the upper left. */
-  testViewPixels(index: number, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
-    return this.reserve(async ({ scene }) => {
-      const view = scene.testCameras[index];
-      await this.sort(view);
-      return { width: view.width, height: view.height, pixels: await this.renderer.renderPixels(view, this.picture(mode, index), precision) };
-    });
-  }
-
-  /** The same from any pose: world from camera as in a test view, with its size and intrinsics. */
-  viewPixels(view: View, mode: Mode, precision = this.renderer.precision): Promise<{ width: number; height: number; pixels: Uint8Array }> {
-    return this.reserve(async () => {
-      await this.sort(view);
-      return { width: view.width, height: view.height, pixels: await this.renderer.renderPixels(view, this.picture(mode, undefined), precision) };
-    });
-  }
-
-  /** Which way the page draws. */
-  get way(): SceneRenderer['way'] {
-    return this.renderer.way;
-  }
-
-  /** The order in which a test view's Gaussians are drawn. */
-  testViewOrder(index: number): Promise<Uint32Array> {
-    return this.reserve(async ({ scene }) => {
-      const view = scene.testCameras[index];
-      await this.sort(view);
-      await this.renderer.renderPixels(view, this.picture('full', index));
-      return this.renderer.order();
-    });
-  }
-
-  benchmark(framesPerView: number, progress: (part: number) => void = () => undefined): Promise<BenchmarkResult> {
-    if (this.loaded?.isComplete === false) return Promise.reject(new Error('the model is still on its way'));
-    return this.reserve(({ name, scene }) =>
-      runBenchmark(this.renderer, scene, name, (view) => this.sort(view), framesPerView, progress, this.loader.signal));
   }
 }

@@ -34,6 +34,12 @@ export interface Stage {
   fail(title: string, message: string): void;
 }
 
+/** Begins to read a file. */
+type Open = (signal: AbortSignal) => Promise<Source>;
+
+/** Where a file is: beside the page, where its address leads, or elsewhere. */
+type Place = 'beside' | 'address' | 'elsewhere';
+
 /** Something else needs the model as it is. */
 class Busy extends Error {}
 
@@ -44,6 +50,8 @@ export class ModelLoader {
   private loading = new AbortController();
   /** Opens the model again that is shown, and whether its address does so elsewhere. */
   private again: { open: () => Promise<void>; inAddress: boolean } | undefined;
+  /** Opens the file again that the user wants to see and that is not shown yet. */
+  private coming: (() => Promise<void>) | undefined;
 
   constructor(private readonly stage: Stage) {}
 
@@ -57,35 +65,48 @@ export class ModelLoader {
     return this.again?.inAddress ?? false;
   }
 
-  /** Nothing more comes. Where a file is named, this one is opened when the model is to be shown again. */
+  /** Nothing more comes until `restore`. Where a file is named, this one is opened when the model is to be shown again. */
   stop(instead?: string): void {
     this.loading.abort();
     this.loading = new AbortController();
     if (instead !== undefined) this.setAgain(() => this.openBeside(instead), true);
   }
 
-  /** The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. */
+  /**
+   * The device is back, but the file's bytes were let go of: reads it again, and shows what was seen. Then comes the file that was on its way to
+   * replace it, unless the user has chosen another one meanwhile.
+   */
   async restore(): Promise<void> {
     if (!this.again) return showWelcome();
+    const { coming } = this;
     await this.again.open();
+    if (coming && coming === this.coming) await coming();
   }
 
   /** Opens a file beside the page, whatever the device has. */
   private openBeside(file: string): Promise<void> {
-    return this.open((signal) => fetchSource(file, signal), 'beside', true);
+    return this.read((signal) => fetchSource(file, signal), 'beside', true);
   }
 
   /**
    * Reads and shows a file. Where nothing is shown, what has arrived of it is, and is taken away again if the rest is not what it should be;
    * else what was there before stays until the file is there as a whole, also where it cannot be read. What fails is said on the page.
-   * `from` says where the file is: beside the page, where its address leads, or elsewhere. Beside the page may be coarser levels, of which one is
-   * shown instead where this one does not suit the device; not `anyway`.
+   * Beside the page may be coarser levels, of which one is shown instead where this one does not suit the device; not `anyway`.
    */
-  async open(source: (signal: AbortSignal) => Promise<Source>, from: 'beside' | 'address' | 'elsewhere' = 'address', anyway = from !== 'beside'): Promise<void> {
+  open(source: Open, from: Place = 'address'): Promise<void> {
+    const open = () => this.read(source, from, from !== 'beside', open);
+    this.coming = open;
+    return open();
+  }
+
+  /** The same; `again` does it again. */
+  private async read(source: Open, from: Place, anyway: boolean, again: () => Promise<void> = () => this.read(source, from, anyway)): Promise<void> {
     this.loading.abort();
     const { signal } = (this.loading = new AbortController());
+    const isHere = () => {
+      if (this.coming === again) this.coming = undefined;
+    };
     this.stage.dropPart();
-    const again = () => this.open(source, from, anyway);
     if (!this.stage.shown) this.setAgain(again, from !== 'elsewhere'); // the device may be lost before the file is there
     let name = 'the model', header: Scene | undefined;
     try {
@@ -96,6 +117,7 @@ export class ModelLoader {
         header = scene;
         if (!anyway) this.requireSuitable(scene);
         this.setAgain(again, from !== 'elsewhere'); // what was shown is let go of now
+        isHere();
         begin(scene);
       };
       const { bytes, remarks } = await readModel(found, { begin: ifSuitable, rows }, {
@@ -107,6 +129,7 @@ export class ModelLoader {
       if (from === 'beside') await this.readSite(name);
     } catch (error) {
       if (signal.aborted) return; // another file is on its way
+      isHere();
       this.stage.dropPart();
       if (!anyway && header && (error instanceof Unsuitable || error instanceof RenderError)) return this.openLevel(header, error);
       this.stage.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);

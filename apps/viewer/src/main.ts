@@ -2,6 +2,7 @@
 import { App } from './app';
 import { fetchSource } from './format/load';
 import { Live } from './live/live';
+import type { Pictures } from './pictures';
 import { onFile } from './ui/drop';
 import { showError, showWelcome } from './ui/notice';
 import { findDevice } from './webgpu/device';
@@ -9,7 +10,7 @@ import { findDevice } from './webgpu/device';
 /** What tests of the page use, as `window.gsapp`; it is there once the first model is shown or could not be. */
 declare global {
   interface Window {
-    gsapp?: Pick<App, 'testViewPixels' | 'viewPixels' | 'testViewOrder' | 'way' | 'benchmark'>;
+    gsapp?: Pick<Pictures, 'testViewPixels' | 'viewPixels' | 'testViewOrder' | 'way' | 'benchmark'>;
     /** The same from the beginning, while the first model is on its way. */
     gsappLoading?: Window['gsapp'];
   }
@@ -35,7 +36,8 @@ async function openFirst(app: App): Promise<void> {
 document.body.classList.toggle('embedded', given.has('embed'));
 let app: App | undefined;
 try {
-  app = window.gsappLoading = new App(await findDevice(given.get('gpu')));
+  app = new App(await findDevice(given.get('gpu')));
+  window.gsappLoading = app.pictures;
 } catch (error) {
   showError('The viewer cannot start', (error as Error).message, false);
   // Nothing can be shown; the message says why.
@@ -44,5 +46,5 @@ try {
 onFile(app && ((source) => void app.loader.open(source, 'elsewhere')));
 if (app) {
   await openFirst(app);
-  window.gsapp = app;
+  window.gsapp = app.pictures;
 }

@@ -48,10 +48,12 @@ TEST(DepthColors, GoFromYellowToPurple) {
 }
 
 TEST(DepthColors, RangeIsStatedInJson) {
-    const auto json = parse_json(depth_range_text({1.5, 20}));
+    const auto json = parse_json(depth_range_text({1.5, 20}, DepthKind::kExpected));
     EXPECT_EQ(json["near"], 1.5);
     EXPECT_EQ(json["far"], 20);
-    EXPECT_TRUE(json["values"].is_string());
+    EXPECT_NE(json["values"].get<std::string>().find("expected"), std::string::npos);
+    const auto median = parse_json(depth_range_text({1.5, 20}, DepthKind::kMedian));
+    EXPECT_NE(median["values"].get<std::string>().find("median"), std::string::npos);
 }
 
 }  // namespace

@@ -64,14 +64,15 @@ TEST(FrameFolder, KnowsPartsAndLeavesOtherFilesAlone) {
     fs::create_directory(folder / "mine");
     temporary.write("mine/00007.png", "");
     const Names before = contents(folder);
-    write(folder, {"00000.png", "depth/00000.exr", "depth/00000.png", "depth/range.json"});
+    write(folder, {"00000.png", "depth/00000.exr", "depth/00000.png", "depth/range.json", "median_depth/00000.png",
+                   "median_depth/range.json"});
     EXPECT_THROW(write(folder, {"00000.png"}), UsageError) << "depths of another call would stay";
     EXPECT_THROW(write(folder, {"full/00000.png"}), UsageError);
     write(folder, {"full/00000.png"}, true);
     Names after = before;
     after.push_back("full/00000.png");
     std::sort(after.begin(), after.end());
-    EXPECT_EQ(contents(folder), after) << "frames are gone, with the folder depth, and nothing else";
+    EXPECT_EQ(contents(folder), after) << "frames are gone, with their folders, and nothing else";
 }
 
 TEST(FrameFolder, StaysAsItWasWithoutCommit) {

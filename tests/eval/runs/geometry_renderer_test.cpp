@@ -113,6 +113,45 @@ TEST(GeometryRenderer, DepthOfTwoGaussiansIsTheirMeanByWeight) {
     }
 }
 
+TEST(GeometryRenderer, MedianDepthIsThatOfOneGaussian) {
+    const test::TinyRun saved;
+    const auto median = [&](const std::vector<Ball>& balls) {
+        const SavedRun run = run_of(saved, balls);
+        return GeometryRenderer(run).depth(camera(), DepthKind::kMedian);
+    };
+    const auto ball = [](float z, float opacity) {
+        const float size = std::log(0.2f * z);
+        return Ball{{0, 0, z}, {size, size, size}, {1, 0, 0, 0}, opacity};
+    };
+    // A stack of which each takes away 0.3 of the light: 0.7, then 0.49. The last two are over the channels' border.
+    const float third = std::log(0.3f / 0.7f);
+    for (const auto& [front, behind] : {std::pair{2.f, 5.f}, {100.f, 400.f}}) {
+        EXPECT_NEAR(middle(median({ball(behind, third), ball(front, third), ball(2 * behind, 5)})), behind,
+                    1e-6 * behind);
+        EXPECT_NEAR(middle(median({ball(behind, third), ball(front, 0.1f)})), front, 1e-6 * front);
+    }
+    EXPECT_EQ(middle(median({ball(2, third)})), 0) << "more than half of the light comes from the background";
+    EXPECT_EQ(median({ball(2, 5)})[0], 0) << "nothing is in the corner";
+    EXPECT_EQ(median({})[0], 0);
+}
+
+TEST(GeometryRenderer, MedianDepthAtAnEdgeIsOnOneOfBothSurfaces) {
+    const test::TinyRun saved;
+    // A ball before a wall: the expected depth goes from one to the other in between.
+    const SavedRun run = run_of(saved, {{{0, 0, 2}, {-1.5f, -1.5f, -1.5f}}, {{0, 0, 6}, {3, 3, -6}, {1, 0, 0, 0}, 6}});
+    GeometryRenderer renderer(run);
+    const std::vector<float> mean = renderer.depth(camera()), median = renderer.depth(camera(), DepthKind::kMedian);
+    int near = 0, far = 0, between = 0;
+    for (std::size_t i = 0; i < mean.size(); ++i) {
+        near += std::abs(median[i] - 2) < 1e-5, far += std::abs(median[i] - 6) < 1e-5;
+        between += mean[i] > 2.2 && mean[i] < 5.8;
+    }
+    EXPECT_EQ(near + far, 21 * 21);
+    EXPECT_GT(near, 10);
+    EXPECT_GT(far, 10);
+    EXPECT_GT(between, 10);
+}
+
 TEST(GeometryRenderer, NormalsAreTheShortestAxesTurnedToTheCamera) {
     const test::TinyRun saved;
     const auto normal = [&](const Ball& ball, const Camera& c = camera()) {

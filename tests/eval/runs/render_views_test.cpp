@@ -54,19 +54,22 @@ TEST(RenderViews, WritesDepthNormalsAndAlphaBesidePictures) {
     std::vector<View> views = run.scene.test;
     views.resize(2);
     for (const bool decompose : {false, true}) {
-        const RenderParts parts = {decompose, true, true, true};
+        const RenderParts parts = {decompose, true, true, true, true};
         const auto folder = saved.folder.path() / (decompose ? "decomposed" : "plain");
         render_views(run, views, run.correction, parts, folder);
         std::vector<std::string> expected = render_files(parts, 2);
         std::sort(expected.begin(), expected.end());
         EXPECT_EQ(files_in(folder), expected);
-        EXPECT_EQ(expected.size(), decompose ? 19u : 15u);
+        EXPECT_EQ(expected.size(), decompose ? 24u : 20u);
         const Camera& camera = views[1].camera;
         const double z = (camera.rotation * Eigen::Vector3d(0, 0, 0.3) + camera.translation).z();
         EXPECT_NEAR(read_image(folder / "depth/00001.exr").value(20, 14, 0), z, 1e-5);
         EXPECT_EQ(read_image(folder / "depth/00001.exr").value(0, 0, 0), 0) << "whatever the background is";
         EXPECT_EQ(read_image(folder / "depth/00001.png").value(0, 0, 0), 0);
         EXPECT_GT(read_image(folder / "depth/00001.png").value(20, 14, 1), 0);
+        EXPECT_NEAR(read_image(folder / "median_depth/00001.exr").value(20, 14, 0), z, 1e-5);
+        EXPECT_EQ(read_image(folder / "median_depth/00001.exr").value(0, 0, 0), 0);
+        EXPECT_GT(read_image(folder / "median_depth/00001.png").value(20, 14, 1), 0);
         EXPECT_GT(read_image(folder / "alpha/00001.exr").value(20, 14, 0), 0.9f);
         EXPECT_EQ(read_image(folder / "alpha/00001.exr").value(0, 0, 0), 0);
         EXPECT_GT(read_image(folder / "alpha/00001.png").value(20, 14, 0), 0.9f);
@@ -88,8 +91,8 @@ TEST(RenderViews, AnEmptyModelIsBackgroundWithAlphaZero) {
     views.resize(2);
     views[1].camera.width = views[1].camera.height = 1;
     const auto folder = saved.folder.path() / "empty";
-    render_views(run, views, run.correction, {false, true, true, true}, folder);
-    for (const char* part : {"alpha", "depth", "normals"})
+    render_views(run, views, run.correction, {false, true, true, true, true}, folder);
+    for (const char* part : {"alpha", "depth", "median_depth", "normals"})
         for (const char* frame : {"00000", "00001"})
             for (const char* extension : {"exr", "png"}) {
                 const Image image = read_image(folder / part / (std::string(frame) + "." + extension));

@@ -17,9 +17,27 @@ export function bind(device: GPUDevice, layout: GPUBindGroupLayout, buffers: GPU
   return device.createBindGroup({ layout, entries: buffers.map((buffer, binding) => ({ binding, resource: { buffer } })) });
 }
 
+/** What `once` made. */
+const made = new WeakMap<GPUDevice, Map<string, object>>();
+
+/** What `make` makes, once on a device for each `description`: compiling takes time, and most shaders are those of the model before. */
+export function once<T extends object>(device: GPUDevice, description: string, make: () => T): T {
+  const things = made.get(device) ?? new Map<string, object>();
+  made.set(device, things);
+  const thing = (things.get(description) as T | undefined) ?? make();
+  things.set(description, thing);
+  return thing;
+}
+
+export function shaderModule(device: GPUDevice, code: string): GPUShaderModule {
+  return once(device, code, () => device.createShaderModule({ code }));
+}
+
+/** A pipeline takes the buffers of any layout that is equal to `layout`. */
 export function computePipeline(device: GPUDevice, layout: GPUBindGroupLayout, code: string, entryPoint: string, constants: Record<string, number> = {}): GPUComputePipeline {
-  const module = device.createShaderModule({ code });
-  return device.createComputePipeline({ layout: device.createPipelineLayout({ bindGroupLayouts: [layout] }), compute: { module, entryPoint, constants } });
+  return once(device, JSON.stringify([entryPoint, constants, code]), () => device.createComputePipeline({
+    layout: device.createPipelineLayout({ bindGroupLayouts: [layout] }), compute: { module: shaderModule(device, code), entryPoint, constants },
+  }));
 }
 
 /** Zeros, `bytes` of them; a buffer is never empty. */

@@ -9,7 +9,7 @@ import { splatDefines, splatValues, type SplatStyle } from '../render/splats';
 import type { Precision } from '../render/target';
 import { isInBytes, type ColorPass } from './color_pass';
 import type { DepthOrder } from './depth_order';
-import { bind, bufferLayout, storage } from './kernel';
+import { bind, bufferLayout, once, shaderModule, storage } from './kernel';
 import { Parameters } from './parameters';
 import type { SceneBuffers } from './scene_buffers';
 import splatsCode from './splats.wgsl?raw';
@@ -35,11 +35,14 @@ export class SplatPass {
 
   private pipeline(precision: Precision): GPURenderPipeline {
     const over = { srcFactor: 'one', dstFactor: 'one-minus-src-alpha', operation: 'add' } as const;
-    const module = this.device.createShaderModule({ code: `const kEightBits = ${isInBytes(this.scene.scene, precision)};\n${this.code}` });
-    return this.device.createRenderPipeline({
-      layout: this.device.createPipelineLayout({ bindGroupLayouts: [this.layout] }), vertex: { module, entryPoint: 'corner' },
-      fragment: { module, entryPoint: 'blend', targets: [{ format: TARGET_FORMATS[precision], blend: { color: over, alpha: over } }] },
-      primitive: { topology: 'triangle-strip' },
+    const code = `const kEightBits = ${isInBytes(this.scene.scene, precision)};\n${this.code}`, format = TARGET_FORMATS[precision];
+    return once(this.device, JSON.stringify([format, code]), () => {
+      const module = shaderModule(this.device, code);
+      return this.device.createRenderPipeline({
+        layout: this.device.createPipelineLayout({ bindGroupLayouts: [this.layout] }), vertex: { module, entryPoint: 'corner' },
+        fragment: { module, entryPoint: 'blend', targets: [{ format, blend: { color: over, alpha: over } }] },
+        primitive: { topology: 'triangle-strip' },
+      });
     });
   }
 
