@@ -18,7 +18,10 @@ class CudaRankDevice final : public RankDevice {
     }
     bool is_idle() override {
         const cudaError_t status = cudaStreamQuery(stream_);
-        if (status == cudaErrorNotReady) return false;
+        if (status == cudaErrorNotReady) {
+            cudaGetLastError();  // is no error, but would be the last one
+            return false;
+        }
         cuda_check(status, "cudaStreamQuery(stream_)");
         return true;
     }

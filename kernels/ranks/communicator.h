@@ -26,7 +26,7 @@ struct Traffic {
     std::int64_t messages = 0;          ///< sent or received
     std::int64_t exchanges = 0;         ///< calls of exchange()
     std::int64_t device_exchanges = 0;  ///< those of them whose arrays lay on a device
-    double seconds = 0;                 ///< in these calls, waiting for other ranks included
+    double seconds = 0;                 ///< in these calls, waiting for other ranks and for the own device included
 
     Traffic operator-(const Traffic& before) const {
         return {sent - before.sent,
@@ -50,7 +50,7 @@ class DeviceLink {
     /// Names it: "NCCL 2.28.3".
     virtual std::string name() const = 0;
     /// Sends out[r] to every other rank r and receives in[r] from it, all of them on `device`, when that has done what
-    /// it was told before. Waits for the end. Throws DeviceError when a rank is lost.
+    /// it was told before. What `device` is told later finds all of it there. Throws DeviceError when a rank is lost.
     virtual void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sends arrays from device to device by NCCL. No call waits inside NCCL or CUDA, so that the end of a training, which
-// another thread asks for, is seen while a rank that is gone keeps this one waiting.
+// Sends arrays from device to device by NCCL. No call waits for other ranks inside NCCL or CUDA, so that the end of a
+// training, which another thread asks for, is seen while a rank that is gone keeps this one waiting.
 #include <chrono>
 #include <cstdint>
 #include <cstring>
