@@ -54,9 +54,9 @@ void RunWriter::write_start(const PointCloud& first_points) const {
     write_input_points(folder_, first_points, scene_.frame);
 }
 
-void RunWriter::open_log(std::int64_t iteration) {
+void RunWriter::open_log(std::int64_t iteration, bool at_end) {
     check_folder();
-    log_.emplace(folder_.train_log(), iteration);
+    log_.emplace(folder_.train_log(), iteration, at_end);
 }
 
 void RunWriter::log_change(const ScheduledChange& change, std::int64_t iteration) {

@@ -40,8 +40,9 @@ class RunWriter {
     /// Writes config.yaml of a resumed run, whose options may have changed.
     void write_config() const;
 
-    /// Opens stats/train.jsonl and keeps its lines up to `iteration`. Must be called before the first line is written.
-    void open_log(std::int64_t iteration);
+    /// Opens stats/train.jsonl and keeps its lines up to `iteration`; `at_end` as for TrainLog. Must be called before
+    /// the first line is written.
+    void open_log(std::int64_t iteration, bool at_end);
     const TrainLog& opened_log() const { return *log_; }
     /// Writes one line, which must have "event" and "iteration".
     void log(const nlohmann::json& line) {

@@ -19,7 +19,7 @@
 
 namespace gs {
 
-TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : path_(path) {
+TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration, bool at_end) : path_(path) {
     std::string kept;
     if (iteration > 0 && path_exists(path)) {
         std::ifstream in = open_input(path);
@@ -28,6 +28,7 @@ TrainLog::TrainLog(const std::filesystem::path& path, std::int64_t iteration) : 
             const bool numbered =
                 json.is_object() && json.contains("iteration") && json["iteration"].is_number_integer();
             if (!numbered || json["iteration"] > iteration) continue;
+            if (at_end && json["iteration"] == iteration && json.contains("final")) continue;
             kept += line + "\n";
             if (json.contains("event") && json["event"] == "photometric" && json.contains("reason") &&
                 json["reason"].is_string())

@@ -10,9 +10,10 @@ namespace gs {
 
 class TrainLog {
   public:
-    /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. Throws
+    /// Keeps the lines up to `iteration` that an earlier part of the run wrote, and appends after them. `at_end`: the
+    /// run has all its iterations and only ends once more, so "final" lines of `iteration` are left out. Throws
     /// DataError.
-    TrainLog(const std::filesystem::path& path, std::int64_t iteration);
+    TrainLog(const std::filesystem::path& path, std::int64_t iteration, bool at_end);
     ~TrainLog();
     TrainLog(const TrainLog&) = delete;
     TrainLog& operator=(const TrainLog&) = delete;

@@ -123,6 +123,16 @@ class Trainings:
             check(process.returncode == 0, f"{case} after {kills} kills: exit {process.returncode}: {message}")
             return run, kills
 
+    def resumed_at_its_end(self, case, whole):
+        """Resumes a copy of a training that has ended. Returns its folder."""
+        run = self.folder / f"{case}-ended"
+        shutil.copytree(whole, run)
+        (run / "results.json").unlink()
+        process = self.start(["-m", str(run), "--resume", "latest"])
+        message = process.communicate()[1]
+        check(process.returncode == 0, f"{case} after its end: exit {process.returncode}: {message}")
+        return run
+
     @staticmethod
     def moment(run):
         """What a run that was killed had done."""
@@ -145,7 +155,10 @@ def main():
     with tempfile.TemporaryDirectory(prefix="gsapp-test-") as name:
         trainings = Trainings(arguments, pathlib.Path(name))
         whole = {case: trainings.uninterrupted(case) for case in CASES}
+        # A run that was killed when all but its last file was there.
         kills = runs = compared = 0
+        for case, (run, _) in whole.items():
+            compared += compare(run, trainings.resumed_at_its_end(case, run), case)
         while kills < arguments.kills:
             for case, (run, seconds) in whole.items():
                 most = min(-(-arguments.kills // len(CASES)), arguments.kills - kills)

@@ -111,7 +111,7 @@ std::vector<Target> run_targets() {
                  "{\"event\": \"step\", \"iteration\": 100, \"loss\": 0.5}\n{\"event\": \"densify\", \"iteration\": "
                  "200, \"added\": 3}\n{\"event\""};
          },
-         [](const std::string& bytes) { TrainLog(put("stats/train.jsonl", bytes), 150); }},
+         [](const std::string& bytes) { TrainLog(put("stats/train.jsonl", bytes), 150, true); }},
     };
 }
 
