@@ -15,7 +15,7 @@ from browser import Browser, find_chromium, check
 from site_server import PSNR, SOFTWARE_WEBGPU, Site, open_viewer
 
 # Arguments of gsapp train. All degrees of sh and neural have joined at a tenth of a run.
-GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "1200"]
+GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "700"]
 CASES = {
     "none": GLOSSY,
     "sh": GLOSSY,
@@ -27,7 +27,7 @@ CASES = {
     "neural_3layers": GLOSSY,
     "sh, mixed": GLOSSY + ["--appearance-share", "0.3"],
     "neural, mixed": GLOSSY + ["--appearance-share", "0.3"],
-    "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
+    "none, photometric": ["-s", "builtin:exposure", "-r", "4", "--cap-max", "5000", "--iterations", "600", "--ppisp", "on", "--controller-iterations", "60"],
 }
 VIEWS = {"webgl": (0, 3, 7), "webgpu": (3,)}
 MODES = ("full", "base", "residual")

@@ -4,6 +4,7 @@
 import type { View } from '../src/camera/view';
 import { crc32 } from '../src/format/crc32';
 import { readParts } from '../src/format/load';
+import { partsOf } from '../src/format/parts';
 import { TEXTURE_WIDTH } from '../src/format/ngsplat';
 import { SceneReader } from '../src/format/reader';
 import { DepthSorter } from '../src/sort/sort';
@@ -102,7 +103,7 @@ async function benchLoading(count: number): Promise<void> {
   }, 0);
   const begin = performance.now();
   let measuring = 0;
-  await readParts({ name: 'f', size, stream }, (part) => {
+  await readParts({ name: 'f', size, parts: partsOf(stream) }, (part) => {
     reader.push(part);
     if (++parts % 100) return;
     const from = performance.now();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { afterEach, describe, expect, it, vi } from 'vitest';
 import { fetchSource, peekHead, readAll, readParts } from '../src/format/load';
+import { partsOf } from '../src/format/parts';
 
 const PART = 700_000;
 
@@ -12,7 +13,7 @@ function streamOf(parts: number): ReadableStream<Uint8Array> {
 describe('readParts', () => {
   it('takes all parts in their order', async () => {
     const seen: number[][] = [];
-    await readParts({ name: 'f', stream: streamOf(3) }, (part) => seen.push([part[0], part.at(-1)!, part.length]));
+    await readParts({ name: 'f', parts: partsOf(streamOf(3)) }, (part) => seen.push([part[0], part.at(-1)!, part.length]));
     expect(seen).toEqual([[0, 0, PART], [1, 1, PART], [2, 2, PART]]);
   });
 
@@ -22,7 +23,7 @@ describe('readParts', () => {
       for (const begin = performance.now(); performance.now() - begin < 5;);
     };
     const stream = new ReadableStream<Uint8Array>({ start: (c) => (c.enqueue(new Uint8Array(40 << 20)), c.close()) });
-    await readParts({ name: 'f', stream }, work);
+    await readParts({ name: 'f', parts: partsOf(stream) }, work);
     clearInterval(timer);
     expect(others).toBeGreaterThanOrEqual(5); // 200 ms of work in one part
   });
@@ -30,7 +31,7 @@ describe('readParts', () => {
   it('lets go of a transfer that is no longer wanted', async () => {
     let cancelled = false;
     const stream = new ReadableStream<Uint8Array>({ pull: (c) => c.enqueue(new Uint8Array(10)), cancel: () => void (cancelled = true) });
-    await expect(readParts({ name: 'f', stream }, () => { throw new Error('enough'); })).rejects.toThrow('enough');
+    await expect(readParts({ name: 'f', parts: partsOf(stream) }, () => { throw new Error('enough'); })).rejects.toThrow('enough');
     expect(cancelled).toBe(true);
   });
 });
@@ -55,6 +56,33 @@ describe('fetchSource', () => {
   });
 });
 
+describe('partsOf', () => {
+  it('fills the same memory where the stream can', async () => {
+    const left = [[1, 2, 3], [4, 5]], taken: number[] = [];
+    const parts = partsOf(new ReadableStream({
+      type: 'bytes',
+      pull(controller) {
+        const { view } = controller.byobRequest!, next = left.shift();
+        taken.push(view!.byteLength);
+        if (next) new Uint8Array(view!.buffer).set(next);
+        else controller.close();
+        controller.byobRequest!.respond(next?.length ?? 0);
+      },
+    }));
+    expect([...(await parts.read())!]).toEqual([1, 2, 3]);
+    expect([...(await parts.read())!]).toEqual([4, 5]);
+    expect(await parts.read()).toBeUndefined();
+    expect(taken).toEqual([1 << 20, 1 << 20, 1 << 20]);
+  });
+
+  it('takes what comes where the stream cannot', async () => {
+    const parts = partsOf(streamOf(2));
+    expect((await parts.read())!.length).toBe(PART);
+    expect((await parts.read())![0]).toBe(1);
+    expect(await parts.read()).toBeUndefined();
+  });
+});
+
 it.each([1, 3, 16, 100])('the head of a file is seen without taking it, in parts of %d bytes', async (size) => {
   for (const length of [0, 5, 16, 40]) {
     const bytes = Uint8Array.from({ length }, (_, i) => i);
@@ -64,7 +92,7 @@ it.each([1, 3, 16, 100])('the head of a file is seen without taking it, in parts
         controller.close();
       },
     });
-    const { head, source } = await peekHead({ name: 'x', stream });
+    const { head, source } = await peekHead({ name: 'x', parts: partsOf(stream) });
     expect([...new Uint8Array(head)].slice(0, 16)).toEqual(Array.from(bytes.subarray(0, 16)));
     expect(new Uint8Array(await readAll(source, () => undefined))).toEqual(bytes);
   }

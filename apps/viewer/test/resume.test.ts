@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { afterEach, describe, expect, it, vi } from 'vitest';
+import { readAll } from '../src/format/load';
 import { resumed } from '../src/format/resume';
 
 const FILE = Uint8Array.from({ length: 100 }, (_, i) => i);
@@ -32,7 +33,7 @@ function serve(answer: (begin: number, request: number) => Response): Headers[] 
 }
 
 async function read(url: string, first: Response, signal = new AbortController().signal): Promise<number[]> {
-  return [...new Uint8Array(await new Response(resumed(url, first, 100, signal, 1)).arrayBuffer())];
+  return [...new Uint8Array(await readAll({ name: 'f', parts: resumed(url, first, 100, signal, 1) }, () => undefined))];
 }
 
 afterEach(() => vi.unstubAllGlobals());

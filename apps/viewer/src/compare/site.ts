@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What lies beside scene.ngsplat in an exported site: site.json (docs/formats.md) names a second model and the photographs.
 
-import { fetchSource } from '../format/load';
+import { fetchSource, readAll } from '../format/load';
 import type { Level } from '../levels/levels';
 
 export const SITE_FILE = 'site.json';
@@ -78,7 +78,7 @@ export function parseSite(text: string, numViews: number): Site {
 
 /** Throws Error with a message for the user. */
 export async function fetchSite(numViews: number): Promise<Site> {
-  const text = await new Response((await fetchSource(SITE_FILE, new AbortController().signal)).stream).text();
+  const source = await fetchSource(SITE_FILE, new AbortController().signal), text = new TextDecoder().decode(await readAll(source, () => undefined));
   if (text.length > LONGEST) throw new Error(`it has more than ${LONGEST} characters`);
   return parseSite(text, numViews);
 }

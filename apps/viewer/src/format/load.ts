@@ -2,6 +2,7 @@
 // The bytes of a file that comes in parts.
 
 import { FormatError } from './cursor';
+import type { Parts } from './parts';
 import { resumed } from './resume';
 
 /** Bytes that tell formats apart. */
@@ -11,7 +12,7 @@ export interface Source {
   name: string;
   /** Bytes, as far as known beforehand. */
   size?: number;
-  stream: ReadableStream<Uint8Array>;
+  parts: Parts;
 }
 
 /** The last part of an address, to show. Throws Error where it is none. */
@@ -43,7 +44,7 @@ export async function fetchSource(url: string, signal: AbortSignal): Promise<Sou
   // Compressed on the way, the length is another one.
   const length = response.headers.has('content-encoding') ? NaN : Number(response.headers.get('content-length') ?? NaN);
   const size = Number.isSafeInteger(length) && length >= 0 ? length : undefined;
-  return { name, size, stream: resumed(url, response, size, signal) };
+  return { name, size, parts: resumed(url, response, size, signal) };
 }
 
 /** Longest stretch of work in milliseconds before the page may do something else, and the bytes that are worked on at once. */
@@ -72,50 +73,40 @@ export async function inSteps<T>(steps: Iterable<T>, work: (step: T) => void): P
   }
 }
 
-function* partsOf(bytes: Uint8Array): Generator<Uint8Array> {
+function* cut(bytes: Uint8Array): Generator<Uint8Array> {
   for (let at = 0; at < bytes.length; at += PART) yield bytes.subarray(at, at + PART);
 }
 
 /** Passes all bytes to `take` as they arrive. Throws what it throws, and then lets go of the transfer. */
 export async function readParts(source: Source, take: (part: Uint8Array) => void): Promise<void> {
-  const reader = source.stream.getReader();
   let begin = performance.now();
   try {
-    for (;;) {
-      const { done, value } = await reader.read();
-      if (done) return;
-      await inSteps(partsOf(value), take);
+    for (let part; (part = await source.parts.read());) {
+      await inSteps(cut(part), take);
       if (performance.now() - begin < LONGEST_WORK) continue; // parts that are there already come without a pause
       await pause();
       begin = performance.now();
     }
   } finally {
-    await reader.cancel().catch(() => undefined); // so that an abandoned transfer ends
+    await source.parts.cancel().catch(() => undefined); // so that an abandoned transfer ends
   }
 }
 
 /** The bytes that tell formats apart, and a source of all of them. */
 export async function peekHead(source: Source): Promise<{ head: ArrayBuffer; source: Source }> {
-  const reader = source.stream.getReader(), parts: Uint8Array[] = [];
+  const { parts } = source, read: Uint8Array[] = [];
   let head = new Uint8Array();
   while (head.length < HEAD) {
-    const { done, value } = await reader.read();
-    if (done) break;
-    parts.push(value);
-    const longer = new Uint8Array(head.length + Math.min(value.length, HEAD));
+    const part = await parts.read();
+    if (!part) break;
+    read.push(part.slice());
+    const longer = new Uint8Array(head.length + Math.min(part.length, HEAD));
     longer.set(head);
-    longer.set(value.subarray(0, HEAD), head.length);
+    longer.set(part.subarray(0, HEAD), head.length);
     head = longer;
   }
-  const stream = new ReadableStream<Uint8Array>({
-    async pull(controller) {
-      const next = parts.shift() ?? (await reader.read()).value;
-      if (next) controller.enqueue(next);
-      else controller.close();
-    },
-    cancel: (reason) => reader.cancel(reason),
-  }, { highWaterMark: 0 });
-  return { head: head.buffer, source: { ...source, stream } };
+  const again: Parts = { read: async () => read.shift() ?? parts.read(), cancel: (reason) => parts.cancel(reason) };
+  return { head: head.buffer, source: { ...source, parts: again } };
 }
 
 /** The whole file. `progress` gets the bytes so far. Throws FormatError where memory does not suffice. */

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A transfer whose connection breaks goes on where it stopped, if the server sends ranges.
 
+import { partsOf, type Parts } from './parts';
+
 /** Times that a transfer is taken up again without having got on, and milliseconds before the first of them; each waits twice as long. */
 const TRIES = 4, WAIT = 500;
 
@@ -26,10 +28,10 @@ function wait(milliseconds: number, signal: AbortSignal): Promise<void> {
 }
 
 /** The body of an answer to `url`, of `size` bytes where that is known. Fails as the transfer does where it cannot go on. */
-export function resumed(url: string, first: Response, size: number | undefined, signal: AbortSignal, pause = WAIT): ReadableStream<Uint8Array> {
+export function resumed(url: string, first: Response, size: number | undefined, signal: AbortSignal, pause = WAIT): Parts {
   const same = mark(url, first.headers);
-  if (!first.body || !same || size === undefined || first.headers.get('accept-ranges') !== 'bytes') return first.body!;
-  let reader = first.body.getReader(), at = 0, tries = 0;
+  if (!first.body || !same || size === undefined || first.headers.get('accept-ranges') !== 'bytes') return partsOf(first.body!);
+  let parts = partsOf(first.body), at = 0, tries = 0;
 
   /** Returns whether the rest comes now. */
   const goOn = async (): Promise<boolean> => {
@@ -44,19 +46,18 @@ export function resumed(url: string, first: Response, size: number | undefined, 
       await response.body?.cancel();
       throw new Error(`the connection broke, and the server ${response.status === 200 ? 'has another file by now' : 'does not go on where it stopped'}`);
     }
-    reader = response.body.getReader();
+    parts = partsOf(response.body);
     return true;
   };
 
-  return new ReadableStream<Uint8Array>({
-    async pull(controller) {
+  return {
+    async read() {
       for (;;) {
         try {
-          const { done, value } = await reader.read();
-          if (done) return controller.close();
-          at += value.length;
+          const part = await parts.read();
+          at += part?.length ?? 0;
           tries = 0;
-          return controller.enqueue(value);
+          return part;
         } catch (error) {
           signal.throwIfAborted();
           do {
@@ -66,6 +67,6 @@ export function resumed(url: string, first: Response, size: number | undefined, 
         }
       }
     },
-    cancel: (reason) => reader.cancel(reason),
-  }, { highWaterMark: 0 });
+    cancel: (reason) => parts.cancel(reason),
+  };
 }

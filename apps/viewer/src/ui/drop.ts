@@ -2,10 +2,11 @@
 // Files from the user: dropped on the page, or chosen.
 
 import type { Source } from '../format/load';
+import { partsOf } from '../format/parts';
 import { element } from './elements';
 
 function fileSource(file: File): Source {
-  return { name: file.name, size: file.size, stream: file.stream() };
+  return { name: file.name, size: file.size, parts: partsOf(file.stream()) };
 }
 
 /** `opened` gets what reads a file from its beginning, as often as called. Undefined where files cannot be shown: then a dropped one does not replace the page. */
