@@ -45,11 +45,15 @@ class RunWriter {
     void open_log(std::int64_t iteration, bool at_end);
     const TrainLog& opened_log() const { return *log_; }
     /// Writes one line, which must have "event" and "iteration".
-    void log(const nlohmann::json& line) {
+    void log(nlohmann::json line) {
         check_folder();  // or the lines would go to a file that nobody can find any more
+        if (lines_are_final_) line["final"] = true;
         log_->write(line);
         if (tensorboard_) tensorboard_->add_line(line);
     }
+    /// Marks all further lines as "final": they come after the last checkpoint, and who resumes from it writes them
+    /// again.
+    void begin_final_lines() { lines_are_final_ = true; }
     /// Must be called after the last line. Throws DataError when lines are missing in the file.
     void close_log() { log_->close(); }
     /// Writes the lines of a change in the set of Gaussians before or after the step of `iteration` (1-based); none if
@@ -85,6 +89,7 @@ class RunWriter {
     const Photometric& photometric_;
     TensorBoard* const tensorboard_;
     std::optional<TrainLog> log_;
+    bool lines_are_final_ = false;
 };
 
 }  // namespace gs

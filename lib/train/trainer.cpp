@@ -181,10 +181,10 @@ class Run {
 
     /// Removes what is not written: Gaussians that cannot be seen or that a limit forbids, and residuals above the
     /// share.
-    void remove_surplus(bool final = false) {
+    void remove_surplus() {
         backend_->prune(InvisibleRows{});
         limits_.prune(*backend_);
-        report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_, final);
+        report_residuals(residuals_.at_end(*backend_, steps_on_views(course_.moment())), iteration_);
     }
 
     /// Measures the model as it would be written now.
@@ -458,25 +458,18 @@ class Run {
         };
     }
 
-    /// Writes a line of the log. A `final` one comes after the last checkpoint: who resumes from that writes it again.
-    void log(nlohmann::json line, bool final) {
-        if (final) line["final"] = true;
-        writer_.log(line);
-    }
-
-    void report_residuals(const std::optional<ResidualChange>& change, std::int64_t iteration, bool final = false) {
+    void report_residuals(const std::optional<ResidualChange>& change, std::int64_t iteration) {
         if (!change) return;
         log_info("iteration {}: {} of {} Gaussians keep a colour that depends on the view ({:.1f} %)", iteration,
                  change->after, backend_->count(),
                  100 * double(change->after) / double(std::max<std::int64_t>(1, backend_->count())));
-        log({{"event", "residuals"},
-             {"iteration", iteration},
-             {"pruned", change->pruned},
-             {"before", change->before},
-             {"after", change->after},
-             {"num_gaussians", backend_->count()},
-             {"loss_dB", change->loss}},
-            final);
+        writer_.log({{"event", "residuals"},
+                     {"iteration", iteration},
+                     {"pruned", change->pruned},
+                     {"before", change->before},
+                     {"after", change->after},
+                     {"num_gaussians", backend_->count()},
+                     {"loss_dB", change->loss}});
     }
 
     void decide_photometric(const Moment& moment) {
@@ -606,12 +599,11 @@ class Run {
 
     void evaluate(bool last) {
         if (const auto scores = hooks_.evaluate(iteration_, *backend_, last))
-            log({{"event", "evaluation"},
-                 {"iteration", iteration_},
-                 {"psnr", scores->psnr},
-                 {"ssim", scores->ssim},
-                 {"views", scores->views}},
-                last);
+            writer_.log({{"event", "evaluation"},
+                         {"iteration", iteration_},
+                         {"psnr", scores->psnr},
+                         {"ssim", scores->ssim},
+                         {"views", scores->views}});
         writer_.show_preview(*backend_, views_.fixed_background(), iteration_);
     }
 
@@ -673,10 +665,11 @@ class Run {
         // Before the final pruning: a longer run goes on from here as if it had not stopped. A time limit is better
         // spent on steps than on a file three times as large as the model.
         if (!course_.limits_time()) write_checkpoint();
+        writer_.begin_final_lines();
         if (residuals_.views_at_end() > 0)
-            timed([&] { remove_surplus(true); });  // the last choice is training, what limits take away is saving
+            timed([&] { remove_surplus(); });  // the last choice is training, what limits take away is saving
         else
-            remove_surplus(true);
+            remove_surplus();
         backend_->morton_sort();
         if (backend_->count() == 0)
             throw NumericError("after training no Gaussian is visible (all opacities below 1/255)");

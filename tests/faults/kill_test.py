@@ -124,7 +124,7 @@ class Trainings:
             return run, kills
 
     def resumed_at_its_end(self, case, whole):
-        """Resumes a copy of a training that has ended. Returns its folder."""
+        """Resumes a copy of a training as if it had been killed before its last file was written. Returns its folder."""
         run = self.folder / f"{case}-ended"
         shutil.copytree(whole, run)
         (run / "results.json").unlink()
@@ -155,7 +155,6 @@ def main():
     with tempfile.TemporaryDirectory(prefix="gsapp-test-") as name:
         trainings = Trainings(arguments, pathlib.Path(name))
         whole = {case: trainings.uninterrupted(case) for case in CASES}
-        # A run that was killed when all but its last file was there.
         kills = runs = compared = 0
         for case, (run, _) in whole.items():
             compared += compare(run, trainings.resumed_at_its_end(case, run), case)

@@ -4,8 +4,8 @@
 import type { View } from '../src/camera/view';
 import { crc32 } from '../src/format/crc32';
 import { readParts } from '../src/format/load';
-import { partsOf } from '../src/format/parts';
 import { TEXTURE_WIDTH } from '../src/format/ngsplat';
+import { partsOf } from '../src/format/parts';
 import { SceneReader } from '../src/format/reader';
 import { DepthSorter } from '../src/sort/sort';
 

@@ -99,13 +99,13 @@ export async function peekHead(source: Source): Promise<{ head: ArrayBuffer; sou
   while (head.length < HEAD) {
     const part = await parts.read();
     if (!part) break;
-    read.push(part.slice());
+    read.push(part.slice()); // before the next one overwrites it
     const longer = new Uint8Array(head.length + Math.min(part.length, HEAD));
     longer.set(head);
     longer.set(part.subarray(0, HEAD), head.length);
     head = longer;
   }
-  const again: Parts = { read: async () => read.shift() ?? parts.read(), cancel: (reason) => parts.cancel(reason) };
+  const again: Parts = { read: async () => read.shift() ?? parts.read(), cancel: () => parts.cancel() };
   return { head: head.buffer, source: { ...source, parts: again } };
 }
 

@@ -8,7 +8,7 @@ export interface Parts {
   /** The next bytes, or undefined behind the last. They may be overwritten by the next call. */
   read(): Promise<Uint8Array | undefined>;
   /** Lets go of the rest. */
-  cancel(reason?: unknown): Promise<void>;
+  cancel(): Promise<void>;
 }
 
 /** Fills the same memory again and again. */
@@ -23,7 +23,9 @@ class Refilled implements Parts {
     return done ? undefined : value;
   }
 
-  cancel = (reason?: unknown): Promise<void> => this.reader.cancel(reason);
+  cancel(): Promise<void> {
+    return this.reader.cancel();
+  }
 }
 
 /** The bytes of a stream. */
@@ -33,7 +35,7 @@ export function partsOf(stream: ReadableStream<Uint8Array>): Parts {
     reader = stream.getReader({ mode: 'byob' });
   } catch { // the browser does not know it, or not for this stream
     const other = stream.getReader();
-    return { read: async () => (await other.read()).value, cancel: (reason) => other.cancel(reason) };
+    return { read: async () => (await other.read()).value, cancel: () => other.cancel() };
   }
   return new Refilled(reader);
 }

@@ -67,6 +67,6 @@ export function resumed(url: string, first: Response, size: number | undefined, 
         }
       }
     },
-    cancel: (reason) => parts.cancel(reason),
+    cancel: () => parts.cancel(),
   };
 }
