@@ -194,7 +194,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             },
             [&](std::int64_t i, float weight) { out[i].weight = weight; });
     }
-    std::vector<Vec3<float>> colors_without_residual() const override {
+    std::vector<Vec3<float>> colors_without_residual() override {
         return shown_bases(state_[Group::kBase].param, state_.appearance.activation);
     }
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override {
@@ -233,14 +233,15 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         for (float& gradient : shared) gradient *= mean;
         return shared;
     }
-    void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                       std::vector<float>& isp_gradient) override {
+    std::int64_t update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
+                               std::vector<float>& isp_gradient) override {
         const int num_views = int(views.size());
         count_step(views);
-        step_shared(update_args(views[0], state_.step, 1, num_views), shared_gradient);
-        if (!learns_correction(views)) return;
+        std::int64_t num_nonfinite = step_shared(update_args(views[0], state_.step, 1, num_views), shared_gradient);
+        if (!learns_correction(views)) return num_nonfinite;
         const StageTimer timer(correction_seconds_);
-        if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++stats_.num_nonfinite_gradients;
+        if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++num_nonfinite;
+        return num_nonfinite;
     }
     void count_step(const std::vector<StepRequest>& views) override {
         state_.step += std::int64_t(views.size());
@@ -427,7 +428,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
                 return finite;
             };
         });
-        step_shared(args, sum_shared());
+        stats_.num_nonfinite_gradients += step_shared(args, sum_shared());
     }
 
     /// Takes the step of all rows. gradients_of(part, arrays) returns the function that computes the gradient of each
@@ -474,12 +475,14 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         return sums;
     }
 
-    void step_shared(const UpdateArgs& args, const std::vector<float>& gradient) {
+    std::int64_t step_shared(const UpdateArgs& args, const std::vector<float>& gradient) {
         auto& shared = state_.shared;
+        std::int64_t num_nonfinite = 0;
         for (std::size_t k = 0; k < gradient.size(); ++k)
             if (!update_shared(shared.param[k], shared.m[k], shared.v[k], gradient[k], args.shared_step,
                                args.shared_gains))
-                ++stats_.num_nonfinite_gradients;
+                ++num_nonfinite;
+        return num_nonfinite;
     }
 
     /// Takes one step of the residual of Gaussian i.

@@ -586,6 +586,7 @@ void CudaBackend::note_loss(const ViewLoss& loss) {
 void CudaBackend::synchronize() {
     while (!in_flight_.empty()) finish_oldest();
     statuses_->stopped = 0;
+    if (std::exchange(wire_.is_updating, false)) GS_CUDA(cudaStreamSynchronize(stream_));
 }
 
 void CudaBackend::settle() {

@@ -76,13 +76,13 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
                           RankArray<double>& scores) override;
     void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
                              RankArray<ResidualSplatSums>& sums) override;
-    std::vector<Vec3<float>> colors_without_residual() const override;
+    std::vector<Vec3<float>> colors_without_residual() override;
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
     std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
                                    const std::vector<RankArray<SplatSums<float>>>& sums,
                                    std::int64_t num_gaussians) override;
-    void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                       std::vector<float>& isp_gradient) override;
+    std::int64_t update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
+                               std::vector<float>& isp_gradient) override;
     void count_step(const std::vector<StepRequest>& views) override;
     std::int64_t take_nonfinite() override;
     void keep_rows(const std::vector<std::uint32_t>& rows) override;
@@ -144,8 +144,9 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     std::vector<float> base_colors() const;
-    /// Enqueues the sums of all splats of a view, as ranks exchange them.
-    void enqueue_sums(const StepRequest& r, const CudaBins& bins, RankArray<SplatSums<float>>& out);
+    /// Enqueues a view of splats from other ranks, of which all `n` get sums.
+    CudaBins enqueue_forward(const RankArray<WireSplat>& splats, const RenderRequest& request, bool for_backward);
+    void enqueue_sums_of_splats(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     /// Returns the loss that a status holds, and its parts.
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
     /// Notes the loss of a step in stats_.
@@ -203,8 +204,11 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<std::uint32_t> rows;  ///< of a projected view
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
-        DeviceBuffer<GaussianGradient<float>> gaussians;  ///< gradients of a step
-        DeviceBuffer<float> residuals, shared;
+        DeviceBuffer<std::uint32_t> places;  ///< (views, n) as in StepView
+        DeviceBuffer<StepView> views;
+        DeviceBuffer<float> shared;         ///< gradients of the shared weights
+        DeviceBuffer<StepControl> control;  ///< counts the gradients that were left out since take_nonfinite()
+        bool is_updating = false;           ///< the device may still be at work on update_rows()
     } wire_;
 
     DeviceBuffer<StepControl> control_;

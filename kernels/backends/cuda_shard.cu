@@ -8,7 +8,7 @@
 #include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/core/parallel.h"
 #include "kernels/densify/rows_cuda.h"
-#include "kernels/optimizer/step_rows_cuda.h"
+#include "kernels/optimizer/sum_rows_cuda.h"
 
 namespace gs {
 namespace {
@@ -18,14 +18,6 @@ struct IsVisible {
     __device__ bool operator()(std::uint32_t i) const { return counts[i] > 0; }
 };
 
-/// Makes room for n values, all of their bytes 0.
-template <class T> T* zeros(DeviceBuffer<T>& buffer, std::size_t n, cudaStream_t stream) {
-    if (n == 0) return nullptr;
-    T* out = buffer.reserve(n);
-    GS_CUDA(cudaMemsetAsync(out, 0, n * sizeof(T), stream));
-    return out;
-}
-
 RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }
 
 }  // namespace
@@ -33,7 +25,7 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
 void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) {
-    settle();
+    if (!wire_.is_updating) settle();  // otherwise all steps are on the stream
     const std::int64_t n = model_.count;
     out.splats.resize(0), out.rows.resize(0);
     if (n == 0) return;
@@ -51,6 +43,7 @@ void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bo
     GS_CUDA(
         select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
     const auto num = std::size_t(read_back(num_rows, stream_));
+    wire_.is_updating = false;
     if (num == 0) return;
     rank_device_.copy(out.rows.resize(num), rows, num * sizeof *rows);
     pack_splats(rows, std::int64_t(num), args.params, camera, splats_, out.splats.resize(num), stream_);
@@ -58,15 +51,17 @@ void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bo
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
 
-CudaBins CudaBackend::forward_whole(const RankArray<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
+CudaBins CudaBackend::enqueue_forward(const RankArray<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
     const auto n = std::int64_t(splats.size());
-    return forward_whole([&] {
-        return enqueue_splats(r.camera, n, r.background, for_backward, [&] {
-            const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
-            unpack_splats(splats.data(), n, args.width_padded, args.height_padded, args.depth_key,
-                          args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
-        });
+    return enqueue_splats(r.camera, n, r.background, for_backward, [&] {
+        const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
+        unpack_splats(splats.data(), n, args.width_padded, args.height_padded, args.depth_key,
+                      args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
     });
+}
+
+CudaBins CudaBackend::forward_whole(const RankArray<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
+    return forward_whole([&] { return enqueue_forward(splats, r, for_backward); });
 }
 
 void CudaBackend::render_splats(const RankArray<WireSplat>& splats, const RenderRequest& r, RenderedImage& out) {
@@ -76,26 +71,29 @@ void CudaBackend::render_splats(const RankArray<WireSplat>& splats, const Render
 
 ViewLoss CudaBackend::loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
                                      RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
-    const CudaBins bins = forward_whole(splats, view_of(r), true);
+    const auto n = std::int64_t(splats.size());
     const DeviceTarget target = images_.get(r.target, 0, stream_);
-    enqueue_loss(r, target);
-    const ViewLoss loss = loss_of(read_status(), r, target.weight_sum);
+    forward_whole([&] {
+        const CudaBins bins = enqueue_forward(splats, view_of(r), true);
+        enqueue_loss(r, target);
+        enqueue_sums_of_splats(r, n, bins);
+        return bins;
+    });
+    const ViewLoss loss = loss_of(*statuses_, r, target.weight_sum);
     adapt_room(loss.num_instances);
-    sums.resize(splats.size());
+    SplatSums<float>* out = sums.resize(splats.size());  // may overwrite the splats
     if (!std::isfinite(loss.loss)) return loss;
-    enqueue_sums(r, bins, sums);
+    pack_sums(sums_, n, out, stream_);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
     return loss;
 }
 
-void CudaBackend::enqueue_sums(const StepRequest& r, const CudaBins& bins, RankArray<SplatSums<float>>& out) {
-    const auto n = std::int64_t(out.size());
+void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, std::int64_t n, const CudaBins& bins) {
     if (n == 0) return;
     // In a fixed order only splats with an instance are written. Here all are read, and a splat that its owner saw at
     // the edge of a tile may have none.
     if (options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     enqueue_sums(r, n, bins);
-    pack_sums(sums_, n, out.data(), stream_);
 }
 
 void CudaBackend::distill_splats(const RankArray<WireSplat>& splats, const StepRequest& r) {
@@ -137,7 +135,8 @@ void CudaBackend::residuals_of_splats(const RankArray<WireSplat>& splats, const 
     sums.resize(splats.size());
     std::vector<SplatSums<float>> copied;
     const auto for_each_sum = [&](auto&& use) {
-        enqueue_sums(r, bins, sums);
+        enqueue_sums_of_splats(r, std::int64_t(sums.size()), bins);
+        pack_sums(sums_, std::int64_t(sums.size()), sums.data(), stream_);
         std::size_t k = 0;
         for (const SplatSums<float>& s : sums.on_host(copied)) use(of_splat[k++], s);
     };
@@ -148,7 +147,8 @@ void CudaBackend::residuals_of_splats(const RankArray<WireSplat>& splats, const 
 
 // --- the step of the rank's Gaussians -------------------------------------------------------------------------------
 
-std::vector<Vec3<float>> CudaBackend::colors_without_residual() const {
+std::vector<Vec3<float>> CudaBackend::colors_without_residual() {
+    synchronize();
     return shown_bases(base_colors(), meta_.appearance.activation);
 }
 
@@ -165,28 +165,32 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
     if (n == 0) return std::vector<float>(std::size_t(num_shared), 0.0f);
     lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});
-    const float share = 1 / float(num_views);
-    const StepGradients gradients{
-        zeros(wire_.gaussians, std::size_t(n), stream_),
-        zeros(wire_.residuals, std::size_t(num_residuals) * model_.width[int(Group::kResidual)], stream_)};
-    float* shared = zeros(wire_.shared, std::size_t(num_shared), stream_);
-    const std::int64_t shared_rows = num_shared > 0 ? num_blocks(n, kernels_.shared.gaussians_per_sum) : 0;
-    const ModelArrays arrays = arrays_of_step(views[0].gather_gradient_stats);
-    std::uint32_t* counts = binning_.input().counts;
-    GS_CUDA(cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_));
+    std::uint32_t* places = wire_.places.reserve(std::size_t(num_views) * std::size_t(n));
+    std::vector<StepView> step_views;
     for (std::size_t v = 0; v < views.size(); ++v) {
-        GS_CUDA(cudaMemsetAsync(counts, 0, n * sizeof *counts, stream_));
-        const auto num = std::int64_t(projected[v].rows.size());
-        unpack_sums(sums[v].data(), projected[v].rows.data(), num, sums_, counts, stream_);
-        PreprocessArgs args = preprocess_args(views[v].camera, RenderMode::kFull, {});
-        args.shared = {model_.shared_prepared.get(), shared_sums_};
-        kernels_.collect(args, counts, sums_, arrays, gradients, share, control_.get(), stream_);
-        add_sum_of_rows(shared_sums_, shared_rows, num_shared, share, shared, stream_);
+        step_views.push_back({views[v].camera, places + std::int64_t(v) * n, sums[v].data()});
+        note_places(projected[v].rows.data(), std::int64_t(projected[v].rows.size()), n, places + std::int64_t(v) * n,
+                    stream_);
     }
+    StepView* on_device = wire_.views.reserve(step_views.size());
+    rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
+    if (!wire_.control.get())
+        GS_CUDA(cudaMemsetAsync(wire_.control.reserve(1), 0, sizeof(StepControl), stream_));
+    PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
+    args.shared = {model_.shared_prepared.get(), shared_sums_};
     const std::int64_t t = meta_.step + num_views;
-    step_rows(arrays, n, num_residuals, update_args(views[0], t, num_gaussians, num_views), gradients, t, stream_);
+    kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0].gather_gradient_stats),
+                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t), wire_.control.get(),
+                           stream_);
     half_residuals_current_ = false;
-    stats_.num_nonfinite_gradients += read_status().num_nonfinite;
+    wire_.is_updating = true;
+    if (num_shared == 0) return {};  // the host goes on while the device is at work
+    // Without a residual that is shown the weights have no gradient.
+    const std::int64_t rows_of_sums =
+        num_shared > 0 && num_residuals > 0 ? num_blocks(n, kernels_.shared.gaussians_per_sum) : 0;
+    float* shared = wire_.shared.reserve(std::size_t(num_shared));
+    sum_rows(shared_sums_, rows_of_sums, num_shared, 1 / float(num_views), shared, stream_);
+    synchronize();
     return wire_.shared.download(std::size_t(num_shared));
 }
 
@@ -199,9 +203,10 @@ bool learns_correction(const CudaPpisp& ppisp, const std::vector<StepRequest>& v
 
 }  // namespace
 
-void CudaBackend::update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                                std::vector<float>& isp_gradient) {
+std::int64_t CudaBackend::update_common(const std::vector<StepRequest>& views,
+                                        const std::vector<float>& shared_gradient, std::vector<float>& isp_gradient) {
     const int num_views = int(views.size());
+    std::int64_t num_nonfinite = 0;
     count_step(views);
     // The shared weights and PPISP are few: the host takes their step.
     if (const auto n = std::size_t(kernels_.shared.count); n > 0) {
@@ -210,16 +215,17 @@ void CudaBackend::update_common(const std::vector<StepRequest>& views, const std
                            v = model_.shared_v.download(n);
         for (std::size_t k = 0; k < n; ++k)
             if (!update_shared(param[k], m[k], v[k], shared_gradient[k], args.shared_step, args.shared_gains))
-                ++stats_.num_nonfinite_gradients;
+                ++num_nonfinite;
         model_.shared_param.upload(param), model_.shared_m.upload(m), model_.shared_v.upload(v);
         GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
         kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
     }
-    if (!learns_correction(ppisp_, views)) return;
+    if (!learns_correction(ppisp_, views)) return num_nonfinite;
     PpispState state = ppisp_.download(true);
-    if (!step_ppisp(state, isp_gradient, views[0].isp_rate, num_views)) ++stats_.num_nonfinite_gradients;
+    if (!step_ppisp(state, isp_gradient, views[0].isp_rate, num_views)) ++num_nonfinite;
     ppisp_.upload(state);
     GS_CUDA(cudaDeviceSynchronize());
+    return num_nonfinite;
 }
 
 void CudaBackend::count_step(const std::vector<StepRequest>& views) {
@@ -229,7 +235,13 @@ void CudaBackend::count_step(const std::vector<StepRequest>& views) {
     lazy_.reset(meta_.step);  // no residual is ever behind
 }
 
-std::int64_t CudaBackend::take_nonfinite() { return std::exchange(stats_.num_nonfinite_gradients, 0); }
+std::int64_t CudaBackend::take_nonfinite() {
+    synchronize();
+    if (!wire_.control.get()) return 0;
+    const StepControl control = read_back(wire_.control.get(), stream_);
+    GS_CUDA(cudaMemsetAsync(wire_.control.get(), 0, sizeof(StepControl), stream_));
+    return control.num_nonfinite;
+}
 
 void CudaBackend::keep_rows(const std::vector<std::uint32_t>& rows) {
     change_rows([&](CudaDensify& d) { return d.keep_rows(rows), 0; });

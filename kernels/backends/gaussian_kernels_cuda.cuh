@@ -227,29 +227,27 @@ template <class Model> constexpr int update_blocks_at_once() {
     return kNumSharedOf<Model> != 0 ? 512 / update_block<Model>() : 9;
 }
 
-/// Computes the gradients of what this lane's Gaussian shows, in a warp of which some lanes' residuals are `shown` and
-/// lie in `space`: those of the residuals' parameters in space.gradients, which are 0 before, and that of y = base +
-/// residual. Returns that of the mean through the direction.
-template <class Model>
-__device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, std::int64_t i, bool shown,
-                                                  const PackedSums* __restrict__ sums,
-                                                  WarpAppearance<Model>& appearance, WarpSpace<Model>& space, int width,
-                                                  Vec3<float>& dL_dy) {
-    const ViewDirection<float> direction =
-        shown ? a.params.direction(i, a.camera.position) : ViewDirection<float>{{0, 0, 1}, 0};
+/// Computes the gradients of what this lane's Gaussian shows to `eye`, in a warp of which some lanes' residuals are
+/// `shown` and lie in `space`: those of the residuals' parameters in space.gradients, which are 0 before, and that of y
+/// = base + residual. sums() are those of the Gaussian. Returns the gradient of the mean through the direction.
+template <class Model, class Sums>
+__device__ inline Vec3<float> appearance_gradient(const PreprocessArgs& a, const Vec3<float>& eye, std::int64_t i,
+                                                  bool shown, Sums&& sums, WarpAppearance<Model>& appearance,
+                                                  WarpSpace<Model>& space, int width, Vec3<float>& dL_dy) {
+    const ViewDirection<float> direction = shown ? a.params.direction(i, eye) : ViewDirection<float>{{0, 0, 1}, 0};
     const Vec3<float> residual = appearance.residual(space.memory.rows, width, direction.unit, a.degree, shown);
-    const bool finite = shown && color_gradient(a, i, residual, sums[i].sums(), dL_dy);
+    const bool finite = shown && color_gradient(a, i, residual, sums(), dL_dy);
     Vec3<float> dL_ddirection;
     appearance.backward(space.memory.rows, width, direction.unit, a.degree, finite, dL_dy, space.gradients,
                         dL_ddirection);
     return shown ? direction_pullback(direction, dL_ddirection) : Vec3<float>{0, 0, 0};
 }
 
-/// Adds up the warps' gradients of the shared weights in the order of the warps. Ends the use of `warps`.
-template <class Model>
+/// Adds up the gradients of the shared weights of a block's warps in their order. Ends the use of `warps`.
+template <class Model, int kBlock>
 __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool any, WarpBytes<Model>* warps,
                                   float* out) {
-    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
+    constexpr int kShared = kNumSharedOf<Model>, kWarps = kBlock / 32;
     float* own = warps[threadIdx.x >> 5].sums();
     __syncwarp();
     if (any)
@@ -257,7 +255,7 @@ __device__ void store_shared_sums(const WarpAppearance<Model>& appearance, bool 
     else
         for (int k = threadIdx.x & 31; k < kShared; k += 32) own[k] = 0;
     __syncthreads();
-    for (int k = threadIdx.x; k < kShared; k += update_block<Model>()) {
+    for (int k = threadIdx.x; k < kShared; k += kBlock) {
         float sum = 0;
 #pragma unroll
         for (int warp = 0; warp < kWarps; ++warp) sum += warps[warp].sums()[k];
@@ -286,60 +284,54 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         __syncwarp();
         Vec3<float> dL_dy{0, 0, 0};
-        const Vec3<float> dL_dmean = appearance_gradient<Model>(a, i, visible, sums, appearance, space, width, dL_dy);
+        const Vec3<float> dL_dmean = appearance_gradient<Model>(
+            a, a.camera.position, i, visible, [&] { return sums[i].sums(); }, appearance, space, width, dL_dy);
         if (visible) a.separate.dL_dmeans[i] = dL_dmean;
         __syncwarp();
         store_rows(seen, width, space.memory.list, gradients, a.separate.dL_dresiduals + (i - lane) * width);
     }
     if constexpr (kShared > 0)
-        store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+        store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps,
+                                                        a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
-/// Adds a share of one view's gradients to those of a step on several views, and the view to the statistic of ADC.
+/// Takes the step of this lane's Gaussian except for its residual. All lanes of a warp whose Gaussians exist call it.
+__device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const ModelArrays& arrays,
+                                               const UpdateArgs& update, std::int64_t i,
+                                               GaussianGradient<float>& gradient) {
+    const std::int64_t first = i - (threadIdx.x & 31);
+    const WarpRowWriter write_warp(arrays, first);
+    const bool whole = first + 32 <= a.params.count;
+    update_gaussian(arrays, update, i, gradient, [&](const auto& row) {
+        if (whole)
+            write_warp(row);
+        else
+            row.write(arrays, i);
+    });
+}
+
+/// Takes the step of the residuals of a warp's Gaussians in `rows`, of which some are `stale`. Their parameters and
+/// gradients are in shared memory.
 template <class Model>
-__global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<Model>())
-    collect_gradients(PreprocessArgs a, const std::uint32_t* __restrict__ counts, const PackedSums* __restrict__ sums,
-                      ModelArrays arrays, StepGradients out, float share, StepControl* __restrict__ control) {
-    constexpr int kShared = kNumSharedOf<Model>, kWarps = update_block<Model>() / 32;
-    __shared__ WarpBytes<Model> warps[kWarps];
-    const std::int64_t i = std::int64_t(blockIdx.x) * update_block<Model>() + threadIdx.x;
-    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, width = a.params.residual_width;
-    const bool visible = i < a.params.count && counts[i] > 0;
-    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;
-    const bool shown = with_residual && visible && i < a.params.num_residuals;
-    const unsigned seen = __ballot_sync(~0u, shown);
-    WarpSpace<Model>& space = warps[warp].space();
-    float* gradients = space.gradients;
-    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
-    GaussianGradient<float> gradient{};
-    Vec3<float> dL_dmean{0, 0, 0};
-    if (seen) {
-        space.memory.load(a, i - lane, seen, 0);
-        for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
-        __syncwarp();
-        dL_dmean = appearance_gradient<Model>(a, i, shown, sums, appearance, space, width, gradient.base);
+__device__ void update_residuals_of_warp(unsigned rows, unsigned stale, WarpSpace<Model>& space,
+                                         const float* gradients, std::int64_t first, std::uint32_t step_seed,
+                                         const ModelArrays& arrays, const UpdateArgs& update,
+                                         const AdamStep<float>* column_steps) {
+    constexpr int k = int(Group::kResidual);
+    const int lane = threadIdx.x & 31, width = arrays.width[k];
+    float *decay_m = space.decays[0], *decay_v = space.decays[1];
+    __syncwarp();
+    const std::int64_t begin = first * width;
+    const std::uint32_t seed = mix_bits(std::uint32_t(first) ^ step_seed);  // of the warp and the step
+    const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
+    const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(begin);
+    const RowStep step{width, space.memory.rows, gradients, columns, arrays.param[k] + begin, moments, seed};
+    if (rows == ~0u && !stale) {
+        update_all_rows(step);
+    } else {
+        if (!stale) decay_m[lane] = decay_v[lane] = 1;
+        update_rows(rows, space.memory.list, decay_m, decay_v, step);
     }
-    if (visible) {
-        const SplatSums<float> s = sums[i].sums();
-        if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
-        geometry_backward(a.params.geometry(i), a.camera, s, gradient);
-        gradient.geometry.mean += dL_dmean;
-        if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
-            atomicAdd(&control->num_nonfinite, 1u);
-        add_gradient_statistic(arrays, a.camera.width, a.camera.height, i, gradient);
-        out.gaussians[i].add(gradient, share);
-    }
-    if (seen) {
-        __syncwarp();
-        RowElements elements(seen, width, space.memory.list);
-        for (int done = 0, rounds = elements.rounds(); done < rounds; ++done) {
-            int row, column;
-            const int at = elements.next(row, column);
-            if (at >= 0) out.residuals[(i - lane) * width + at] += share * gradients[at];
-        }
-    }
-    if constexpr (kShared > 0)
-        store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
 /// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
@@ -387,7 +379,9 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
         if (seen) {
             if constexpr (kFused) {
-                dL_dmean = appearance_gradient<Model>(a, i, shown, sums, appearance, space, width, gradient.base);
+                dL_dmean = appearance_gradient<Model>(
+                    a, a.camera.position, i, shown, [&] { return sums[i].sums(); }, appearance, space, width,
+                    gradient.base);
             } else {
                 load_rows(seen, width, space.memory.list, a.separate.dL_dresiduals + (i - lane) * width, gradients);
                 if (shown) residual = a.separate.residuals[i], dL_dmean = a.separate.dL_dmeans[i];
@@ -404,34 +398,88 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
                 atomicAdd(&control->num_nonfinite, 1u);
         }
         add_gradient_statistic(arrays, update.width, update.height, i, gradient);
-        const WarpRowWriter write_warp(arrays, i - lane);
-        const bool whole = i - lane + 32 <= a.params.count;
-        update_gaussian(arrays, update, i, gradient, [&](const auto& row) {
-            if (whole)
-                write_warp(row);
-            else
-                row.write(arrays, i);
-        });
+        update_gaussian_of_warp(a, arrays, update, i, gradient);
     }
-    if (rows) {
-        __syncwarp();
-        constexpr int k = int(Group::kResidual);
-        const std::int64_t first = (i - lane) * width;
-        const std::uint32_t seed =
-            mix_bits(std::uint32_t(i - lane) ^ mix_bits(a.lazy.step));  // of the warp and the step
-        const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
-        const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(first);
-        const RowStep step{width, parameters, gradients, columns, arrays.param[k] + first, moments, seed};
-        if (rows == ~0u && !stale) {
-            update_all_rows(step);
-        } else {
-            if (!stale) decay_m[lane] = decay_v[lane] = 1;
-            update_rows(rows, space.memory.list, decay_m, decay_v, step);
-        }
-    }
+    if (rows)
+        update_residuals_of_warp<Model>(rows, stale, space, gradients, i - lane, mix_bits(a.lazy.step), arrays, update,
+                                        column_steps);
     if constexpr (kShared > 0) {
         if (with_residual)
-            store_shared_sums<Model>(appearance, seen, warps, a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+            store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps,
+                                                            a.shared.sums + std::int64_t(blockIdx.x) * kShared);
+    }
+}
+
+/// Returns the number of Gaussians of a block of step_on_views, which keeps one more row of each than the backward pass
+/// of one view.
+template <class Model> constexpr int views_block() { return kNumSharedOf<Model> == 0 ? 64 : 128; }
+
+/// Computes the mean gradients of the views, and takes the optimizer's step on them. No residual is behind. Adds each
+/// view to the statistic of ADC. The sums of the shared weights' gradients are those of all views together.
+template <class Model>
+__global__ void __launch_bounds__(views_block<Model>())
+    step_on_views(PreprocessArgs a, const StepView* __restrict__ views, int num_views, ModelArrays arrays,
+                  UpdateArgs update, std::uint32_t step, StepControl* __restrict__ control) {
+    constexpr int kBlock = views_block<Model>(), kWidth = RowMemory<Model>::kWidth, kShared = kNumSharedOf<Model>;
+    __shared__ WarpBytes<Model> warps[kBlock / 32];
+    __shared__ alignas(16) float totals[kBlock / 32][32 * kWidth];
+    __shared__ AdamStep<float> column_steps[kWidth];
+    if (update.per_column) {
+        for (int k = threadIdx.x; k < kWidth; k += kBlock) column_steps[k] = update.residual_steps[k];
+        __syncthreads();
+    }
+    const std::int64_t i = std::int64_t(blockIdx.x) * kBlock + threadIdx.x;
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
+    const bool valid = i < a.params.count;
+    const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;
+    const bool owns = with_residual && i < a.params.num_residuals;
+    const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
+    const float share = 1 / float(num_views);
+    WarpSpace<Model>& space = warps[warp].space();
+    float *gradients = space.gradients, *total = totals[warp];
+    WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
+    const unsigned rows = __ballot_sync(~0u, owns);
+    if (rows) space.memory.load(a, i - lane, rows, 0);
+    for (int k = lane; k < 32 * width; k += 32) total[k] = 0;
+    GaussianGradient<float> mean{};
+    bool any = false;
+    for (int v = 0; v < num_views; ++v) {
+        const StepView& view = views[v];
+        const std::uint32_t place = valid ? view.places[i] : StepView::kNowhere;
+        const bool visible = place != StepView::kNowhere, shown = owns && visible;
+        const unsigned seen = __ballot_sync(~0u, shown);
+        const auto sums = [&] { return view.sums[place]; };
+        GaussianGradient<float> gradient{};
+        Vec3<float> dL_dmean{0, 0, 0};
+        if (seen) {
+            for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
+            __syncwarp();
+            dL_dmean = appearance_gradient<Model>(a, view.camera.position, i, shown, sums, appearance, space, width,
+                                                  gradient.base);
+            any = true;
+        }
+        if (visible) {
+            const SplatSums<float> s = sums();
+            if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
+            geometry_backward(a.params.geometry(i), view.camera, s, gradient);
+            gradient.geometry.mean += dL_dmean;
+            if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
+                atomicAdd(&control->num_nonfinite, 1u);
+            add_gradient_statistic(arrays, view.camera.width, view.camera.height, i, gradient);
+            mean.add(gradient, share);
+        }
+        __syncwarp();
+        if (seen)
+            for (int k = lane; k < 32 * width; k += 32) total[k] += share * gradients[k];
+        __syncwarp();
+    }
+    if (valid) update_gaussian_of_warp(a, arrays, update, i, mean);
+    if (rows)
+        update_residuals_of_warp<Model>(rows, 0, space, total, i - lane, mix_bits(step), arrays, update, column_steps);
+    if constexpr (kShared > 0) {
+        if (with_residual)
+            store_shared_sums<Model, kBlock>(appearance, any, warps,
+                                             a.shared.sums + std::int64_t(blockIdx.x) * kShared);
     }
 }
 
@@ -511,13 +559,13 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
 }
 
 template <class Model>
-void launch_collect(const PreprocessArgs& args, const std::uint32_t* counts, const PackedSums* sums,
-                    const ModelArrays& arrays, const StepGradients& gradients, float share, StepControl* control,
-                    cudaStream_t stream) {
-    constexpr int kBlock = update_block<Model>();
-    collect_gradients<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(args, counts, sums, arrays,
-                                                                                           gradients, share, control);
-    GS_CUDA_LAUNCHED("collect_gradients");
+void launch_step_on_views(const PreprocessArgs& args, const StepView* views, int num_views, const ModelArrays& arrays,
+                          const UpdateArgs& update, std::uint32_t step, StepControl* control, cudaStream_t stream) {
+    constexpr int kBlock = views_block<Model>();
+    static_assert(kBlock <= update_block<Model>());
+    step_on_views<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(args, views, num_views, arrays,
+                                                                                       update, step, control);
+    GS_CUDA_LAUNCHED("step_on_views");
 }
 
 template <class Model> void launch_prepare(const float* weights, unsigned* prepared, cudaStream_t stream) {
@@ -527,10 +575,10 @@ template <class Model> void launch_prepare(const float* weights, unsigned* prepa
 
 template <class Model> ModelKernels model_kernels() {
     ModelKernels kernels{
-        Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, &launch_collect<Model>, {}};
+        Model::kDirectional, &launch_preprocess<Model>, &launch_update<Model>, &launch_step_on_views<Model>, {}};
     if constexpr (kNumSharedOf<Model> != 0)
         kernels.shared = {kNumSharedOf<Model>, WarpAppearance<Model>::kPreparedWords, &launch_prepare<Model>,
-                          update_block<Model>()};
+                          views_block<Model>()};
     return kernels;
 }
 

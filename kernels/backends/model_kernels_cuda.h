@@ -7,7 +7,7 @@
 #include "kernels/backend.h"
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/optimizer/lazy_args_cuda.cuh"
-#include "kernels/optimizer/step_rows_cuda.h"
+#include "kernels/optimizer/update_device.h"
 #include "kernels/preprocess/gaussian_device.h"
 #include "kernels/sort/binning_cuda.h"
 
@@ -41,6 +41,14 @@ struct PreprocessArgs {
     const __half* half_residuals;  ///< residual parameters that frames read; null: those of `params`
 };
 
+/// A view of a step on several, whose sums may come from another rank. The pointers are on the device.
+struct StepView {
+    static constexpr std::uint32_t kNowhere = ~0u;
+    CameraParams<float> camera;
+    const std::uint32_t* places;    ///< (n) of each Gaussian in `sums`; kNowhere if it was not visible
+    const SplatSums<float>* sums;
+};
+
 /// The kernels of one model.
 struct ModelKernels {
     bool directional;  ///< whether the model has a residual
@@ -51,16 +59,18 @@ struct ModelKernels {
     /// was stopped or its loss is not finite.
     void (*update)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
                    const UpdateArgs&, StepControl*, cudaStream_t);
-    /// Adds a share of the gradients of one view to those of a step on several. Writes the sums of the shared weights'
-    /// gradients of that view.
-    void (*collect)(const PreprocessArgs&, const std::uint32_t* counts, const PackedSums*, const ModelArrays&,
-                    const StepGradients&, float share, StepControl*, cudaStream_t);
+    /// Takes step `step` on the mean gradient of several views, and adds each view to the statistic of ADC. Writes the
+    /// sums of the shared weights' gradients of all views together.
+    void (*step_on_views)(const PreprocessArgs&, const StepView* views, int num_views, const ModelArrays&,
+                          const UpdateArgs&, std::uint32_t step, StepControl*, cudaStream_t);
     struct Shared {
         int count = 0;  ///< number of weights that all Gaussians share
         /// The size of the weights in the form that kernels read, in 4-byte words, which start as 0.
         int prepared_words = 0;
         void (*prepare)(const float* weights, unsigned* prepared, cudaStream_t) = nullptr;
-        int gaussians_per_sum = 0;  ///< number of Gaussians whose gradients a row of SharedArgs::sums adds up
+        /// The number of Gaussians whose gradients a row of SharedArgs::sums adds up in step_on_views(). In update() it
+        /// is as large or larger.
+        int gaussians_per_sum = 0;
     } shared;
 };
 

@@ -49,14 +49,9 @@ __global__ void __launch_bounds__(kWireBlock)
 }
 
 __global__ void __launch_bounds__(kWireBlock)
-    unpack(const SplatSums<float>* __restrict__ wire, const std::uint32_t* __restrict__ rows, std::int64_t num,
-           PackedSums* __restrict__ sums, std::uint32_t* __restrict__ counts) {
+    note_rows(const std::uint32_t* __restrict__ rows, std::int64_t num, std::uint32_t* __restrict__ places) {
     const std::int64_t k = wire_index();
-    if (k >= num) return;
-    const SplatSums<float> s = wire[k];
-    sums[rows[k]] = {make_float4(s.h, s.hx, s.hy, s.hxx), make_float4(s.hxy, s.hyy, s.r, s.g),
-                     make_float4(s.b, 0, 0, 0)};
-    counts[rows[k]] = 1;
+    if (k < num) places[rows[k]] = std::uint32_t(k);
 }
 
 }  // namespace
@@ -83,11 +78,12 @@ void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, 
     GS_CUDA_LAUNCHED("pack");
 }
 
-void unpack_sums(const SplatSums<float>* wire, const std::uint32_t* rows, std::int64_t num, PackedSums* sums,
-                 std::uint32_t* counts, cudaStream_t stream) {
+void note_places(const std::uint32_t* rows, std::int64_t num, std::int64_t n, std::uint32_t* places,
+                 cudaStream_t stream) {
+    GS_CUDA(cudaMemsetAsync(places, 0xff, std::size_t(n) * sizeof *places, stream));
     if (num == 0) return;
-    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, rows, num, sums, counts);
-    GS_CUDA_LAUNCHED("unpack");
+    note_rows<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(rows, num, places);
+    GS_CUDA_LAUNCHED("note_rows");
 }
 
 }  // namespace gs

@@ -21,8 +21,8 @@ void unpack_splats(const WireSplat* wire, std::int64_t num, int width_padded, in
 
 /// Writes sums as they are sent.
 void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream);
-/// Writes the sums of a view to the rows of their Gaussians, and marks these by a count of 1.
-void unpack_sums(const SplatSums<float>* wire, const std::uint32_t* rows, std::int64_t num, PackedSums* sums,
-                 std::uint32_t* counts, cudaStream_t stream);
+/// Writes to `places` (n) where the Gaussians are that `rows` names: the k-th at k, all others at ~0.
+void note_places(const std::uint32_t* rows, std::int64_t num, std::int64_t n, std::uint32_t* places,
+                 cudaStream_t stream);
 
 }  // namespace gs

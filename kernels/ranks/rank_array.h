@@ -19,6 +19,15 @@ template <class T> class RankArray {
     explicit RankArray(RankDevice* device = nullptr)
         : device_(device), block_(device ? device->make_block() : nullptr) {}
 
+    /// Makes an empty array in the memory of `other`, which loses its values as soon as this one gets any. On the host
+    /// each has memory of its own.
+    template <class U> static RankArray in_memory_of(const RankArray<U>& other) {
+        static_assert(sizeof(T) <= sizeof(U), "as many values must fit");
+        RankArray array;
+        array.device_ = other.device_, array.block_ = other.block_;
+        return array;
+    }
+
     /// Changes the number of values. They are lost where it grows. Throws DeviceError if there is no memory.
     T* resize(std::size_t size) {
         if (device_) {
@@ -66,8 +75,10 @@ template <class T> class RankArray {
     std::span<const std::byte> bytes() const { return std::as_bytes(values()); }
 
   private:
+    template <class U> friend class RankArray;
+
     RankDevice* device_;
-    std::unique_ptr<DeviceBlock> block_;  ///< of the device, where there is one
+    std::shared_ptr<DeviceBlock> block_;  ///< of the device, where there is one
     std::vector<T> values_;               ///< in the host's memory otherwise
     T* data_ = nullptr;
     std::size_t size_ = 0;

@@ -38,7 +38,7 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       targets_(std::move(targets)),
       splats_(shard_.device()),
       rows_of_splats_(shard_.device()),
-      sums_(shard_.device()) {}
+      sums_{RankArray<SplatSums<float>>::in_memory_of(splats_), {}} {}
 
 void RankWorker::bring_target(StepRequest& request) const {
     if (!request.target.u8 && !request.target.f32) request.target = targets_(request);
@@ -48,7 +48,9 @@ template <class Sum, class Fn>
 void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view) {
     const std::size_t num_views = views.size(), num_ranks = std::size_t(ranks_.size());
     while (projected_.size() < num_views) projected_.emplace_back(shard_.device());
-    while (sums.of_view.size() < num_views) sums.of_view.emplace_back(sums.computed.device());
+    for (std::size_t k = sums.of_view.size(); k < num_views; ++k)
+        sums.of_view.push_back(sums.computed.device() ? RankArray<Sum>::in_memory_of(projected_[k].splats)
+                                                      : RankArray<Sum>());
     std::vector<std::int64_t> own_counts(num_views);
     for (std::size_t k = 0; k < num_views; ++k) {
         shard_.project(views[k].camera, views[k].mode, views[k].for_step, projected_[k]);
@@ -210,16 +212,18 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
         shard_.count_step(views);
     } else {
         std::vector<float> shared = shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_);
-        shared.push_back(float(shard_.take_nonfinite()));
         sum_over_ranks(ranks_, shared);
-        stats.num_nonfinite_gradients = std::int64_t(shared.back());
-        shared.pop_back();
         for (float& gradient : isp_gradient) gradient *= float(mean);
         sum_over_ranks(ranks_, isp_gradient);
-        shard_.update_common(views, shared, isp_gradient);
-        stats.num_nonfinite_gradients += shard_.take_nonfinite();  // on all ranks the same
+        stats.num_nonfinite_gradients = shard_.update_common(views, shared, isp_gradient);  // on all ranks the same
     }
     return stats;
+}
+
+std::int64_t RankWorker::take_nonfinite() {
+    std::int64_t sum = 0;
+    for (std::int64_t of_rank : all_gather(ranks_, shard_.take_nonfinite())) sum += of_rank;
+    return sum;
 }
 
 void RankWorker::count_step(const Mark& begin) {

@@ -34,11 +34,8 @@ struct ShownView {
     bool for_step = false;
 };
 
-/// Sums over pixels of splats in several views, all in one memory.
+/// Sums over pixels of splats in several views: in the host's memory, or on a device in the place of the splats.
 template <class Sum> struct SumsOfViews {
-    /// Makes room in the memory of `device`, or of the host where that is null.
-    explicit SumsOfViews(RankDevice* device = nullptr) : computed(device) {}
-
     RankArray<Sum> computed;              ///< of the view that this rank renders: of all its splats
     std::vector<RankArray<Sum>> of_view;  ///< by view: of the rank's own splats
 };
@@ -58,8 +55,11 @@ class RankWorker {
     /// Renders views, view k on rank k modulo their number, and brings the images to rank 0; `out` is left alone on the
     /// others. The images are those that one rank would render, to the bit.
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out);
-    /// Takes a step; view k is rendered by rank k modulo their number. Returns the statistics of this step alone.
+    /// Takes a step; view k is rendered by rank k modulo their number. Returns the statistics of this step alone,
+    /// without the gradients that take_nonfinite() counts.
     StepStats step(std::vector<StepRequest> views);
+    /// Returns the number of gradients of all ranks' Gaussians that were left out since the last call.
+    std::int64_t take_nonfinite();
     /// Trains a controller on rank 0.
     void distill(const StepRequest& request);
     /// Returns half the squared error of a view on rank 0, 0 on the others.
@@ -101,8 +101,8 @@ class RankWorker {
 
   private:
     /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
-    /// view(k) fills sums.computed for splats_, and afterwards sums.of_view[k] has those of the splats in
-    /// projected_[k]. Views without sums have their splats in the order of the whole model's rows, the others by rank.
+    /// view(k) fills sums.computed for splats_, and afterwards sums.of_view[k] has those of the splats of
+    /// projected_[k], whose memory it may have. Views without sums have their splats in the order of the whole model's rows, the others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
     /// Sorts splats_, of which those of rank r begin at begin[r], by their rows in the whole model. All ranks call it,
@@ -120,7 +120,7 @@ class RankWorker {
     std::vector<ProjectedView> projected_;  ///< per view: the rank's splats
     RankArray<WireSplat> splats_;           ///< of the view that is rendered: those of all ranks, by rank
     RankArray<std::uint32_t> rows_of_splats_;
-    SumsOfViews<SplatSums<float>> sums_;  ///< of a step
+    SumsOfViews<SplatSums<float>> sums_;  ///< of a step, in the memory of splats_ and of those of projected_
     double splats_sent_ = 0;              ///< to other ranks, since the beginning
     RankCosts costs_;
 };

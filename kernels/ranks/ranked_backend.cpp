@@ -24,6 +24,7 @@ enum class Call : std::uint32_t {
     kUploadPpisp,
     kRender,
     kStep,
+    kTakeNonFinite,
     kDistill,
     kDensify,
     kResetOpacity,
@@ -181,7 +182,9 @@ void RankedBackend::distill(const StepRequest& request) {
 }
 
 StepStats RankedBackend::take_stats() {
-    const StepStats out = stats_;
+    StepStats out = stats_;
+    out.num_nonfinite_gradients +=
+        together(message_of(Call::kTakeNonFinite), [&] { return worker_.take_nonfinite(); });
     stats_.steps = 0;
     stats_.num_nonfinite_gradients = 0;
     return out;
@@ -331,6 +334,9 @@ void follow(Communicator& ranks, Backend& backend, const TargetSource& targets) 
             case Call::kStep:
                 worker.step(get_steps(message));
                 worker.count_step(begin);
+                break;
+            case Call::kTakeNonFinite:
+                worker.take_nonfinite();
                 break;
             case Call::kDistill:
                 worker.distill(get_step(message));

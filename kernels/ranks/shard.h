@@ -89,22 +89,23 @@ class Shard {
                                      RankArray<ResidualSplatSums>& sums) = 0;
 
     /// Returns the colours that the rank's Gaussians show without a residual.
-    virtual std::vector<Vec3<float>> colors_without_residual() const = 0;
+    virtual std::vector<Vec3<float>> colors_without_residual() = 0;
     virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
 
     /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the
     /// splats that project() made and what other ranks computed of them. `num_gaussians` counts those of all ranks.
-    /// Returns the gradient of the shared weights by the rank's Gaussians.
+    /// Returns the gradient of the shared weights by the rank's Gaussians. A device may still be at work on the rest.
     virtual std::vector<float> update_rows(const std::vector<StepRequest>& views,
                                            const std::vector<ProjectedView>& projected,
                                            const std::vector<RankArray<SplatSums<float>>>& sums,
                                            std::int64_t num_gaussians) = 0;
     /// Ends the step: takes that of the shared weights and of PPISP, with gradients summed over ranks, and counts it.
-    virtual void update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                               std::vector<float>& isp_gradient) = 0;
+    /// Returns the number of these that were skipped because a gradient was not finite.
+    virtual std::int64_t update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
+                                       std::vector<float>& isp_gradient) = 0;
     /// Counts a step that is not taken.
     virtual void count_step(const std::vector<StepRequest>& views) = 0;
-    /// Returns the number of updates that were skipped since the last call because a gradient was not finite.
+    /// Returns the number of the rank's gradients that were left out since the last call because they were not finite.
     virtual std::int64_t take_nonfinite() = 0;
 
     /// Removes the rows that `rows` (ascending) does not name.

@@ -245,9 +245,8 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
                 if (view % ranks == other) bytes += kSplat * shown[std::size_t(r)][std::size_t(view)];
                 if (view % ranks == r) bytes += kSums * shown[std::size_t(other)][std::size_t(view)];
             }
-        // To each other rank: how many splats each view has, the losses, how many gradients are not finite, and the
-        // gradient of PPISP.
-        std::size_t each = (kCount + kLoss) * kViews + kFloat + kFloat * views.model.ppisp.size();
+        // To each other rank: how many splats each view has, the losses, and the gradient of PPISP.
+        std::size_t each = (kCount + kLoss) * kViews + kFloat * views.model.ppisp.size();
         if (r == 0) each += kLength + kCall + steps.bytes().size();
         sent.push_back(double(bytes + std::size_t(ranks - 1) * each));
     }
