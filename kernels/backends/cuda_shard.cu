@@ -174,8 +174,7 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     }
     StepView* on_device = wire_.views.reserve(step_views.size());
     rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
-    if (!wire_.control.get())
-        GS_CUDA(cudaMemsetAsync(wire_.control.reserve(1), 0, sizeof(StepControl), stream_));
+    if (!wire_.control.get()) GS_CUDA(cudaMemsetAsync(wire_.control.reserve(1), 0, sizeof(StepControl), stream_));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     const std::int64_t t = meta_.step + num_views;

@@ -130,6 +130,7 @@ struct RowStep {
     int width;
     const float *parameters, *gradients;  ///< (32, width) in shared memory; the parameters are caught up
     ColumnSteps columns;
+    AdamGains<float> gains;
     float* out;  ///< (32, width): the parameters
     MomentRows moments;
     std::uint32_t seed;  ///< seed of the rounding of packed moments
@@ -156,7 +157,7 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const floa
             float x = parameters[at[u]];
             rows.moments.unpack(mm[u], vv[u]);
             mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
-            adam_update(x, mm[u], vv[u], gradients[at[u]], rows.columns.of(column[u]));
+            adam_update(x, mm[u], vv[u], gradients[at[u]], rows.columns.of(column[u]), rows.gains);
             p[at[u]] = x;
             rows.moments.store(at[u], mm[u], vv[u], rows.seed);
         }
@@ -184,8 +185,11 @@ __device__ inline void update_all_rows(const RowStep& rows) {
             float4 x = reinterpret_cast<const float4*>(parameters)[at];
             const float4 g = reinterpret_cast<const float4*>(gradients)[at];
             const auto step = [&](int k) { return steps.each ? steps.each[(4 * at + k) % width] : steps.all; };
-            adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0)), adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1));
-            adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2)), adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3));
+            const AdamGains<float>& gains = rows.gains;
+            adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0), gains);
+            adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1), gains);
+            adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2), gains);
+            adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3), gains);
             reinterpret_cast<float4*>(p)[at] = x;
             rows.moments.store4(at, mm[u], vv[u], rows.seed);
         }
@@ -313,10 +317,9 @@ __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const Mo
 /// Takes the step of the residuals of a warp's Gaussians in `rows`, of which some are `stale`. Their parameters and
 /// gradients are in shared memory.
 template <class Model>
-__device__ void update_residuals_of_warp(unsigned rows, unsigned stale, WarpSpace<Model>& space,
-                                         const float* gradients, std::int64_t first, std::uint32_t step_seed,
-                                         const ModelArrays& arrays, const UpdateArgs& update,
-                                         const AdamStep<float>* column_steps) {
+__device__ void update_residuals_of_warp(unsigned rows, unsigned stale, WarpSpace<Model>& space, const float* gradients,
+                                         std::int64_t first, std::uint32_t step_seed, const ModelArrays& arrays,
+                                         const UpdateArgs& update, const AdamStep<float>* column_steps) {
     constexpr int k = int(Group::kResidual);
     const int lane = threadIdx.x & 31, width = arrays.width[k];
     float *decay_m = space.decays[0], *decay_v = space.decays[1];
@@ -325,7 +328,8 @@ __device__ void update_residuals_of_warp(unsigned rows, unsigned stale, WarpSpac
     const std::uint32_t seed = mix_bits(std::uint32_t(first) ^ step_seed);  // of the warp and the step
     const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
     const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(begin);
-    const RowStep step{width, space.memory.rows, gradients, columns, arrays.param[k] + begin, moments, seed};
+    const RowStep step{width,        space.memory.rows,       gradients, columns,
+                       update.gains, arrays.param[k] + begin, moments,   seed};
     if (rows == ~0u && !stale) {
         update_all_rows(step);
     } else {

@@ -45,7 +45,7 @@ struct PreprocessArgs {
 struct StepView {
     static constexpr std::uint32_t kNowhere = ~0u;
     CameraParams<float> camera;
-    const std::uint32_t* places;    ///< (n) of each Gaussian in `sums`; kNowhere if it was not visible
+    const std::uint32_t* places;  ///< (n) of each Gaussian in `sums`; kNowhere if it was not visible
     const SplatSums<float>* sums;
 };
 

@@ -102,7 +102,8 @@ class RankWorker {
   private:
     /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
     /// view(k) fills sums.computed for splats_, and afterwards sums.of_view[k] has those of the splats of
-    /// projected_[k], whose memory it may have. Views without sums have their splats in the order of the whole model's rows, the others by rank.
+    /// projected_[k], whose memory it may have. Views without sums have their splats in the order of the whole model's
+    /// rows, the others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
     /// Sorts splats_, of which those of rank r begin at begin[r], by their rows in the whole model. All ranks call it,

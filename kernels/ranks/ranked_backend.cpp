@@ -183,8 +183,7 @@ void RankedBackend::distill(const StepRequest& request) {
 
 StepStats RankedBackend::take_stats() {
     StepStats out = stats_;
-    out.num_nonfinite_gradients +=
-        together(message_of(Call::kTakeNonFinite), [&] { return worker_.take_nonfinite(); });
+    out.num_nonfinite_gradients += together(message_of(Call::kTakeNonFinite), [&] { return worker_.take_nonfinite(); });
     stats_.steps = 0;
     stats_.num_nonfinite_gradients = 0;
     return out;
