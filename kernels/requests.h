@@ -96,7 +96,7 @@ struct StepStats {
     std::int64_t steps = 0;
     double loss = 0, l1 = 0, ssim = 0;         ///< values of the last step
     std::int64_t num_instances = 0;            ///< Gaussian-tile pairs of the last step
-    std::int64_t num_nonfinite_gradients = 0;  ///< Gaussians whose update was skipped, summed over the steps
+    std::int64_t num_nonfinite_gradients = 0;  ///< Gaussians with a gradient that was left out, summed over the steps
     std::int64_t consecutive_skips = 0;        ///< steps in a row skipped because the loss was not finite
 };
 

@@ -336,6 +336,7 @@ void CudaBackend::forget(const Step& s) {
 
 void CudaBackend::abandon_steps() {
     cudaStreamSynchronize(stream_);
+    wire_.is_updating = false;
     for (const Step& s : in_flight_) forget(s);
     in_flight_.clear();
     cudaMemsetAsync(control_.get(), 0, sizeof(StepControl), stream_);

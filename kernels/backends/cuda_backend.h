@@ -144,8 +144,9 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Turns dL_dimage_ into the sums of the view's `n` splats.
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     std::vector<float> base_colors() const;
-    /// Enqueues a view of splats from other ranks, of which all `n` get sums.
+    /// Enqueues the forward pass of splats that came from ranks.
     CudaBins enqueue_forward(const RankArray<WireSplat>& splats, const RenderRequest& request, bool for_backward);
+    /// Turns dL_dimage_ into sums of all `n` splats that came, also of those that no tile of this device needs.
     void enqueue_sums_of_splats(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     /// Returns the loss that a status holds, and its parts.
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
@@ -206,6 +207,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<unsigned char> cub;
         DeviceBuffer<std::uint32_t> places;  ///< (views, n) as in StepView
         DeviceBuffer<StepView> views;
+        std::vector<StepView> host_views;   ///< stays as it is while the device is at work
         DeviceBuffer<float> shared;         ///< gradients of the shared weights
         DeviceBuffer<StepControl> control;  ///< counts the gradients that were left out since take_nonfinite()
         bool is_updating = false;           ///< the device may still be at work on update_rows()

@@ -25,7 +25,8 @@ RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, Re
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
 void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) {
-    if (!wire_.is_updating) settle();  // otherwise all steps are on the stream
+    // After update_rows() no residual is behind, and what follows is on its stream.
+    if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
     out.splats.resize(0), out.rows.resize(0);
     if (n == 0) return;
@@ -164,9 +165,10 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
     if (n == 0) return std::vector<float>(std::size_t(num_shared), 0.0f);
-    lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});
+    if (num_shared > 0) lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});  // for their sums
     std::uint32_t* places = wire_.places.reserve(std::size_t(num_views) * std::size_t(n));
-    std::vector<StepView> step_views;
+    std::vector<StepView>& step_views = wire_.host_views;
+    step_views.clear();
     for (std::size_t v = 0; v < views.size(); ++v) {
         step_views.push_back({views[v].camera, places + std::int64_t(v) * n, sums[v].data()});
         note_places(projected[v].rows.data(), std::int64_t(projected[v].rows.size()), n, places + std::int64_t(v) * n,
@@ -185,8 +187,7 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     wire_.is_updating = true;
     if (num_shared == 0) return {};  // the host goes on while the device is at work
     // Without a residual that is shown the weights have no gradient.
-    const std::int64_t rows_of_sums =
-        num_shared > 0 && num_residuals > 0 ? num_blocks(n, kernels_.shared.gaussians_per_sum) : 0;
+    const std::int64_t rows_of_sums = num_residuals > 0 ? num_blocks(n, kernels_.shared.gaussians_per_sum) : 0;
     float* shared = wire_.shared.reserve(std::size_t(num_shared));
     sum_rows(shared_sums_, rows_of_sums, num_shared, 1 / float(num_views), shared, stream_);
     synchronize();

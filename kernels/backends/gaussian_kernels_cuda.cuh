@@ -446,7 +446,7 @@ __global__ void __launch_bounds__(views_block<Model>())
     if (rows) space.memory.load(a, i - lane, rows, 0);
     for (int k = lane; k < 32 * width; k += 32) total[k] = 0;
     GaussianGradient<float> mean{};
-    bool any = false;
+    bool any = false, finite = true;
     for (int v = 0; v < num_views; ++v) {
         const StepView& view = views[v];
         const std::uint32_t place = valid ? view.places[i] : StepView::kNowhere;
@@ -467,8 +467,7 @@ __global__ void __launch_bounds__(views_block<Model>())
             if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
             geometry_backward(a.params.geometry(i), view.camera, s, gradient);
             gradient.geometry.mean += dL_dmean;
-            if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
-                atomicAdd(&control->num_nonfinite, 1u);
+            finite &= drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0);
             add_gradient_statistic(arrays, view.camera.width, view.camera.height, i, gradient);
             mean.add(gradient, share);
         }
@@ -477,6 +476,7 @@ __global__ void __launch_bounds__(views_block<Model>())
             for (int k = lane; k < 32 * width; k += 32) total[k] += share * gradients[k];
         __syncwarp();
     }
+    if (!finite) atomicAdd(&control->num_nonfinite, 1u);
     if (valid) update_gaussian_of_warp(a, arrays, update, i, mean);
     if (rows)
         update_residuals_of_warp<Model>(rows, 0, space, total, i - lane, mix_bits(step), arrays, update, column_steps);
@@ -567,6 +567,8 @@ void launch_step_on_views(const PreprocessArgs& args, const StepView* views, int
                           const UpdateArgs& update, std::uint32_t step, StepControl* control, cudaStream_t stream) {
     constexpr int kBlock = views_block<Model>();
     static_assert(kBlock <= update_block<Model>());
+    static_assert(kBlock / 32 * (sizeof(WarpBytes<Model>) + sizeof(float) * 32 * RowMemory<Model>::kWidth) < 47 * 1024,
+                  "the rows of a block must fit into shared memory");
     step_on_views<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(args, views, num_views, arrays,
                                                                                        update, step, control);
     GS_CUDA_LAUNCHED("step_on_views");

@@ -16,7 +16,7 @@ namespace gs {
 /// The weights that all Gaussians of a model share. The pointers are null for a model that has none.
 struct SharedArgs {
     unsigned* prepared;  ///< weights in the form that kernels read
-    float* sums;         ///< gradients, one row per block of the backward pass
+    float* sums;         ///< gradients, one row per block of the pass that computes them
 };
 
 /// The buffers in which the separate pass keeps values that fused kernels have in registers, (n) each. Null for fused

@@ -19,6 +19,9 @@ template <class T> class RankArray {
     explicit RankArray(RankDevice* device = nullptr)
         : device_(device), block_(device ? device->make_block() : nullptr) {}
 
+    RankArray(RankArray&&) = default;
+    RankArray& operator=(RankArray&&) = default;
+
     /// Makes an empty array in the memory of `other`, which loses its values as soon as this one gets any. On the host
     /// each has memory of its own.
     template <class U> static RankArray in_memory_of(const RankArray<U>& other) {
@@ -28,7 +31,8 @@ template <class T> class RankArray {
         return array;
     }
 
-    /// Changes the number of values. They are lost where it grows. Throws DeviceError if there is no memory.
+    /// Changes the number of values. They are lost where it grows, and arrays in the same memory must then be resized
+    /// before they are used. Throws DeviceError if there is no memory.
     T* resize(std::size_t size) {
         if (device_) {
             data_ = reinterpret_cast<T*>(block_->reserve(size * sizeof(T)));

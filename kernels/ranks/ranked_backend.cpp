@@ -178,7 +178,9 @@ void RankedBackend::distill(const StepRequest& request) {
     put(message, request);
     together(message, [&] { worker_.distill(request); });
     controllers_differ_ = ranks_.size() > 1;
+    const std::int64_t nonfinite_before = stats_.num_nonfinite_gradients;
     stats_ = own_->take_stats();
+    stats_.num_nonfinite_gradients += nonfinite_before;
 }
 
 StepStats RankedBackend::take_stats() {

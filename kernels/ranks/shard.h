@@ -75,7 +75,8 @@ class Shard {
     virtual void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
                                RenderedImage& out) = 0;
     /// Computes the loss of a view, and the gradient sums of each splat if the loss is finite. Adds the gradient of the
-    /// view's PPISP to `isp_gradient` (PpispState::size()) where it learns.
+    /// view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may lie in the memory of `splats`:
+    /// it is resized after their last use.
     virtual ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
                                     RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
     /// Trains a controller as Backend::distill does.

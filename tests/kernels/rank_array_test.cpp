@@ -30,6 +30,22 @@ TEST(RankArray, KeepsItsValuesWhereTheRankComputes) {
     }
 }
 
+TEST(RankArray, TakesThePlaceOfAnotherOnADeviceAlone) {
+    FakeDevice device;
+    for (RankDevice* where : {static_cast<RankDevice*>(nullptr), static_cast<RankDevice*>(&device)}) {
+        RankArray<double> array(where);
+        array.resize(8);
+        RankArray<float> later = RankArray<float>::in_memory_of(array);
+        EXPECT_EQ(later.device(), where);
+        EXPECT_EQ(later.size(), 0u);
+        later.resize(8);
+        EXPECT_EQ(static_cast<void*>(later.data()) == array.data(), where != nullptr);
+        array.resize(800);  // grows, and moves
+        later.resize(800);
+        EXPECT_EQ(static_cast<void*>(later.data()) == array.data(), where != nullptr);
+    }
+}
+
 TEST(Communicator, TakesArraysOfDevicesThroughTheHost) {
     for (const int size : {1, 2, 4}) {
         on_ranks(size, [&](Communicator& ranks) {
