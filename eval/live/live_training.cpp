@@ -45,7 +45,7 @@ LiveTraining::LiveTraining(const TrainOptions& options, const Scene& scene, std:
 }
 
 LiveTraining::~LiveTraining() {
-    if (!ended_ && std::uncaught_exceptions() > 0) end("failed", "");
+    if (!ended_ && std::uncaught_exceptions() > 0) end("failed", "the program says why");
     if (packing_.valid()) packing_.wait();
     page_.linger(kLingerSeconds);
 }

@@ -2,6 +2,7 @@
 """Drives a headless Chromium over its debugging pipe, without packages beside Python's own."""
 
 import base64
+import functools
 import itertools
 import json
 import os
@@ -32,6 +33,32 @@ def check_stands_alone(browser, url):
     others = [r for r in browser.requests if r not in (url, "about:blank")]
     check(others == [], f"the page asks for nothing else: {others}")
     check(browser.errors == [], f"the console is silent: {browser.errors}")
+
+
+AXE = pathlib.Path(__file__).resolve().parents[2] / "apps/viewer/node_modules/axe-core/axe.min.js"
+AXE_RUN = "axe.run(document).then(r => [r.passes.length, r.violations.map(v => v.id + ': ' + v.nodes.map(n => n.html).join(' '))])"
+
+
+@functools.cache
+def axe_core():
+    """The text of axe-core, or None; says once that it is missing."""
+    if AXE.exists():
+        return AXE.read_text()
+    print(f"skipped: no axe-core, so nothing is said of accessibility; npm ci in {AXE.parents[2]} installs it", flush=True)
+    return None
+
+
+def check_accessible(browser, state):
+    """That the page as it is now breaks none of axe-core's rules, in light and in dark colours."""
+    if axe_core() is None:
+        return
+    if browser.evaluate("typeof axe") == "undefined":
+        browser.evaluate(axe_core() + "; void 0")
+    for scheme in ("light", "dark"):
+        browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        passed, violations = browser.evaluate(AXE_RUN)
+        check(passed > 5 and violations == [], f"accessible: {state}, {scheme}: {violations}")
+    browser.call("Emulation.setEmulatedMedia", features=[])
 
 
 # What Chromium says of the machine and not of the page: there is no GPU for WebGPU, which a page finds out by asking; and the software driver
@@ -67,6 +94,7 @@ class Browser:
         self.ids = itertools.count(1)
         self.session = None
         self.errors, self.requests, self.events = [], [], []
+        self.chooser = None  # the input for which the page has asked for a file
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -101,6 +129,8 @@ class Browser:
         elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
             if not any(text in params["entry"]["text"] for text in OF_MACHINE):
                 self.errors.append(params["entry"]["text"])
+        elif method == "Page.fileChooserOpened":
+            self.chooser = params["backendNodeId"]
         elif method == "Network.requestWillBeSent":
             url = params["request"]["url"]
             if not url.startswith("data:"):
@@ -136,6 +166,16 @@ class Browser:
         if "exceptionDetails" in result:
             raise RuntimeError(f"{expression}: {result['exceptionDetails']}")
         return result["result"].get("value")
+
+    def choose_file(self, button, path):
+        """Presses a button that asks for a file, and gives it one."""
+        self.call("Page.setInterceptFileChooserDialog", enabled=True)
+        self.chooser = None
+        self.call("Runtime.evaluate", expression=f"document.getElementById('{button}').click()", userGesture=True)
+        deadline = time.monotonic() + PATIENCE
+        while self.chooser is None:
+            self._note(self._receive(deadline))
+        self.call("DOM.setFileInputFiles", files=[str(path)], backendNodeId=self.chooser)
 
     def screenshot(self, path, scale):
         """Saves the whole page as a PNG."""

@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 
-from browser import PATIENCE, Browser, find_chromium, check
+from browser import PATIENCE, Browser, check, check_accessible, find_chromium
 from site_server import SOFTWARE_WEBGPU, wait_for
 
 STATE = "document.getElementById('live-state').textContent"
@@ -47,8 +47,19 @@ class Program:
         return code
 
 
-def curve(browser, name):
-    return browser.evaluate(f"document.querySelector('#{name} polyline')?.getAttribute('points') ?? ''")
+def points_of(name):
+    """How many points a curve has, as an expression."""
+    return f"(document.querySelector('#{name} polyline')?.getAttribute('points') ?? '').split(' ').filter(p => p).length"
+
+
+def press(browser, button):
+    browser.evaluate(f"document.getElementById('{button}').click()")
+
+
+def check_curves_grow(browser):
+    counts = {name: browser.evaluate(points_of(name)) for name in ("live-loss", "live-psnr")}
+    for name, count in counts.items():
+        wait_for(browser, f"{points_of(name)} > {count}", f"{name} grows beyond {count} points")
 
 
 def check_training(browser, run):
@@ -56,8 +67,8 @@ def check_training(browser, run):
     check("token" not in browser.evaluate("location.href"), "the address bar does not show the token")
     check(browser.evaluate("document.getElementById('name').textContent") == "glossy", "with the scene's name")
     first = browser.evaluate(MIDDLE)
-    wait_for(browser, "(document.querySelector('#live-loss polyline')?.getAttribute('points') ?? '').split(' ').length > 2", "the curve of the loss grows")
-    wait_for(browser, "(document.querySelector('#live-psnr polyline')?.getAttribute('points') ?? '').split(' ').length > 1", "and that of the PSNR")
+    wait_for(browser, f"{points_of('live-loss')} > 2", "the loss is a curve")
+    wait_for(browser, f"{points_of('live-psnr')} > 1", "and so is the PSNR")
     check("test views" in browser.evaluate("document.querySelector('#live-psnr figcaption').textContent"), "which says of what it is")
     # A picture comes every few seconds, so the curves may grow for a while before it does.
     deadline = time.monotonic() + PATIENCE
@@ -74,20 +85,25 @@ def check_training(browser, run):
     check(browser.evaluate("document.getElementById('camera').value") == "1", "the camera stays where it is while pictures come")
     check(browser.evaluate("document.getElementById('label-right').textContent") == "Photograph", "and so does the comparison")
     browser.evaluate("document.getElementById('compare-on').click()")
+    check_curves_grow(browser)
+    check_accessible(browser, "while it trains")
 
     browser.evaluate("document.getElementById('live-pause').click()")
     wait_for(browser, f"{STATE}.startsWith('Paused')", "it pauses")
     paused = browser.evaluate(STATE)
     time.sleep(1.5)
     check(browser.evaluate(STATE) == paused, "and stays where it is")
+    check_accessible(browser, "while it pauses")
     browser.evaluate("document.getElementById('live-save').click(); document.getElementById('live-pause').click()")
     wait_for(browser, f"{STATE}.startsWith('Iteration')", "it goes on")
     wait_for(browser, "/Saved\\s*iteration [\\d,]+00/.test(document.getElementById('live-info').innerText)", "it saves")
     check(list((run / "checkpoints").glob("*00.safetensors")) and list((run / "point_cloud").glob("*00/point_cloud.ply")), "a checkpoint and a point cloud")
 
-    browser.evaluate("document.getElementById('live-stop').click()")
+    # Without a clock, as the question goes away while the page is looked at.
+    browser.evaluate("{ const clock = setTimeout; window.setTimeout = () => 0; document.getElementById('live-stop').click(); window.setTimeout = clock; }")
     check(browser.evaluate("document.getElementById('live-stop').textContent") == "Really stop?", "it asks before it stops")
-    browser.evaluate("document.getElementById('live-stop').click()")
+    check_accessible(browser, "while it asks")
+    press(browser, "live-stop")
     wait_for(browser, f"{STATE}.startsWith('Stopped') || {STATE}.includes('does not answer')", "it stops")
 
 
@@ -95,10 +111,11 @@ def check_after(browser, gsapp, run, port):
     wait_for(browser, f"{STATE}.includes('gsapp view')", "the page says what shows the run now")
     check(browser.evaluate("document.body.classList.contains('loaded')") and max(browser.evaluate(MIDDLE)) > 0, "its picture stays")
     check(browser.evaluate("document.getElementById('live-buttons').hidden"), "without buttons")
+    check_accessible(browser, "after the training")
     saved = Program(gsapp, "view", run, "--port", port)
     saved.address()
     wait_for(browser, f"{STATE}.startsWith('Saved at iteration')", "and it goes on with the program that serves the run again")
-    check(len(curve(browser, "live-loss").split()) > 2, "with the curve that was")
+    check(browser.evaluate(points_of("live-loss")) > 2, "with the curve that was")
     wait_for(browser, "document.getElementById('live-info').innerText.includes('Picture of iteration')", "whose picture is shown, too")
     browser.evaluate("fetch('live/status.json').then(r => r.json()).then(s => fetch(s.model.url)).then(r => r.blob()).then(b => { keptModel = b; })")
     saved.process.terminate()
@@ -123,6 +140,43 @@ def check_point_cloud(browser, gsapp, run):
     check(program.exit_code() == 0, "until Ctrl-C")
 
 
+def check_killed(browser, gsapp, run):
+    """A training that ends without a word."""
+    training = Program(gsapp, *train_arguments(run), "--view", 0)
+    try:
+        browser.open(training.address())
+        wait_for(browser, f"{STATE}.includes('Iteration') && document.body.classList.contains('loaded')", "another training is shown")
+        check(not browser.evaluate("document.getElementById('live-buttons').hidden"), "with buttons")
+    finally:
+        training.process.kill()
+        training.exit_code()
+    wait_for(browser, f"{STATE}.includes('does not answer')", "when it is killed, the page says that it does not answer")
+    check(f"gsapp view {run}" in browser.evaluate(STATE), f"and what shows the run: {browser.evaluate(STATE)}")
+    check(browser.evaluate("document.getElementById('live-buttons').hidden"), "the buttons are gone")
+    left = browser.evaluate(MIDDLE)
+    time.sleep(2.5)  # the page looks again and again
+    check(browser.evaluate("document.body.classList.contains('loaded')") and max(left) > 0 and browser.evaluate(MIDDLE) == left, "the picture stays")
+
+
+def check_finished(browser, gsapp, run):
+    """A run of which nobody looked at the training."""
+    subprocess.run([gsapp, "train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "-r", "8", "--iterations", "200", "--eval", "--quiet"], check=True, capture_output=True)
+    program = Program(gsapp, "view", run, "--port", 0)
+    browser.open(program.address())
+    wait_for(browser, f"{STATE} === 'Saved at iteration 200' && document.body.classList.contains('loaded')", "a finished run is shown")
+    check(browser.evaluate("document.getElementById('name').textContent") == "glossy" and max(browser.evaluate(MIDDLE)) > 0, "with its scene")
+    check(browser.evaluate("document.getElementById('live-buttons').hidden"), "nothing can be paused")
+    check(not browser.evaluate("document.getElementById('camera').disabled"), "there are test views")
+    check_accessible(browser, "a finished run")
+    program.process.terminate()
+    check(program.exit_code() == 0, "until Ctrl-C")
+
+
+def train_arguments(run):
+    """Of a training that does not end by itself."""
+    return ["train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "--threads", 1, "--iterations", 1000000, "--cap-max", 6000, "--eval"]
+
+
 def main():
     chromium, gsapp = find_chromium(), sys.argv[1]
     if chromium is None:
@@ -130,8 +184,7 @@ def main():
         return 77
     with tempfile.TemporaryDirectory() as name:
         run = pathlib.Path(name) / "run"
-        training = Program(gsapp, "train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "--threads", 1, "--iterations", 1000000, "--cap-max", 6000, "--eval",
-                           "--view", 0)
+        training = Program(gsapp, *train_arguments(run), "--view", 0)
         try:
             try:
                 address = training.address()
@@ -151,6 +204,8 @@ def main():
                 check(elsewhere == [], f"the page asks gsapp alone: {elsewhere}")
                 check_after(browser, gsapp, run, re.search(r":(\d+)/", address)[1])
                 check_point_cloud(browser, gsapp, run)
+                check_killed(browser, gsapp, run.with_name("killed"))
+                check_finished(browser, gsapp, run.with_name("finished"))
         finally:
             training.process.kill()
     print("passed")

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 
-from browser import Browser, find_chromium, check
+from browser import Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 SCENE = ["-s", "builtin:glossy", "--eval", "--device", "cpu", "--quiet", "--cap-max", "3000", "--iterations", "200"]
@@ -179,6 +179,46 @@ def check_divider(browser, wanted):
     check(screen_picture(browser).difference(wanted["full"])[0] <= 1, "then one picture is shown")
 
 
+def check_link(browser, site):
+    """A copied link holds the comparison."""
+    open_site(browser, site)
+    choose(browser, compare_left="residual", compare_right="photograph")
+    browser.evaluate("document.getElementById('divider').focus()")
+    for key in (END, PAGE_DOWN, PAGE_DOWN, LEFT):
+        browser.press(*key)
+    wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "the photograph is there")
+    wanted = screen_picture(browser)
+    browser.call("Browser.grantPermissions", permissions=["clipboardReadWrite", "clipboardSanitizedWrite"])
+    browser.evaluate("document.getElementById('copy-link').click()")
+    wait_for(browser, "document.getElementById('picture-message').textContent === 'Copied.'", "the link is copied")
+    link = browser.evaluate("navigator.clipboard.readText()")
+    check(link == f"{site.url}#view={VIEW + 1}&compare=residual,photograph&split=79", f"it names sides and divider: {link}")
+
+    browser.open("about:blank")
+    open_viewer(browser, link)
+    fit_canvas(browser)
+    wait_for(browser, "document.getElementById('label-right').textContent === 'Photograph'", "the link shows the photograph")
+    sides = browser.evaluate("['left', 'right'].map(side => document.getElementById('compare-' + side).value)")
+    check(sides == ["residual", "photograph"] and divider(browser) == 79, f"the same sides and divider: {sides}, {divider(browser)} %")
+    check(screen_picture(browser).difference(wanted)[0] <= 1, "and the same picture")
+    browser.evaluate("location.hash = '#compare=full,nothing&split=20'")
+    wait_for(browser, "!document.getElementById('compare-on').checked", "what is no comparison is none")
+    check(divider(browser) == 79 and not browser.evaluate("document.getElementById('divider').checkVisibility()"), "and shows no divider")
+
+
+def check_accessibility(browser, site):
+    open_viewer(browser, site.url + "#compare=full,other")
+    wait_for_label(browser, "right", "none")
+    check_accessible(browser, "with a comparison")
+    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=640, deviceScaleFactor=3, mobile=True)
+    browser.evaluate(FRAME)
+    browser.evaluate("document.body.classList.contains('folded') && document.getElementById('toggle').click()")
+    check_accessible(browser, "with a comparison on a phone")
+    browser.evaluate("document.getElementById('toggle').click()")
+    check_accessible(browser, "with a comparison on a phone, settings hidden")
+    browser.call("Emulation.clearDeviceMetricsOverride")
+
+
 def check_obstacles(browser, site):
     """What cannot be shown says why, and the other side is drawn."""
     open_site(browser, site)
@@ -272,7 +312,9 @@ def main():
         with Browser(program, flags=SOFTWARE_WEBGL) as browser:
             wanted = check_sides(browser, site)
             check_divider(browser, wanted)
+            check_link(browser, site)
             check_obstacles(browser, site)
+            check_accessibility(browser, site)
             check_phone(browser, site)
             check_broken_sites(browser, site, folder)
     print("passed")

@@ -16,12 +16,15 @@ import tempfile
 
 from browser import Browser, find_chromium, check
 from site_server import PSNR, SOFTWARE_WEBGL, Site, open_viewer, wait_for
+from viewer_scenes import Downloads
 
 # All three degrees of sh are active at the end.
 TRAIN = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "3000", "--iterations", "3200", "--eval", "--device", "cpu", "--quiet"]
 VIEWS = (0, 3, 7)
 # 51 and more were measured; 38 would still look the same.
 LEAST_PSNR = 45
+# Of pictures along a camera path that goes through a file.
+LEAST_PSNR_OF_PATH = 40
 
 # Between pictures of this page, the first of which is an expression for rgba pixels.
 PSNR_OF_PIXELS = """(async () => {
@@ -161,6 +164,51 @@ def check_refused(browser, folder):
         browser.evaluate("document.getElementById('dismiss').click()")
 
 
+def check_chosen(browser, folder):
+    """Files that are chosen by the buttons, of which one stands beside what could not be read."""
+    count = len(ply_rows((folder / "model.ply").read_bytes()))
+    for suffix in ("ply", "splat", "spz"):
+        for button in ("open", "open-notice"):
+            name = f"{button}.{suffix}"
+            shutil.copy(folder / f"model.{suffix}", folder / name)
+            if button == "open-notice":
+                browser.evaluate(DROP % ("mesh.ply", json.dumps("mesh.ply")))
+                wait_for(browser, "document.getElementById('open-notice').checkVisibility()", "another file is asked for")
+            browser.choose_file(button, folder / name)
+            wait_for(browser, f"document.getElementById('name').textContent === '{name}' && document.getElementById('notice').hidden", f"{name} is shown")
+            check(f"{count:,}" in browser.evaluate("document.getElementById('info').textContent"), f"all of {name}")
+
+
+def check_path(browser, gsapp, folder):
+    """Keyframes that the page saves, in both forms, as gsapp renders them: a test view, and a pose that belongs to none."""
+    saved = folder / "saved"
+    saved.mkdir()
+    downloads = Downloads(browser, saved)
+    press = lambda button: browser.evaluate(f"document.getElementById('{button}').click()")
+    for name, value in (("seconds", 1), ("frame-rate", 3)):
+        browser.evaluate(f"document.getElementById('{name}').value = {value}")
+    press("add-keyframe")
+    browser.evaluate("document.getElementById('canvas').focus()")
+    for _ in range(3):
+        browser.press("ArrowLeft", 37)
+    wait_for(browser, "document.getElementById('camera').selectedOptions[0].textContent === 'Free'", "the camera has moved")
+    press("add-keyframe")
+    files = {}
+    for button in ("save-cameras", "save-nerfstudio"):
+        press(button)
+        name, files[button] = downloads.take("a path")
+        (folder / name).write_bytes(files[button])
+        run_gsapp(gsapp, "render", folder / "run", "--path", folder / name, "-o", folder / button)
+    cameras = json.loads(files["save-cameras"])
+    own = ("testViewPixels(0, 'full')", f"viewPixels({pose(cameras[-1])}, 'full')")
+    for button in files:
+        pictures = sorted((folder / button).rglob("*.png"))
+        check(len(pictures) == len(cameras) == 3, f"{button}: every picture is rendered: {pictures}")
+        seen = [browser.evaluate(PSNR % (f"(await gsapp.{pixels}).pixels", picture.relative_to(folder))) for pixels, picture in zip(own, (pictures[0], pictures[-1]))]
+        print(f"{button:15} against gsapp " + " ".join(f"{v:6.2f}" for v in seen) + " dB", flush=True)
+        check(min(seen) >= LEAST_PSNR_OF_PATH, f"{button}: PSNR of at least {LEAST_PSNR_OF_PATH} dB against gsapp's pictures")
+
+
 def check_address(browser, url, name):
     open_viewer(browser, f"{url}?model={name}")
     check(browser.evaluate("document.getElementById('name').textContent") == name, f"?model={name} is shown")
@@ -183,6 +231,7 @@ def main():
             open_viewer(browser, site.url)
             keep(browser, "full")
             compare(browser, cameras, "its own", "full", LEAST_PSNR)
+            check_path(browser, gsapp, folder)
             drop(browser, "dropped.ply", "model.ply")
             check(message(browser) == "", f"nothing is remarked on: {message(browser)}")
             compare(browser, cameras, "dropped.ply", "full", LEAST_PSNR)
@@ -194,6 +243,7 @@ def main():
             compare(browser, cameras, "dropped.splat", "base", LEAST_PSNR)
             check_remarks(browser, folder)
             check_refused(browser, folder)
+            check_chosen(browser, folder)
             for suffix in ("ply", "splat", "spz"):
                 check_address(browser, site.url, f"model.{suffix}")
             elsewhere = [r for r in browser.requests if not r.startswith((site.url, "blob:", "about:"))]

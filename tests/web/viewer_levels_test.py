@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 
-from browser import Browser, find_chromium, check
+from browser import Browser, find_chromium, check, check_accessible
 from site_server import SOFTWARE_WEBGL, Site, open_viewer, wait_for
 
 SCENE = ["-s", "builtin:glossy", "-r", "4", "--device", "cpu", "--quiet", "--appearance", "none", "--iterations", "500",
@@ -51,6 +51,15 @@ def memory_of(gibibytes):
     return f"Object.defineProperty(navigator, 'deviceMemory', {{ value: {gibibytes} }});"
 
 
+def without_memory(length):
+    """The first array of so many numbers finds no memory."""
+    return f"""{{ let failures = 0;
+        window.Uint32Array = new Proxy(Uint32Array, {{ construct(array, given) {{
+            if (given[0] === {length} && failures++ === 0) throw new RangeError('Array buffer allocation failed');
+            return Reflect.construct(array, given);
+        }} }}); }}"""
+
+
 def move(browser, frames):
     """Turns the camera, a step in every frame."""
     browser.evaluate(f"""(async () => {{
@@ -79,11 +88,7 @@ def check_choice(browser, site, levels):
     check(browser.evaluate("document.getElementById('camera').value") == "2", "the camera stays")
     quarter = browser.evaluate(PIXELS)
     check(quarter != whole, "it is another picture")
-    axe = pathlib.Path(__file__).resolve().parents[2] / "apps" / "viewer" / "node_modules" / "axe-core" / "axe.min.js"
-    if axe.exists():
-        browser.evaluate(axe.read_text() + "; void 0")
-        found = browser.evaluate("axe.run(document).then(r => [r.passes.length, r.violations.map(v => v.id)])")
-        check(found[0] > 10 and found[1] == [], f"axe finds nothing: {found}")
+    check_accessible(browser, "with a choice of levels")
     address = browser.evaluate("new Promise(resolve => setTimeout(() => resolve(location.hash), 600))")
     check(address == "#view=3&detail=2", f"the address says so: {address}")
     choose(browser, "detail", "")
@@ -110,6 +115,18 @@ def check_memory(browser, site, levels):
     choose(browser, "detail", 0)
     wait_for_state(browser, "as you chose")
     check(count(browser) == levels[0]["num_gaussians"], "who chooses all of it gets it")
+    check(browser.errors == [], f"the console is silent: {browser.errors}")
+
+
+def check_full_memory(browser, site, levels):
+    """An array that finds no memory while a file is read."""
+    fresh(browser, site.url, without_memory(levels[0]["num_gaussians"]))
+    wait_for_state(browser, "little memory")
+    check(count(browser) == levels[1]["num_gaussians"] and message(browser) == "", f"a coarser level is shown without a word: {count(browser)}, '{message(browser)}'")
+    fresh(browser, site.url + "?model=scene.ngsplat", without_memory(levels[0]["num_gaussians"]))
+    check("scene.ngsplat cannot be shown" in message(browser) and "The memory does not suffice for this file." in message(browser),
+          f"where there is none, a message says so: {message(browser)}")
+    check("allocation" not in message(browser) and not browser.evaluate("document.body.classList.contains('loaded')"), f"in plain words, and nothing is half there: {message(browser)}")
     check(browser.errors == [], f"the console is silent: {browser.errors}")
 
 
@@ -160,7 +177,7 @@ def check_lost_device(browser, site, levels):
     browser.call("Emulation.clearDeviceMetricsOverride")
 
 
-def check_obstacles(browser, site, folder):
+def check_obstacles(browser, site, folder, levels):
     """A level that cannot be read, and a site without any."""
     browser.call("Network.setCacheDisabled", cacheDisabled=True)
     fresh(browser, site.url)
@@ -176,6 +193,8 @@ def check_obstacles(browser, site, folder):
     (folder / "site.json").unlink()
     fresh(browser, site.url, memory_of(1e-6))
     check(browser.evaluate(PIXELS) == whole, "without levels all of it is shown, whatever the memory")
+    fresh(browser, site.url, without_memory(levels[0]["num_gaussians"]))
+    check("does not suffice for this file. gsapp export --lod" in message(browser), f"and where that is too little, it is said: {message(browser)}")
 
 
 def check_training_views(browser, gsapp, folder):
@@ -213,10 +232,11 @@ def main():
         with Browser(program, width=700, height=400, flags=SOFTWARE_WEBGL) as browser:
             check_choice(browser, site, levels)
             check_memory(browser, site, levels)
+            check_full_memory(browser, site, levels)
             check_speed(browser, site, levels)
             check_lost_device(browser, site, levels)
             check_training_views(browser, sys.argv[1], folder)
-            check_obstacles(browser, site, folder / "site")
+            check_obstacles(browser, site, folder / "site", levels)
     print("passed")
     return 0
 

@@ -128,6 +128,23 @@ def check_loading(browser, site):
     wait_for(browser, "window.gsapp && document.getElementById('notice').hidden", "and goes away")
     open_viewer(browser, site.url + "?model=missing.ngsplat")
     check("404" in message(browser), f"a missing model is said to be missing: {message(browser)}")
+    open_viewer(browser, site.url + "?model=http://127.0.0.1:1/x.ngsplat")
+    check("x.ngsplat cannot be fetched" in message(browser), f"so is one where nobody answers: {message(browser)}")
+
+
+def check_link(browser, site):
+    """A link to a model that the address chooses still chooses it."""
+    shutil.copy(site.folder / "scene.ngsplat", site.folder / "other.ngsplat")
+    open_viewer(browser, site.url + "?model=other.ngsplat")
+    browser.evaluate("document.getElementById('next').click()")
+    browser.call("Browser.grantPermissions", permissions=["clipboardReadWrite", "clipboardSanitizedWrite"])
+    browser.evaluate("document.getElementById('copy-link').click()")
+    wait_for(browser, "document.getElementById('picture-message').textContent === 'Copied.'", "the link is copied")
+    link = browser.evaluate("navigator.clipboard.readText()")
+    check(link == site.url + "?model=other.ngsplat#view=2", f"with the model and the view: {link}")
+    browser.open("about:blank")
+    open_viewer(browser, link)
+    check(browser.evaluate("document.getElementById('name').textContent") == "other.ngsplat", "the link shows the model")
 
 
 def check_controls(browser, url):
@@ -251,6 +268,7 @@ def main():
             check(elsewhere == [], f"the page asks only its own site: {elsewhere}")
             check(browser.errors == [], f"the console is silent: {browser.errors}")
             check_loading(browser, site)
+            check_link(browser, site)
             check_device_limits(browser, site.url)
         check_without_webgl(program, site.url)
     print("passed")

@@ -6,7 +6,10 @@ import json
 import math
 import random
 import struct
+import time
 import zlib
+
+from browser import check
 
 BACKGROUND = (0.2, 0.4, 0.6)
 
@@ -71,3 +74,23 @@ def message(browser):
 def pixel(browser, mode="full", view=0):
     """The one in the middle of a test view."""
     return browser.evaluate(f"gsapp.testViewPixels({view}, '{mode}').then(v => [...v.pixels.slice(4 * (50 * 100 + 50), 4 * (50 * 100 + 50) + 3)])")
+
+
+class Downloads:
+    """What the page saves."""
+
+    def __init__(self, browser, folder):
+        self.folder = folder
+        browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+
+    def take(self, what, seconds=30):
+        """The next file, whole."""
+        deadline = time.monotonic() + seconds
+        while True:
+            files = list(self.folder.iterdir())
+            data = files[0].read_bytes() if len(files) == 1 and files[0].suffix != ".crdownload" else b""
+            time.sleep(0.2)
+            if data and files[0].read_bytes() == data:
+                files[0].unlink()
+                return files[0].name, data
+            check(time.monotonic() < deadline, f"within {seconds} s: {what} is saved, not {files}")

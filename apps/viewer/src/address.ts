@@ -6,6 +6,7 @@ import { LARGEST_NUMBER } from './format/cursor';
 import type { Vector } from './format/vector';
 import { MODES, type Mode } from './render/prepass';
 import { DEFAULTS, SPLAT_SIZES, type Settings } from './settings';
+import { MIDDLE, SHOWN, type Compared } from './ui/compare';
 
 /** A test view by its index, or a pose: from where, to what point, and the vertical field of view in degrees. */
 export type AddressCamera = { view: number } | { from: Vector; to: Vector; fov?: number };
@@ -14,6 +15,8 @@ export interface Address {
   settings: Settings;
   /** Undefined: the first view. */
   camera?: AddressCamera;
+  /** Undefined: one picture. */
+  compared?: Compared;
 }
 
 const LARGEST_FOV = 175;
@@ -21,6 +24,7 @@ const LARGEST_FOV = 175;
 const MOST_DETAIL = 99;
 
 const short = (x: number): string => String(Number(x.toPrecision(5)));
+const percent = (x: number): string => String(Number((100 * x).toFixed(1)));
 const byte = (x: number): string => Math.round(255 * Math.min(1, Math.max(0, x))).toString(16).padStart(2, '0');
 
 /** RRGGBB in hexadecimal digits. */
@@ -32,7 +36,7 @@ export function colorOf(hex: string): Vector | undefined {
 }
 
 /** The fragment without its #. What is as at the beginning is left out; positions are rounded to 1e-5 of about `size`. */
-export function formatAddress({ settings, camera }: Address, size: number): string {
+export function formatAddress({ settings, camera, compared }: Address, size: number): string {
   const decimals = Math.min(20, Math.max(0, 5 - Math.floor(Math.log10(size || 1))));
   const point = (p: Vector) => p.map((x) => String(Number(x.toFixed(decimals)) + 0)).join(); // + 0 turns -0 into 0
   const pairs: [string, string][] = [];
@@ -49,6 +53,8 @@ export function formatAddress({ settings, camera }: Address, size: number): stri
   if (settings.points) pairs.push(['points', 'on']);
   if (settings.near > 0) pairs.push(['near', short(settings.near)]);
   if (settings.detail !== undefined) pairs.push(['detail', String(settings.detail)]);
+  if (compared) pairs.push(['compare', `${compared.left},${compared.right}`]);
+  if (compared && percent(compared.split) !== percent(MIDDLE)) pairs.push(['split', percent(compared.split)]);
   return pairs.map((pair) => pair.join('=')).join('&');
 }
 
@@ -66,6 +72,12 @@ function parseCamera(given: URLSearchParams): AddressCamera | undefined {
   return { from, to, fov: numbers(given.get('fov'), 1, 1, LARGEST_FOV)?.[0] };
 }
 
+function parseCompared(given: URLSearchParams): Compared | undefined {
+  const sides = given.get('compare')?.split(',').map((side) => SHOWN.find((name) => name === side)) ?? [];
+  const [left, right] = sides, split = numbers(given.get('split'), 1, 0, 100)?.[0];
+  return sides.length === 2 && left && right ? { left, right, split: split === undefined ? MIDDLE : split / 100 } : undefined;
+}
+
 /** Takes what it understands of a fragment; the rest is as at the beginning. */
 export function parseAddress(text: string): Address {
   const given = new URLSearchParams(text.replace(/^#/, ''));
@@ -73,6 +85,7 @@ export function parseAddress(text: string): Address {
   const choice = <T extends string>(key: string, known: readonly T[]): T | undefined => known.find((name) => name === given.get(key));
   return {
     camera: parseCamera(given),
+    compared: parseCompared(given),
     settings: {
       mode: choice<Mode>('mode', MODES) ?? DEFAULTS.mode,
       photometric: given.get('exposure') !== 'off',

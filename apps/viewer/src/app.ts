@@ -130,9 +130,9 @@ export class App implements Stage {
 
   /** What the address says of the picture. */
   private state(): Address {
-    const { settings } = this, navigator = this.loaded?.navigator;
-    if (!navigator || navigator.isFirst || navigator.pinned === 0) return { settings };
-    return { settings, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
+    const { settings, comparison: { compared } } = this, navigator = this.loaded?.navigator;
+    if (!navigator || navigator.isFirst || navigator.pinned === 0) return { settings, compared };
+    return { settings, compared, camera: navigator.pinned === undefined ? { from: navigator.current().position, to: navigator.target, fov: navigator.fov } : { view: navigator.pinned } };
   }
 
   private fragment(): string {
@@ -142,8 +142,9 @@ export class App implements Stage {
 
   /** Shows what a fragment says, as far as this model has it. */
   private apply(fragment: string): void {
-    const { settings, camera } = parseAddress(fragment);
+    const { settings, camera, compared } = parseAddress(fragment);
     this.change(settings);
+    this.comparison.compared = compared;
     this.move((navigator, { scene }) => {
       if (camera && 'from' in camera) navigator.look(camera.from, camera.to, camera.fov);
       else if (camera && camera.view < scene.testCameras.length) navigator.pin(camera.view);
@@ -217,8 +218,10 @@ export class App implements Stage {
   beginScene(name: string, scene: Scene, keepCamera: boolean): void {
     const keep = keepCamera ? this.loaded?.navigator : undefined;
     this.unload(keep); // first, so that both need not fit into memory
+    let sorter: SortClient | undefined;
     try {
       this.screen.beginScene(scene);
+      if (scene.count && !this.renderer.sortsItself) sorter = this.sorterOf(scene);
     } catch (error) {
       keep?.dispose();
       this.unload();
@@ -231,12 +234,6 @@ export class App implements Stage {
     if (keep) keep.setScene(scene);
     else navigator.setMovement(this.settings.movement);
     this.awaitsOrder = keep !== undefined && scene.count > 0;
-    const apply = (order: Uint32Array, count: number) => {
-      if (this.loaded?.isComplete) this.awaitsOrder = false;
-      this.redraw();
-      return this.renderer.setOrder(order, count);
-    };
-    const sorter = scene.count && !this.renderer.sortsItself ? new SortClient(scene.count, apply, (message) => this.fail('Sorting failed', message)) : undefined;
     this.loaded = { name, title: name, isComplete: false, scene, sample: new CenterSample(scene.count), navigator, sorter };
     this.sortedFor = '';
     this.benchmarkPanel.clear();
@@ -246,6 +243,15 @@ export class App implements Stage {
     if (this.wanted === undefined) this.panel.show(this.settings);
     else this.apply(this.wanted);
     this.wanted = undefined;
+  }
+
+  private sorterOf({ count }: Scene): SortClient {
+    const apply = (order: Uint32Array, drawn: number) => {
+      if (this.loaded?.isComplete) this.awaitsOrder = false;
+      this.redraw();
+      return this.renderer.setOrder(order, drawn);
+    };
+    return new SortClient(count, apply, (message) => this.fail('Sorting failed', message));
   }
 
   addRows(plane: Plane, row: number, texels: Uint32Array): void {

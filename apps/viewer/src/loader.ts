@@ -2,10 +2,10 @@
 // From a file to a model that is shown: opening, levels that suit the device, newer states, and all of it again after the device was lost.
 
 import { fetchSite, FIRST_MODEL, SITE_FILE, type Site } from './compare/site';
-import { FormatError } from './format/cursor';
+import { FormatError, messageOf } from './format/cursor';
 import { fetchSource, type Source } from './format/load';
 import type { Scene } from './format/ngsplat';
-import { readModel } from './format/read_model';
+import { readModel, type ModelRead, type ReadOptions } from './format/read_model';
 import { planeBytes, planesOf, type Plane, type SceneSink } from './format/reader';
 import type { Level } from './levels/levels';
 import { memoryHere, memoryOf } from './levels/memory';
@@ -120,10 +120,9 @@ export class ModelLoader {
         isHere();
         begin(scene);
       };
-      const { bytes, remarks } = await readModel(found, { begin: ifSuitable, rows }, {
+      const { remarks } = await this.readToEnd(found, { begin: ifSuitable, rows }, {
         whole: this.stage.shown !== undefined, signal, progress: (...sizes) => showLoading(name, ...sizes, this.stage.shown?.isComplete === false),
       });
-      this.stage.complete(bytes);
       signal.throwIfAborted(); // where it could not be drawn, which was said
       if (remarks.length > 0) showError(`About ${name}`, remarks.join(' '), true);
       if (from === 'beside') await this.readSite(name);
@@ -132,7 +131,18 @@ export class ModelLoader {
       isHere();
       this.stage.dropPart();
       if (!anyway && header && (error instanceof Unsuitable || error instanceof RenderError)) return this.openLevel(header, error);
-      this.stage.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, (error as Error).message);
+      this.stage.fail(error instanceof FormatError ? `${name} cannot be read` : `${name} cannot be shown`, messageOf(error));
+    }
+  }
+
+  /** Reads all of a file. Throws RenderError, too, where an array finds no memory: the file is too large then, as one that the device cannot hold. */
+  private async readToEnd(source: Source, sink: SceneSink, options: ReadOptions): Promise<ModelRead> {
+    try {
+      const read = await readModel(source, sink, options);
+      this.stage.complete(read.bytes);
+      return read;
+    } catch (error) {
+      throw error instanceof RangeError ? new RenderError(messageOf(error)) : error;
     }
   }
 
@@ -163,8 +173,7 @@ export class ModelLoader {
       if (this.stage.isReserved || this.stage.shown?.isComplete === false) throw new Busy();
       begin(scene);
     };
-    const { bytes } = await readModel(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
-    this.stage.complete(bytes);
+    await this.readToEnd(source, { begin: unlessBusy, rows }, { whole: true, signal, progress: () => undefined });
   }
 
   /** The same for a page that asks again later. Returns whether there is nothing more to try. */

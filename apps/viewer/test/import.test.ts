@@ -187,7 +187,7 @@ describe('importScene of .ply', () => {
     ['a property of an unknown type', bytesOf('ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty quad x\nend_header\n'), /line 'property quad x'/],
     ['a count that is none', bytesOf('ply\nformat binary_little_endian 1.0\nelement vertex -1\nend_header\n'), /line 'element vertex -1'/],
     ['lists in the vertices', bytesOf('ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty list uchar int n\nend_header\n'), /vertices have lists/],
-    ['a compressed file', encodePly({ packed_position: [1], packed_rotation: [1] }), /splat-transform in\.compressed\.ply out\.ply/],
+    ['a compressed file', encodePly({ packed_position: [1], packed_rotation: [1] }), /: npx @playcanvas\/splat-transform in\.compressed\.ply out\.ply$/],
   ])('refuses %s', async (_, bytes, message) => expect(importScene('a.ply', bytes)).rejects.toThrow(message));
 });
 
@@ -276,9 +276,14 @@ describe('importScene', () => {
   });
 
   it.each([
-    ['a.sog', 'PK\x03\x04', /splat-transform in\.sog out\.ply/],
-    ['meta', 'PK\x03\x04', /splat-transform in\.sog out\.ply/],
-    ['a.ksplat', 'anything', /splat-transform in\.ksplat out\.ply/],
+    ['a.sog', 'PK\x03\x04', /does not read \.sog files; .*: npx @playcanvas\/splat-transform in\.sog out\.ply$/],
+    ['meta', 'PK\x03\x04', /: npx @playcanvas\/splat-transform in\.sog out\.ply$/],
+    ['a.ksplat', 'anything', /: npx @playcanvas\/splat-transform in\.ksplat out\.ply$/],
+    ['a.lcc', '{}', /: npx @playcanvas\/splat-transform in\.lcc out\.ply$/],
+    ['A.LCC2', 'anything', /: npx @playcanvas\/splat-transform in\.lcc2 out\.ply$/],
+    ['meta.json', '{"version":2}', /does not read folders of SOG; .*: npx @playcanvas\/splat-transform meta\.json out\.ply$/],
+    ['other.json', '{"version":2}', /reads \.ngsplat, \.ply, \.splat and \.spz files/],
+    ['a.glb', 'glTF', /reads \.ngsplat, \.ply, \.splat and \.spz files/],
     ['a.obj', 'v 0 0 0', /reads \.ngsplat, \.ply, \.splat and \.spz files/],
     ['a.ply', '', /this is none of them/],
   ])('says of %s what to do', async (name, text, message) => expect(importScene(name, bytesOf(text))).rejects.toThrow(message));

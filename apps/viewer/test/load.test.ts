@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { afterEach, describe, expect, it, vi } from 'vitest';
+import { FormatError, messageOf } from '../src/format/cursor';
 import { fetchSource, peekHead, readAll, readParts } from '../src/format/load';
 import { partsOf } from '../src/format/parts';
 
@@ -81,6 +82,11 @@ describe('partsOf', () => {
     expect((await parts.read())![0]).toBe(1);
     expect(await parts.read()).toBeUndefined();
   });
+});
+
+it('what browsers say of too little memory becomes a plain message', () => {
+  for (const words of ['Array buffer allocation failed', 'Invalid typed array length: 7', 'Out of memory']) expect(messageOf(new RangeError(words))).toBe('The memory does not suffice for this file.');
+  expect(messageOf(new FormatError('the file is truncated'))).toBe('the file is truncated');
 });
 
 it.each([1, 3, 16, 100])('the head of a file is seen without taking it, in parts of %d bytes', async (size) => {

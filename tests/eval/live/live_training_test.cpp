@@ -64,9 +64,9 @@ class Watched : public ::testing::Test {
         std::exception_ptr error;
         try {
             train(o, scene, open_run(o), progress, hooks);
-        } catch (...) {
+        } catch (const std::exception& e) {
             error = std::current_exception();
-            live.end("stopped", "by the test");
+            live.end(dynamic_cast<const Interrupted*>(&e) ? "stopped" : "failed", e.what());
         }
         watcher.join();
         if (error) std::rethrow_exception(error);
@@ -133,6 +133,24 @@ TEST_F(Watched, TrainsOnWhereNothingCanBeShown) {
         EXPECT_TRUE(last["psnr_curve"]["values"].empty());
     });
     EXPECT_EQ(latest_point_cloud(o.model), 200);
+}
+
+TEST_F(Watched, SaysWhyItFailed) {
+    const TrainOptions o = options("failed", 1'000'000);
+    Scene scene = load_scene(scene_options(o));
+    std::atomic<int> loads = 0;
+    for (View& view : scene.train) {
+        view.decoded = nullptr;
+        view.load = [&loads, load = view.load] {
+            if (++loads > 5) throw DataError("photograph gone");
+            return load();
+        };
+    }
+    const auto watch = [&](int port, const std::string&) {
+        const auto last = wait_for(port, [](const auto& s) { return s.value("state", "") == "failed"; });
+        EXPECT_NE(last.value("message", "").find("photograph gone"), std::string::npos) << last.dump();
+    };
+    EXPECT_THROW(train_watched(o, scene, watch), DataError);
 }
 
 TEST_F(Watched, PausesAndStops) {

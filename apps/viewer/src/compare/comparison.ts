@@ -6,7 +6,7 @@ import type { Scene } from '../format/ngsplat';
 import { Renderer } from '../render/renderer';
 import type { Picture } from '../render/scene_renderer';
 import { MODES, type Mode } from '../render/prepass';
-import { ComparePanel, MODE_NAMES, type Shown, type Sides } from '../ui/compare';
+import { ComparePanel, MODE_NAMES, type Compared, type Shown, type Sides } from '../ui/compare';
 import { megabytes } from '../ui/notice';
 import { Photograph } from './photograph';
 import { SecondModel } from './second_model';
@@ -31,6 +31,15 @@ export class Comparison {
 
   get isOn(): boolean {
     return this.panel.isOn;
+  }
+
+  /** What is compared; undefined while one picture is shown. */
+  get compared(): Compared | undefined {
+    return this.panel.compared;
+  }
+
+  set compared(compared: Compared | undefined) {
+    this.panel.compared = compared;
   }
 
   /** The first model. Whatever belonged to another one is let go. */

@@ -2,6 +2,7 @@
 // The model that is compared with the first one. It is fetched when it is first shown, because both then are in memory.
 
 import type { View } from '../camera/view';
+import { messageOf } from '../format/cursor';
 import { fetchSource, readParts } from '../format/load';
 import type { Scene } from '../format/ngsplat';
 import { SceneReader } from '../format/reader';
@@ -66,7 +67,7 @@ export class SecondModel {
 
   private fail(error: Error): void {
     this.dispose();
-    this.obstacle = `${this.file} cannot be shown: ${error.message}`;
+    this.obstacle = `${this.file} cannot be shown: ${messageOf(error)}`;
     this.changed();
   }
 

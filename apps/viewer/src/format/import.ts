@@ -9,7 +9,7 @@ import { readSpz } from './import_spz';
 import { packScene, type Imported } from './scene_packer';
 
 /** Formats that another program makes readable. */
-const CONVERTED = ['sog', 'ksplat'];
+const CONVERTED = ['sog', 'ksplat', 'lcc', 'lcc2'], SOG_FOLDER = 'meta.json';
 
 const extensionOf = (name: string): string => /\.([^./]+)$/.exec(name)?.[1].toLowerCase() ?? '';
 
@@ -21,17 +21,21 @@ export function isNgsplat(name: string, buffer: ArrayBuffer): boolean {
   return begins(buffer, 'NGSPLAT\n') || (extensionOf(name) === 'ngsplat' && !['ply\n', 'ply\r', '\x1f\x8b', 'NGSP'].some((magic) => begins(buffer, magic)));
 }
 
-function convert(extension: string): FormatError {
-  return new FormatError(`the viewer does not read .${extension} files; this command makes one that it reads: splat-transform in.${extension} out.ply`);
+/** `file` is what people call it; `input` stands in the command that converts it. */
+function convert(file: string, input: string): FormatError {
+  return new FormatError(`the viewer does not read ${file}; this command makes a file that it reads: npx @playcanvas/splat-transform ${input} out.ply`);
 }
+
+const convertEnding = (extension: string): FormatError => convert(`.${extension} files`, `in.${extension}`);
 
 async function readSource(name: string, buffer: ArrayBuffer): Promise<GaussianSource> {
   const extension = extensionOf(name);
   if (begins(buffer, 'ply\n') || begins(buffer, 'ply\r')) return readPly(buffer);
   if (begins(buffer, '\x1f\x8b') || begins(buffer, 'NGSP')) return readSpz(buffer, begins(buffer, '\x1f\x8b'));
-  if (CONVERTED.includes(extension)) throw convert(extension);
+  if (CONVERTED.includes(extension)) throw convertEnding(extension);
+  if (name.toLowerCase() === SOG_FOLDER) throw convert('folders of SOG', SOG_FOLDER);
   if (extension === 'splat') return readSplat(buffer);
-  if (begins(buffer, 'PK\x03\x04')) throw convert('sog');
+  if (begins(buffer, 'PK\x03\x04')) throw convertEnding('sog');
   throw new FormatError('the viewer reads .ngsplat, .ply, .splat and .spz files; this is none of them, or it is damaged');
 }
 

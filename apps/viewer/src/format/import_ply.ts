@@ -87,7 +87,7 @@ function findColors({ comments }: PlyHeader, properties: Map<string, PlyProperty
 function requireColumns({ properties, hasLists }: PlyElement): void {
   const missing = (names: string[]) => names.filter((name) => !properties.has(name));
   if (properties.has('packed_position'))
-    throw new FormatError('it is a compressed .ply; this command makes one that the viewer reads: splat-transform in.compressed.ply out.ply');
+    throw new FormatError('it is a compressed .ply; this command makes one that the viewer reads: npx @playcanvas/splat-transform in.compressed.ply out.ply');
   if (hasLists) throw new FormatError('its vertices have lists, which the viewer does not read');
   if (missing(POSITION).length > 0) throw new FormatError(`its vertices have no property ${missing(POSITION).join(', ')}`);
   const hasColors = missing(RGB).length === 0, shape = missing(GEOMETRY);

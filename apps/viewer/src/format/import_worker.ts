@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads a file of another program in a thread of its own: one message brings name and bytes, one answers.
 
-import { FormatError } from './cursor';
+import { FormatError, messageOf } from './cursor';
 import { importScene } from './import';
 import type { Imported } from './scene_packer';
 
@@ -17,7 +17,7 @@ self.onmessage = async ({ data: { name, buffer } }: MessageEvent<ImportRequest>)
     result = await importScene(name, buffer);
     transfer = [result.scene.geometry, ...result.scene.payload.map(({ data }) => data)].map(({ buffer: bytes }) => bytes as ArrayBuffer);
   } catch (error) {
-    result = { error: (error as Error).message, isFormatError: error instanceof FormatError };
+    result = { error: messageOf(error), isFormatError: error instanceof FormatError };
   }
   self.postMessage(result, { transfer });
 };

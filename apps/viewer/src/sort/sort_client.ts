@@ -22,10 +22,10 @@ export class SortClient {
 
   /** For `count` Gaussians. `apply` takes a finished order and its count, and returns an array of the same length that is no longer needed. */
   constructor(count: number, apply: (order: Uint32Array, count: number) => Uint32Array, onError: (message: string) => void) {
+    this.spare = new Uint32Array(count); // first: there may be no memory for it
     const known = idle.pop();
     this.isReady = known !== undefined;
     this.worker = known ?? new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
-    this.spare = new Uint32Array(count);
     this.worker.onmessage = ({ data }: MessageEvent<SortResult>) => {
       if (data.client !== this.client) return; // the last sort of the one before
       this.isReady = true;

@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The settings of a comparison, and the divider between its two pictures.
 
-import type { Mode } from '../render/prepass';
+import { MODES, type Mode } from '../render/prepass';
 import { element } from './elements';
 
 /** What a side of the divider can show. */
 export type Shown = Mode | 'photograph' | 'other';
+export const SHOWN: readonly Shown[] = [...MODES, 'photograph', 'other'];
 export interface Sides {
   left: Shown;
   right: Shown;
+}
+/** Where the divider is at the beginning. */
+export const MIDDLE = 0.5;
+/** A comparison: its sides, and where the divider is, from 0 at the left to 1. */
+export interface Compared extends Sides {
+  split: number;
 }
 
 export const MODE_NAMES: Record<Mode, string> = { full: 'Full', base: 'Base', residual: 'Residual', depth: 'Depth', appearance: 'View-dependence' };
@@ -28,23 +35,45 @@ export class ComparePanel {
   private readonly divider = element('divider');
   private readonly labels = [element('label-left'), element('label-right')];
   /** Where the divider is, from 0 at the left to 1. */
-  split = 0.5;
+  split = MIDDLE;
+  /** The sides are somebody's choice, and stay when another model comes. */
+  private isChosen = false;
 
   /** `changed` is called when another picture is wanted. */
   constructor(private readonly changed: () => void) {
     const choices: [Shown, string][] = [...(Object.entries(MODE_NAMES) as [Mode, string][]), ['photograph', 'Photograph'], ['other', OTHER]];
     for (const select of [this.left, this.right]) {
       select.replaceChildren(...choices.map(([value, name]) => new Option(name, value)));
-      select.addEventListener('change', changed);
+      select.addEventListener('change', () => {
+        this.isChosen = true;
+        changed();
+      });
     }
     this.right.value = 'base';
-    this.on.addEventListener('change', () => {
-      const { isOn } = this;
-      for (const part of [element('compare-sides'), this.divider, ...this.labels]) part.hidden = !isOn;
-      element('modes').closest('fieldset')!.disabled = isOn; // the sides say what is shown
-      changed();
-    });
+    this.on.addEventListener('change', () => this.showParts());
     this.addDivider();
+  }
+
+  /** Shows what belongs to a comparison while it is on. */
+  private showParts(): void {
+    const { isOn } = this;
+    for (const part of [element('compare-sides'), this.divider, ...this.labels]) part.hidden = !isOn;
+    element('modes').closest('fieldset')!.disabled = isOn; // the sides say what is shown
+    this.changed();
+  }
+
+  /** Undefined while one picture is shown. */
+  get compared(): Compared | undefined {
+    return this.isOn ? { ...this.sides, split: this.split } : undefined;
+  }
+
+  set compared(compared: Compared | undefined) {
+    this.on.checked = compared !== undefined;
+    if (compared) {
+      [this.left.value, this.right.value, this.isChosen] = [compared.left, compared.right, true];
+      this.move(compared.split);
+    }
+    this.showParts();
   }
 
   get isOn(): boolean {
@@ -55,12 +84,12 @@ export class ComparePanel {
     return { left: this.left.value as Shown, right: this.right.value as Shown };
   }
 
-  /** What the other model is called, where there is one, and what the right side shows from now on. */
+  /** What the other model is called, where there is one, and what the right side shows from now on unless somebody chose. */
   setOther(name: string | undefined, right?: Shown): void {
     for (const select of [this.left, this.right]) {
       for (const option of select.options) if (option.value === 'other') option.textContent = name === undefined ? OTHER : `${OTHER}: ${name}`;
     }
-    if (right) this.right.value = right;
+    if (right && !this.isChosen) this.right.value = right;
   }
 
   setLabels(left: string, right: string): void {
