@@ -207,10 +207,10 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<unsigned char> cub;
         DeviceBuffer<std::uint32_t> places;  ///< (views, n) as in StepView
         DeviceBuffer<StepView> views;
-        std::vector<StepView> host_views;   ///< stays as it is while the device is at work
-        DeviceBuffer<float> shared;         ///< gradients of the shared weights
-        DeviceBuffer<StepControl> control;  ///< counts the gradients that were left out since take_nonfinite()
-        bool is_updating = false;           ///< the device may still be at work on update_rows()
+        std::vector<StepView> host_views;      ///< stays as it is while the device is at work
+        DeviceBuffer<float> shared;            ///< gradients of the shared weights
+        DeviceBuffer<unsigned> num_nonfinite;  ///< Gaussians with a gradient left out since take_nonfinite()
+        bool is_updating = false;              ///< the device may still be at work on update_rows()
     } wire_;
 
     DeviceBuffer<StepControl> control_;

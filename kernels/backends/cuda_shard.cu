@@ -176,13 +176,14 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     }
     StepView* on_device = wire_.views.reserve(step_views.size());
     rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
-    if (!wire_.control.get()) GS_CUDA(cudaMemsetAsync(wire_.control.reserve(1), 0, sizeof(StepControl), stream_));
+    if (!wire_.num_nonfinite.get())
+        GS_CUDA(cudaMemsetAsync(wire_.num_nonfinite.reserve(1), 0, sizeof(unsigned), stream_));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     const std::int64_t t = meta_.step + num_views;
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0].gather_gradient_stats),
-                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t), wire_.control.get(),
-                           stream_);
+                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t),
+                           wire_.num_nonfinite.get(), stream_);
     half_residuals_current_ = false;
     wire_.is_updating = true;
     if (num_shared == 0) return {};  // the host goes on while the device is at work
@@ -237,10 +238,10 @@ void CudaBackend::count_step(const std::vector<StepRequest>& views) {
 
 std::int64_t CudaBackend::take_nonfinite() {
     synchronize();
-    if (!wire_.control.get()) return 0;
-    const StepControl control = read_back(wire_.control.get(), stream_);
-    GS_CUDA(cudaMemsetAsync(wire_.control.get(), 0, sizeof(StepControl), stream_));
-    return control.num_nonfinite;
+    if (!wire_.num_nonfinite.get()) return 0;
+    const unsigned num_nonfinite = read_back(wire_.num_nonfinite.get(), stream_);
+    GS_CUDA(cudaMemsetAsync(wire_.num_nonfinite.get(), 0, sizeof num_nonfinite, stream_));
+    return num_nonfinite;
 }
 
 void CudaBackend::keep_rows(const std::vector<std::uint32_t>& rows) {

@@ -364,8 +364,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     const bool owns = with_residual && i < a.params.num_residuals, shown = owns && visible;
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
     WarpSpace<Model>& space = warps[warp].space();
-    float *parameters = space.memory.rows, *gradients = space.gradients, *decay_m = space.decays[0],
-          *decay_v = space.decays[1];
+    float *gradients = space.gradients, *decay_m = space.decays[0], *decay_v = space.decays[1];
     const unsigned seen = with_residual ? __ballot_sync(~0u, shown) : 0;
     unsigned rows = 0, stale = 0;
     GaussianGradient<float> gradient{};
@@ -419,11 +418,12 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
 template <class Model> constexpr int views_block() { return kNumSharedOf<Model> == 0 ? 64 : 128; }
 
 /// Computes the mean gradients of the views, and takes the optimizer's step on them. No residual is behind. Adds each
-/// view to the statistic of ADC. The sums of the shared weights' gradients are those of all views together.
+/// view to the statistic of ADC, and to *num_nonfinite the Gaussians with a gradient that it leaves out. The sums of
+/// the shared weights' gradients are those of all views together.
 template <class Model>
 __global__ void __launch_bounds__(views_block<Model>())
     step_on_views(PreprocessArgs a, const StepView* __restrict__ views, int num_views, ModelArrays arrays,
-                  UpdateArgs update, std::uint32_t step, StepControl* __restrict__ control) {
+                  UpdateArgs update, std::uint32_t step, unsigned* __restrict__ num_nonfinite) {
     constexpr int kBlock = views_block<Model>(), kWidth = RowMemory<Model>::kWidth, kShared = kNumSharedOf<Model>;
     __shared__ WarpBytes<Model> warps[kBlock / 32];
     __shared__ alignas(16) float totals[kBlock / 32][32 * kWidth];
@@ -476,7 +476,7 @@ __global__ void __launch_bounds__(views_block<Model>())
             for (int k = lane; k < 32 * width; k += 32) total[k] += share * gradients[k];
         __syncwarp();
     }
-    if (!finite) atomicAdd(&control->num_nonfinite, 1u);
+    if (!finite) atomicAdd(num_nonfinite, 1u);
     if (valid) update_gaussian_of_warp(a, arrays, update, i, mean);
     if (rows)
         update_residuals_of_warp<Model>(rows, 0, space, total, i - lane, mix_bits(step), arrays, update, column_steps);
@@ -564,13 +564,13 @@ void launch_update(const PreprocessArgs& args, const std::uint32_t* counts, cons
 
 template <class Model>
 void launch_step_on_views(const PreprocessArgs& args, const StepView* views, int num_views, const ModelArrays& arrays,
-                          const UpdateArgs& update, std::uint32_t step, StepControl* control, cudaStream_t stream) {
+                          const UpdateArgs& update, std::uint32_t step, unsigned* num_nonfinite, cudaStream_t stream) {
     constexpr int kBlock = views_block<Model>();
     static_assert(kBlock <= update_block<Model>());
     static_assert(kBlock / 32 * (sizeof(WarpBytes<Model>) + sizeof(float) * 32 * RowMemory<Model>::kWidth) < 47 * 1024,
                   "the rows of a block must fit into shared memory");
     step_on_views<Model><<<num_blocks(args.params.count, kBlock), kBlock, 0, stream>>>(args, views, num_views, arrays,
-                                                                                       update, step, control);
+                                                                                       update, step, num_nonfinite);
     GS_CUDA_LAUNCHED("step_on_views");
 }
 

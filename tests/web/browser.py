@@ -49,7 +49,7 @@ def axe_core():
 
 
 def check_accessible(browser, state):
-    """That the page as it is now breaks none of axe-core's rules, in light and in dark colours."""
+    """Checks that the page as it is now breaks none of axe-core's rules, in light and in dark colours."""
     if axe_core() is None:
         return
     if browser.evaluate("typeof axe") == "undefined":

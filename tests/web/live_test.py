@@ -173,7 +173,7 @@ def check_finished(browser, gsapp, run):
 
 
 def train_arguments(run):
-    """Of a training that does not end by itself."""
+    """The arguments of a training that does not end by itself."""
     return ["train", "-s", "builtin:glossy", "-m", run, "--device", "cpu", "--threads", 1, "--iterations", 1000000, "--cap-max", 6000, "--eval"]
 
 

@@ -23,7 +23,7 @@ TRAIN = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "3000", "--iterations",
 VIEWS = (0, 3, 7)
 # 51 and more were measured; 38 would still look the same.
 LEAST_PSNR = 45
-# Of pictures along a camera path that goes through a file.
+# Pictures along a camera path that goes through a file have at least this.
 LEAST_PSNR_OF_PATH = 40
 
 # Between pictures of this page, the first of which is an expression for rgba pixels.

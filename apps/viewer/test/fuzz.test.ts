@@ -10,6 +10,7 @@ import type { Scene } from '../src/format/ngsplat';
 import { parseScene, SceneCollector, SceneReader } from '../src/format/reader';
 import { colorMix, gain } from '../src/render/photometric';
 import { CAMERA, encode, type Fields } from './encode';
+import { random } from './random';
 
 const texels = (words: number, layers: number) => new Uint32Array(2048 * words * layers).map((_, i) => (i * 2654435761) & 0x3bff3bff); // all halves are finite
 const SEEDS: Partial<Fields>[] = [
@@ -24,16 +25,6 @@ const SEEDS: Partial<Fields>[] = [
   { model: 0, featureDim: 16, bandMask: 0b1110, neurons: 16, hiddenLayers: 1, flags: 4, weights: new Uint16Array(16 * (16 + 3)).fill(0x3c00), payload: texels(4, 2) },
 ];
 const files = SEEDS.map((fields) => new Uint8Array(encode({ ...fields, trailer: 'trailer' in fields ? undefined : { appearance: 'sh', background: [0, 0, 1], scene: 'é', test_views: { psnr: 30, packed_psnr: 29 } } })));
-
-/** Numbers from 0 to 1 that depend on the seed (mulberry32). */
-function random(seed: number): () => number {
-  return () => {
-    seed = (seed + 0x6d2b79f5) | 0;
-    let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
-    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
-    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
-  };
-}
 
 const HOSTILE_WORDS = [0, 1, 2047, 2048, 2049, 0x7fffffff, 0x80000000, 0xffffffff, 0xfffffffc, 0x10000000, 0x7fc00000, 0x7f800000, 0xff800000, 0x7f7fffff, 0x00000001, 0x7c007c00, 0x7e00fe00];
 const HOSTILE_JSON = ['', '{', 'null', '[]', '7', '"text"', '{}', '{"appearance":"sh"}', '{"appearance":"sh","background":[1,2,1e999]}', '{"appearance":"sh","background":[0,0,1e300]}',

@@ -3,6 +3,7 @@
 import { describe, expect, it } from 'vitest';
 import { parsePath, PathError } from '../src/camera/path_files';
 import { parseSite } from '../src/compare/site';
+import { random } from './random';
 
 const VIEWS = 2;
 const camera = { id: 0, width: 100, height: 50, position: [1, 2, 3], rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], fy: 60, fx: 60, keyframe: true };
@@ -19,16 +20,6 @@ const SITES = [
   { version: 1, models: [first], levels: [{ file: 'scene.ngsplat', num_gaussians: 9, bytes: 90, psnr: 30 }, { file: 'a.ngsplat', num_gaussians: 4, bytes: 40 }] },
 ];
 const HOSTILE: unknown[] = [null, true, 0, -1, 0.5, 1e9, 1e300, -1e300, '', 'a', '../a.ngsplat', 'https://example.com/a.ngsplat', 'a.ngsplat', 'scene.ngsplat', [], {}, [null], [[]], { length: 3 }, [1, 2, 3]];
-
-/** Numbers from 0 to 1 that depend on the seed (mulberry32). */
-function random(seed: number): () => number {
-  return () => {
-    seed = (seed + 0x6d2b79f5) | 0;
-    let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
-    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
-    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
-  };
-}
 
 /** Replaces, removes or repeats something anywhere in it. */
 function alter(json: unknown, next: () => number): unknown {

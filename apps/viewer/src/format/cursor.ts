@@ -4,7 +4,7 @@
 /** The file is not what it should be; the message is for the user. */
 export class FormatError extends Error {}
 
-/** What to say of an error. Of an array that finds no memory, browsers speak in words of their own. */
+/** What to say of an error. Browsers have words of their own for an array that finds no memory. */
 export const messageOf = (error: unknown): string => (error instanceof RangeError ? 'The memory does not suffice for this file.' : (error as Error).message);
 
 /** The bytes end too early. */
