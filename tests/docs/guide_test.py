@@ -48,7 +48,8 @@ NOT_RUN = {
 # Options in the pages that are those of other programs.
 FOREIGN = {"--target", "--rm", "--gpus", "--build", "--preset", "--prefix", "--install", "--checksums", "--check",
            "--colmap", "--array", "--gres", "--cpus-per-task", "--mem", "--time", "--requeue", "--signal", "--job-name",
-           "--nodes", "--ntasks-per-node", "--orientation-method", "--center-method", "--auto-scale-poses", "--logdir"}
+           "--nodes", "--ntasks-per-node", "--orientation-method", "--center-method", "--auto-scale-poses", "--logdir",
+           "--spz-version"}
 
 FENCE = re.compile(r"^```(\w*)$")
 MARK = re.compile(r"^<!-- test: ?(.*?) ?-->$")
