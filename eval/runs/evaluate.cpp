@@ -137,12 +137,7 @@ void paste(const Image& from, Image& to, int left, int top) {
 
 Image photograph_of(const View& view, const Vec3<float>& background, const Protocol& protocol) {
     const auto loaded = view_image(view);
-    Image truth =
-        protocol.eight_bit ? quantized_target(loaded->color, background) : float_target(loaded->color, background);
-    if (truth.width != view.camera.width || truth.height != view.camera.height)
-        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, truth.width,
-                                    truth.height, view.camera.width, view.camera.height));
-    return truth;
+    return protocol.eight_bit ? quantized_target(loaded->color, background) : float_target(loaded->color, background);
 }
 
 EvalResult evaluate_views(Backend& backend, const std::vector<View>& views, const Vec3<float>& background,

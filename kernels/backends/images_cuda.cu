@@ -38,7 +38,9 @@ std::int64_t CudaImages::slot_bytes() const {
 
 CudaImages::Loan::Loan(CudaImages& images, std::int64_t bytes) : images_(images) {
     auto& kept = images.kept_;
-    images.budget_now_ = std::max<std::int64_t>(0, images.kept_bytes_ - bytes);
+    std::int64_t in_flight = 0;  // an image that is not kept has a place, too
+    for (const auto& [id, image] : kept) in_flight = std::max(in_flight, image->memory.bytes());
+    images.budget_now_ = std::max<std::int64_t>(0, images.kept_bytes_ - bytes - in_flight);
     for (auto image = kept.begin(); images.kept_bytes_ > images.budget_now_; image = kept.erase(image))
         images.kept_bytes_ -= image->second->memory.bytes();
 }

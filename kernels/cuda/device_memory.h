@@ -56,16 +56,28 @@ template <class T> class DeviceBuffer {
         swap(bigger);
         return data_;
     }
+    /// Makes room for exactly n elements and keeps the first `used`. Where a copy beside them finds no memory, or would
+    /// be more than the process ever held, they pass by the host. Throws DeviceError like reserve; the elements are
+    /// lost then.
+    void refit(std::size_t n, std::size_t used) {
+        GS_CUDA(cudaDeviceSynchronize());
+        DeviceBuffer other;
+        const DeviceMemoryCount& count = device_memory_count();
+        if (count.now + std::int64_t(n * sizeof(T)) <= count.peak && other.try_allocate(n)) {
+            if (used > 0) GS_CUDA(cudaMemcpy(other.data_, data_, used * sizeof(T), cudaMemcpyDeviceToDevice));
+            return swap(other);
+        }
+        const std::vector<T> kept = download(used);
+        release();
+        allocate(n);
+        if (used > 0) GS_CUDA(cudaMemcpy(data_, kept.data(), used * sizeof(T), cudaMemcpyHostToDevice));
+    }
     /// Gives back the memory beyond n elements, if there is any, and keeps the first n.
     void shrink(std::size_t n) {
-        if (n >= capacity_) return;
-        DeviceBuffer smaller;
-        if (n > 0) {
-            if (!smaller.try_allocate(n)) return;  // for both there is no room
-            GS_CUDA(cudaDeviceSynchronize());
-            GS_CUDA(cudaMemcpy(smaller.data_, data_, n * sizeof(T), cudaMemcpyDeviceToDevice));
-        }
-        swap(smaller);
+        if (n == 0)
+            release();
+        else if (n < capacity_)
+            refit(n, n);
     }
     void swap(DeviceBuffer& other) {
         std::swap(data_, other.data_);
@@ -150,6 +162,8 @@ class Scratch {
     template <class Layout> void carve(Layout&& layout) {
         Carver count(nullptr);
         layout(count);
+        // Exactly: what an iteration needs most of has grown geometrically already.
+        if (count.most() > std::size_t(block_.bytes())) release();
         Carver c(block_.reserve(count.most()));
         layout(c);
     }

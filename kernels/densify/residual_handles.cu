@@ -105,9 +105,9 @@ void CudaResidualHandles::resolve(Scratch& scratch) {
         std::size_t k = 0;
         const auto resolve_array = [&](const DeviceBuffer<float>& handles) {
             DeviceBuffer<float>& rows = model_.handles[k++];
-            if (rows.capacity() < std::size_t(kept) * width_) rows.grow(room, used);
+            if (rows.capacity() < std::size_t(kept) * width_) rows.refit(room, used);
             gather_named(handles_in(handles), kept, width_, slice, rows.get(), stream_);
-            if (rows.capacity() > 2 * room) rows.shrink(room);
+            if (rows.capacity() > room + room / 8) rows.shrink(room);
         };
         resolve_array(model_.param[kResidual]);
         for (auto* moment : model_.moments(kResidual)) resolve_array(*moment);

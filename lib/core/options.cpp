@@ -154,9 +154,8 @@ void apply_recipe(TrainOptions& options) {
     }
     if (options.recipe != Recipe::kFrontier) {
         // Where Gaussians lose their residuals, the rest of the run is fine tuning.
-        const bool mixed =
-            options.appearance_bytes > 0 || !(options.appearance_share == 0 || options.appearance_share == 1);
-        if (mixed && !options.named.contains("final-rate")) options.final_rate = kMixedFinalRate;
+        if (takes_residuals_away(options) && !options.named.contains("final-rate"))
+            options.final_rate = kMixedFinalRate;
         return;
     }
     for (const RecipeValue& entry : kFrontier)
@@ -178,6 +177,10 @@ void apply_preset(TrainOptions& options) {
 
 void apply_builtin_cap(TrainOptions& options) {
     if (has_builtin_cap(options)) options.cap_max = kBuiltinCap;
+}
+
+bool takes_residuals_away(const TrainOptions& options) {
+    return options.appearance_bytes > 0 || !(options.appearance_share == 0 || options.appearance_share == 1);
 }
 
 bool has_builtin_cap(const TrainOptions& options) {

@@ -91,6 +91,9 @@ inline constexpr std::int64_t kBuiltinCap = 100000;
 /// Puts kBuiltinCap in place of a cap-max that was not named, where the scene is a built-in one.
 void apply_builtin_cap(TrainOptions& options);
 
+/// Returns whether some Gaussians are to lose their residual, or all may.
+bool takes_residuals_away(const TrainOptions& options);
+
 /// Returns whether the scene is a built-in one and cap-max was not named.
 bool has_builtin_cap(const TrainOptions& options);
 

@@ -237,7 +237,12 @@ void bring_into_frame(Scene& scene, const SourcePoints& points) {
 }  // namespace
 
 std::shared_ptr<const ViewImage> view_image(const View& view) {
-    return view.decoded ? view.decoded : std::make_shared<const ViewImage>(view.load());
+    auto image = view.decoded ? view.decoded : std::make_shared<const ViewImage>(view.load());
+    const Camera& camera = view.camera;
+    if (image->color.width != camera.width || image->color.height != camera.height)
+        throw DataError(fmt::format("{}: the image has {}x{} pixels, its camera {}x{}", view.name, image->color.width,
+                                    image->color.height, camera.width, camera.height));
+    return image;
 }
 
 std::string view_digest(const std::vector<View>& views) {

@@ -58,7 +58,8 @@ struct View {
     std::optional<double> exif_exposure;
 };
 
-/// Returns the image of a view: the one that was kept, or else a newly decoded one. Throws what View::load throws.
+/// Returns the image of a view: the one that was kept, or else a newly decoded one. Throws what View::load throws, and
+/// DataError where the image has not the size of the view's camera.
 std::shared_ptr<const ViewImage> view_image(const View& view);
 
 struct PointCloud {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "lib/core/log.h"
+#include "lib/core/options.h"
 
 namespace gs {
 namespace {
@@ -16,6 +17,10 @@ constexpr double kNeutral = 0.3536;
 /// The position from which rates fall to their last share, along a half cosine.
 constexpr double kFallFrom = 20000;
 
+/// The same for opacities where Gaussians lose their residuals: after MCMC has ended, so that what is to fade has
+/// faded. The model would have a quarter more Gaussians otherwise (docs/math/residuals.md#choice).
+constexpr double kMixedOpacitiesFallFrom = 26000;
+
 /// The pace from which a run counts as short, that of 10,000 iterations.
 constexpr double kShortPace = 3;
 /// The --feature-lr that the models' rates are made for.
@@ -24,9 +29,9 @@ constexpr double kUsualFeatureRate = 0.0025;
 /// The pace beyond which rates do not rise, that of 100 iterations.
 constexpr double kLongestPace = 300;
 
-double fall_at(double position, double last) {
-    if (position < kFallFrom) return 1;
-    const double t = std::min(1.0, (position - kFallFrom) / (kReferenceIterations - kFallFrom));
+double fall_at(double position, double last, double from = kFallFrom) {
+    if (position < from) return 1;
+    const double t = std::min(1.0, (position - from) / (kReferenceIterations - from));
     return last + (1 - last) * 0.5 * (1 + std::cos(M_PI * t));
 }
 
@@ -44,6 +49,8 @@ LearningRates::LearningRates(const TrainOptions& options, const AppearanceSpec& 
       final_rate_(options.final_rate),
       short_rates_(options.short_rates),
       base_travel_(options.base_travel),
+      opacities_fall_from_(
+          options.recipe != Recipe::kFrontier && takes_residuals_away(options) ? kMixedOpacitiesFallFrom : kFallFrom),
       extent_(float(scene.extent)),
       far_rate_(float(options.far_rate)) {
     const Eigen::Vector3f center = mean_camera_center(scene.train).cast<float>();
@@ -76,7 +83,8 @@ void LearningRates::apply(const Moment& moment, StepRequest& request) const {
     request.rates[int(Group::kMean)] = means;
     set(Group::kScale, scales_);
     set(Group::kRotation, rotations_);
-    set(Group::kOpacity, opacities_);
+    request.rates[int(Group::kOpacity)] =
+        gain * fall_at(moment.position, final_rate_, opacities_fall_from_) * opacities_.at(t);
     const double base_rate = gain * feature_factor_ * appearance_.base.initial;
     const double least = base_travel_ * pace / kReferenceIterations;
     set(Group::kBase, appearance_.base, feature_factor_ * (base_rate > 0 ? std::max(1.0, least / base_rate) : 1));

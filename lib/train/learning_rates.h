@@ -28,6 +28,7 @@ class LearningRates {
     AppearanceRates appearance_;
     double noise_ = 0, spacing_ = 0;
     double feature_factor_, residual_factor_, final_rate_, short_rates_, base_travel_;
+    double opacities_fall_from_;
     Vec3<float> center_{0, 0, 0};
     float extent_, far_rate_;
 };

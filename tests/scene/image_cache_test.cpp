@@ -24,6 +24,7 @@ struct Views {
             loads.push_back(std::make_shared<std::atomic<int>>(0));
             View view;
             view.name = std::to_string(i);
+            view.camera.width = view.camera.height = 10;
             view.load = [counter = loads.back(), i] {
                 ++*counter;
                 return ViewImage{Image{10, 10, 3, std::vector<std::uint8_t>(kBytes, std::uint8_t(i)), {}}, {}};
@@ -91,7 +92,7 @@ TEST(ImageCache, PrefetchErrorsSurfaceInGetAndTheNextGetTriesAgain) {
     auto fail = std::make_shared<std::atomic<bool>>(true);
     views.list[1].load = [fail]() -> ViewImage {
         if (*fail) throw DataError("image 1 is broken");
-        return {Image{1, 1, 3, {1, 2, 3}, {}}, {}};
+        return {Image{10, 10, 3, std::vector<std::uint8_t>(kBytes, 3), {}}, {}};
     };
     ImageCache cache(views.list, 10 * kBytes, 1);
     cache.prefetch(1);

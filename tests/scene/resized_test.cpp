@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "kernels/core/error.h"
+
 namespace gs {
 namespace {
 
@@ -40,6 +42,13 @@ TEST(SmallerView, KeepsWhatIsSeen) {
     EXPECT_EQ(image.color.u8[3 * 5], 40);
     ASSERT_TRUE(image.mask);
     EXPECT_EQ(image.mask->width, 10);
+}
+
+TEST(SmallerView, MakesAKeptImageSmaller) {
+    View whole = view(40, 20);
+    whole.decoded = view_image(whole);
+    whole.load = []() -> ViewImage { throw DataError("decoded twice"); };
+    EXPECT_EQ(view_image(smaller_view(whole, 10))->color.width, 10);
 }
 
 TEST(SmallerView, LeavesSmallViewsAlone) {

@@ -132,6 +132,22 @@ TEST(Schedules, RatesFallToTheirLastValueInARunOfAnyLength) {
     }
 }
 
+TEST(Schedules, OpacitiesKeepTheirRateUntilMcmcHasEndedWhereResidualsGo) {
+    Scene scene;
+    scene.train.resize(1);
+    const auto opacity_rate_at = [&](std::int64_t iteration, double share, Recipe recipe) {
+        TrainOptions o = options_of(30000);
+        o.final_rate = 0.1, o.appearance_share = share, o.recipe = recipe;
+        StepRequest request;
+        LearningRates(o, appearance_spec(o), scene).apply(moment_at(o, iteration), request);
+        return request.rates[int(Group::kOpacity)];
+    };
+    for (const auto& [share, recipe] : {std::pair{1.0, Recipe::kPaper}, {0.5, Recipe::kFrontier}})
+        EXPECT_LT(opacity_rate_at(25000, share, recipe), 0.7 * opacity_rate_at(0, share, recipe));
+    EXPECT_EQ(opacity_rate_at(25999, 0.5, Recipe::kPaper), opacity_rate_at(0, 0.5, Recipe::kPaper));
+    EXPECT_NEAR(opacity_rate_at(29999, 0.5, Recipe::kPaper), 0.1 * opacity_rate_at(0, 0.5, Recipe::kPaper), 1e-5);
+}
+
 TEST(Schedules, ShortRunsHaveHigherRatesIfAsked) {
     Scene scene;
     scene.train.resize(1);
