@@ -179,12 +179,12 @@ void apply_builtin_cap(TrainOptions& options) {
     if (has_builtin_cap(options)) options.cap_max = kBuiltinCap;
 }
 
-bool takes_residuals_away(const TrainOptions& options) {
-    return options.appearance_bytes > 0 || !(options.appearance_share == 0 || options.appearance_share == 1);
-}
-
 bool has_builtin_cap(const TrainOptions& options) {
     return options.source.starts_with("builtin:") && !options.named.contains("cap-max");
+}
+
+bool takes_residuals_away(const TrainOptions& options) {
+    return options.appearance_bytes > 0 || !(options.appearance_share == 0 || options.appearance_share == 1);
 }
 
 std::vector<std::string> kept_from_recipe(const TrainOptions& options) {

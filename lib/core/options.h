@@ -91,11 +91,11 @@ inline constexpr std::int64_t kBuiltinCap = 100000;
 /// Puts kBuiltinCap in place of a cap-max that was not named, where the scene is a built-in one.
 void apply_builtin_cap(TrainOptions& options);
 
-/// Returns whether some Gaussians are to lose their residual, or all may.
-bool takes_residuals_away(const TrainOptions& options);
-
 /// Returns whether the scene is a built-in one and cap-max was not named.
 bool has_builtin_cap(const TrainOptions& options);
+
+/// Returns whether Gaussians may lose their residual: for a share between 0 and 1, auto, and a number of bytes.
+bool takes_residuals_away(const TrainOptions& options);
 
 /// Returns the options that recipe frontier leaves at another value because they were named, e.g. "opacity-reg 0.01".
 /// `options` must be validated.

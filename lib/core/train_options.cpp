@@ -200,8 +200,8 @@ std::vector<Option> appearance_options() {
             "appearance-share", &O::appearance_share, {0, 1},
             "share of the Gaussians whose colour depends on the view at the end; they are chosen from half of the run "
             "on, by what that is worth to the training views; auto: 35 %, and fewer as long as that costs little "
-            "(auto-tolerance). Unless final-rate is named it is 0.1 then, and opacities' rate falls from 26000 of "
-            "30000 on")
+            "(auto-tolerance). With recipe paper final-rate is then 0.1 unless it is named, and opacities' rate falls "
+            "from 26000 of 30000 on")
             .or_word("auto")
             .or_max_word("all"),
         number(

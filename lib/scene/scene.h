@@ -59,7 +59,7 @@ struct View {
 };
 
 /// Returns the image of a view: the one that was kept, or else a newly decoded one. Throws what View::load throws, and
-/// DataError where the image has not the size of the view's camera.
+/// DataError where the image does not have the size of the view's camera.
 std::shared_ptr<const ViewImage> view_image(const View& view);
 
 struct PointCloud {

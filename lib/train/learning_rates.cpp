@@ -18,7 +18,7 @@ constexpr double kNeutral = 0.3536;
 constexpr double kFallFrom = 20000;
 
 /// The same for opacities where Gaussians lose their residuals: after MCMC has ended, so that what is to fade has
-/// faded. The model would have a quarter more Gaussians otherwise (docs/math/residuals.md#choice).
+/// faded. bonsai would end with a quarter more Gaussians otherwise (docs/math/residuals.md#when-opacities-may-rest).
 constexpr double kMixedOpacitiesFallFrom = 26000;
 
 /// The pace from which a run counts as short, that of 10,000 iterations.

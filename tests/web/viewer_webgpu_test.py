@@ -192,7 +192,7 @@ def check_compiled_once(browser, url):
     compiled = browser.evaluate("compiled")
     for name, count in (("two.ngsplat", 2), ("ball.ngsplat", 3000)):
         drop(browser, name, scene_file(count))
-        wait_for(browser, f"document.title.startsWith('{name}') && /\\b{count:,} drawn/.test(document.getElementById('meter').textContent)", f"{name} is drawn")
+        wait_for(browser, f"document.title.startsWith('{name}') && /(^|· ){count:,} drawn/.test(document.getElementById('meter').textContent)", f"{name} is drawn")
         shown = pixels(browser, "testViewPixels(0, 'full')")
         check((shown == first) == (count == 3000), f"{name}: the picture is its own")
     check(compiled > 10 and browser.evaluate("compiled") == compiled, f"shaders are compiled once: {compiled} of the first model, then {browser.evaluate('compiled')}")
@@ -210,7 +210,7 @@ def check_file_on_its_way(browser, url):
         wait_for(browser, "gsapp.way === 'WebGL2' && document.title.startsWith('ball.ngsplat') && document.getElementById('meter').textContent.includes('3,000 drawn · sorted in')", f"{end}: the model before is shown again")
         wait_for(browser, "document.getElementById('notice').innerText.includes('next.ngsplat')", f"{end}: the file is still on its way")
         browser.evaluate("letGo()")
-        wait_for(browser, "document.title.startsWith('next.ngsplat') && /\\b20 drawn/.test(document.getElementById('meter').textContent)", f"{end}: the file is shown when it is there")
+        wait_for(browser, "document.title.startsWith('next.ngsplat') && /(^|· )20 drawn/.test(document.getElementById('meter').textContent)", f"{end}: the file is shown when it is there")
         check(message(browser) == "", f"{end}: nothing is left to say: {message(browser)}")
 
 
