@@ -150,49 +150,56 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
     void morton_sort() override { gather_rows(state_, morton_order(state_)); }
 
-    void project(const CameraParams<float>& camera, RenderMode mode, bool, ProjectedView& out) override {
-        raster_.project(ParameterView<float>::of(state_), camera, state_.active_degree, mode, out);
+    void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool) override {
+        projection_ = {camera, mode};
     }
-    void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override {
+    void end_projection(ProjectedView& out) override {
+        raster_.project(ParameterView<float>::of(state_), projection_.camera, state_.active_degree, projection_.mode,
+                        out);
+    }
+    void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override {
         make_room(request.camera, out);
-        raster_.forward(splats.values(), request.camera, request.background, out.rgb.data(), out.alpha.data());
+        raster_.forward(in_a_row(splats), request.camera, request.background, out.rgb.data(), out.alpha.data());
         finish_image(request, out);
     }
-    ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r, RankArray<SplatSums<float>>& sums,
+    ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& r, const SumParts<SplatSums<float>>& sums,
                             std::vector<float>& isp_gradient) override {
         const bool corrected = is_corrected(state_.ppisp, r.isp);
         const LossValues loss = view_loss(r, corrected, &splats);
-        SplatSums<float>* out = sums.resize(splats.size());
         if (std::isfinite(loss.loss)) {
             backward(corrected);
-            parallel_for_rows(std::int64_t(sums.size()), [&](std::int64_t i) { out[i] = raster_.sums(i); });
+            write_sums(splats, sums, [&](std::int64_t i, SplatSums<float>& out) { out = raster_.sums(i); });
             if (corrected && r.isp_rate > 0) correction_.add_gradient(state_.ppisp, isp_gradient);
+        } else {
+            write_sums(splats, sums, [](std::int64_t, SplatSums<float>& out) { out = {}; });
         }
         count_work(transmittance_.size());
         return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
-    void distill_splats(const RankArray<WireSplat>& splats, const StepRequest& r) override { distill(r, &splats); }
-    double squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r) override {
+    void distill_splats(const SplatParts& splats, const StepRequest& r) override { distill(r, &splats); }
+    double squared_error_of_splats(const SplatParts& splats, const StepRequest& r) override {
         return squared_error(r, &splats);
     }
-    void scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
-                          RankArray<double>& scores) override {
+    void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
+                          const SumParts<double>& scores) override {
         const std::size_t pixels = std::size_t(request.camera.width) * request.camera.height;
         image_.resize(3 * pixels);
         transmittance_.resize(pixels);
-        raster_.forward(splats.values(), request.camera, request.background, image_.data(), transmittance_.data());
-        std::fill_n(scores.resize(splats.size()), splats.size(), 0.0);
-        raster_.add_scores(image_.data(), transmittance_.data(), scores.values());
+        raster_.forward(in_a_row(splats), request.camera, request.background, image_.data(), transmittance_.data());
+        std::vector<double> all(num_splats(splats), 0.0);
+        raster_.add_scores(image_.data(), transmittance_.data(), all);
+        write_sums(splats, scores, [&](std::int64_t i, double& out) { out = all[i]; });
     }
-    void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
-                             RankArray<ResidualSplatSums>& sums) override {
-        ResidualSplatSums* out = sums.resize(splats.size());
+    void residuals_of_splats(const SplatParts& splats, const StepRequest& r,
+                             const SumParts<ResidualSplatSums>& sums) override {
+        std::vector<ResidualSplatSums> all(num_splats(splats));
         residual_sums(
-            r, &splats, std::int64_t(sums.size()),
+            r, &splats, std::int64_t(all.size()),
             [&](std::int64_t i, const Vec3<float>& gradient) {
-                out[i] = {0, gradient};
+                all[i] = {0, gradient};
             },
-            [&](std::int64_t i, float weight) { out[i].weight = weight; });
+            [&](std::int64_t i, float weight) { all[i].weight = weight; });
+        write_sums(splats, sums, [&](std::int64_t i, ResidualSplatSums& out) { out = all[i]; });
     }
     std::vector<Vec3<float>> colors_without_residual() override {
         return shown_bases(state_[Group::kBase].param, state_.appearance.activation);
@@ -201,9 +208,9 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         return residual_scores_of(totals, state_.appearance.activation, state_[Group::kBase].param);
     }
 
-    std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                                   const std::vector<RankArray<SplatSums<float>>>& sums,
-                                   std::int64_t num_gaussians) override {
+    void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
+                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     RankArray<float>& shared_gradient) override {
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
         const float mean = 1 / float(num_views);
@@ -231,23 +238,32 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         });
         std::vector<float> shared = sum_shared();
         for (float& gradient : shared) gradient *= mean;
-        return shared;
+        shared.resize(shared_row(shared.size()));
+        shared_gradient.assign(shared);
     }
-    std::int64_t update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                               std::vector<float>& isp_gradient) override {
+    void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
+                       std::vector<float>& isp_gradient) override {
         const int num_views = int(views.size());
         count_step(views);
-        std::int64_t num_nonfinite = step_shared(update_args(views[0], state_.step, 1, num_views), shared_gradient);
-        if (!learns_correction(views)) return num_nonfinite;
+        std::vector<float> shared(kNumSharedOf<Model>);
+        for (std::size_t k = 0; k < shared.size(); ++k) {
+            double sum = 0;
+            for (std::size_t at = k; at < shared_gradients.size(); at += shared_row(shared.size()))
+                sum += shared_gradients.data()[at];
+            shared[k] = float(sum);
+        }
+        common_left_out_ += step_shared(update_args(views[0], state_.step, 1, num_views), shared);
+        if (!learns_correction(views)) return;
         const StageTimer timer(correction_seconds_);
-        if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++num_nonfinite;
-        return num_nonfinite;
+        if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++common_left_out_;
     }
     void count_step(const std::vector<StepRequest>& views) override {
         state_.step += std::int64_t(views.size());
         if (learns_correction(views)) state_.ppisp.step += std::int64_t(views.size());
     }
-    std::int64_t take_nonfinite() override { return std::exchange(stats_.num_nonfinite_gradients, 0); }
+    LeftOut take_nonfinite() override {
+        return {std::exchange(stats_.num_nonfinite_gradients, 0), std::exchange(common_left_out_, 0)};
+    }
     void keep_rows(const std::vector<std::uint32_t>& rows) override { gather_rows(state_, rows); }
 
   private:
@@ -333,7 +349,15 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     /// The splats of the next functions are those of the model where they are null.
-    using Splats = const RankArray<WireSplat>*;
+    using Splats = const SplatParts*;
+
+    /// Returns the splats of all parts in a row.
+    std::span<const WireSplat> in_a_row(const SplatParts& parts) {
+        if (parts.size() == 1) return parts[0]->values();
+        joined_.clear();
+        for (const auto* part : parts) joined_.insert(joined_.end(), part->values().begin(), part->values().end());
+        return joined_;
+    }
 
     void distill(const StepRequest& r, Splats splats) {
         check_distillation(state_.ppisp, r.isp);
@@ -379,7 +403,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         transmittance_.resize(pixels);
         dL_dimage_.resize(3 * pixels);
         if (splats)
-            raster_.forward(splats->values(), r.camera, r.background, image_.data(), transmittance_.data());
+            raster_.forward(in_a_row(*splats), r.camera, r.background, image_.data(), transmittance_.data());
         else
             raster_.forward(ParameterView<float>::of(state_), r.camera, r.background, state_.active_degree,
                             RenderMode::kFull, image_.data(), transmittance_.data());
@@ -509,6 +533,12 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     std::vector<float> dL_dshared_;  ///< (parts, shared weights), so that the sum has a fixed order
     std::vector<std::int64_t> nonfinite_;
     StepStats stats_;
+    struct {
+        CameraParams<float> camera;
+        RenderMode mode;
+    } projection_{};                    ///< that was begun
+    std::vector<WireSplat> joined_;     ///< of a view, from all ranks
+    std::int64_t common_left_out_ = 0;  ///< steps of shared weights and of PPISP, since take_nonfinite()
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
         double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;

@@ -66,25 +66,26 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
 
     // cuda_shard.cu
     RankDevice* device() override { return &rank_device_; }
-    void project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) override;
-    void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request, RenderedImage& out) override;
-    ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
-                            RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
-    void distill_splats(const RankArray<WireSplat>& splats, const StepRequest& request) override;
-    double squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request) override;
-    void scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
-                          RankArray<double>& scores) override;
-    void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
-                             RankArray<ResidualSplatSums>& sums) override;
+    void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
+    void end_projection(ProjectedView& out) override;
+    void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
+    ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& request,
+                            const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
+    void distill_splats(const SplatParts& splats, const StepRequest& request) override;
+    double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) override;
+    void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
+                          const SumParts<double>& scores) override;
+    void residuals_of_splats(const SplatParts& splats, const StepRequest& request,
+                             const SumParts<ResidualSplatSums>& sums) override;
     std::vector<Vec3<float>> colors_without_residual() override;
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
-    std::vector<float> update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                                   const std::vector<RankArray<SplatSums<float>>>& sums,
-                                   std::int64_t num_gaussians) override;
-    std::int64_t update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                               std::vector<float>& isp_gradient) override;
+    void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
+                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     RankArray<float>& shared_gradient) override;
+    void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
+                       std::vector<float>& isp_gradient) override;
     void count_step(const std::vector<StepRequest>& views) override;
-    std::int64_t take_nonfinite() override;
+    LeftOut take_nonfinite() override;
     void keep_rows(const std::vector<std::uint32_t>& rows) override;
 
   private:
@@ -131,7 +132,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Enqueues a view, making room until it fits, and waits.
     CudaBins forward_whole(const std::function<CudaBins()>& enqueue);
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
-    CudaBins forward_whole(const RankArray<WireSplat>& splats, const RenderRequest& request, bool for_backward);
+    CudaBins forward_whole(const SplatParts& splats, const RenderRequest& request, bool for_backward);
     /// Corrects the image of the last forward pass, if the request asks for it, and copies it to the host.
     void finish_image(const RenderRequest& request, RenderedImage& out);
     /// Writes the gradient of half the squared error of a rendered training view to dL_dimage_. Adds that error to
@@ -145,9 +146,11 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     void enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins);
     std::vector<float> base_colors() const;
     /// Enqueues the forward pass of splats that came from ranks.
-    CudaBins enqueue_forward(const RankArray<WireSplat>& splats, const RenderRequest& request, bool for_backward);
-    /// Turns dL_dimage_ into sums of all `n` splats that came, also of those that no tile of this device needs.
-    void enqueue_sums_of_splats(const StepRequest& r, std::int64_t n, const CudaBins& bins);
+    CudaBins enqueue_forward(const SplatParts& splats, const RenderRequest& request, bool for_backward);
+    /// Turns dL_dimage_ into sums of all splats that came, also of those that no tile of this device needs.
+    void enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins);
+    /// Writes these sums as they are sent.
+    void pack_sums_of_splats(const SumParts<SplatSums<float>>& sums);
     /// Returns the loss that a status holds, and its parts.
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
     /// Notes the loss of a step in stats_.
@@ -202,15 +205,16 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
 
     /// What only a training over several ranks uses (cuda_shard.cu).
     struct {
-        DeviceBuffer<std::uint32_t> rows;  ///< of a projected view
+        CameraParams<float> camera{};      ///< of the projection that was begun
+        DeviceBuffer<std::uint32_t> rows;  ///< of its splats
         DeviceBuffer<std::int64_t> num_rows;
         DeviceBuffer<unsigned char> cub;
         DeviceBuffer<std::uint32_t> places;  ///< (views, n) as in StepView
         DeviceBuffer<StepView> views;
-        std::vector<StepView> host_views;      ///< stays as it is while the device is at work
-        DeviceBuffer<float> shared;            ///< gradients of the shared weights
-        DeviceBuffer<unsigned> num_nonfinite;  ///< Gaussians with a gradient left out since take_nonfinite()
-        bool is_updating = false;              ///< the device may still be at work on update_rows()
+        std::vector<StepView> host_views;       ///< stays as it is while the device is at work
+        DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
+        std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time
+        bool is_updating = false;               ///< the device may still be at work on update_rows()
     } wire_;
 
     DeviceBuffer<StepControl> control_;

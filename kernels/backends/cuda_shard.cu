@@ -18,17 +18,32 @@ struct IsVisible {
     __device__ bool operator()(std::uint32_t i) const { return counts[i] > 0; }
 };
 
+constexpr int kSharedBlock = 128;
+
+/// Takes the step of `n` shared weights on the sum of the gradients of all ranks (num_ranks, row), added up in their
+/// order. Adds to *left_out the gradients that are not finite.
+__global__ void __launch_bounds__(kSharedBlock)
+    step_shared_weights(const float* __restrict__ gradients, int num_ranks, int row, int n, float* __restrict__ param,
+                        float* __restrict__ m, float* __restrict__ v, AdamStep<float> step, AdamGains<float> gains,
+                        unsigned* __restrict__ left_out) {
+    const int k = blockIdx.x * kSharedBlock + threadIdx.x;
+    if (k >= n) return;
+    double sum = 0;
+    for (int rank = 0; rank < num_ranks; ++rank) sum += gradients[rank * row + k];
+    if (!update_shared(param[k], m[k], v[k], float(sum), step, gains)) atomicAdd(left_out, 1u);
+}
+
 RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }
 
 }  // namespace
 
 // --- the rank's Gaussians, for other ranks --------------------------------------------------------------------------
 
-void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) {
+void CudaBackend::begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) {
     // After update_rows() no residual is behind, and what follows is on its stream.
     if (!wire_.is_updating || !in_flight_.empty()) settle();
     const std::int64_t n = model_.count;
-    out.splats.resize(0), out.rows.resize(0);
+    wire_.camera = camera;
     if (n == 0) return;
     lay_out({n, 1, camera.width, camera.height, false});  // its instances are none of this rank's business
     PreprocessArgs args = for_step ? preprocess_args(camera, mode, {}) : frame_args({camera, {}, mode});
@@ -43,53 +58,64 @@ void CudaBackend::project(const CameraParams<float>& camera, RenderMode mode, bo
     GS_CUDA(select_rows(nullptr, bytes, n, visible, rows, num_rows, stream_));
     GS_CUDA(
         select_rows(wire_.cub.reserve(std::max<std::size_t>(bytes, 1)), bytes, n, visible, rows, num_rows, stream_));
-    const auto num = std::size_t(read_back(num_rows, stream_));
+}
+
+void CudaBackend::end_projection(ProjectedView& out) {
+    out.splats.resize(0), out.rows.resize(0);
+    if (model_.count == 0) return;
+    const auto num = std::size_t(read_back(wire_.num_rows.get(), stream_));
     wire_.is_updating = false;
     if (num == 0) return;
+    const std::uint32_t* rows = wire_.rows.get();
     rank_device_.copy(out.rows.resize(num), rows, num * sizeof *rows);
-    pack_splats(rows, std::int64_t(num), args.params, camera, splats_, out.splats.resize(num), stream_);
+    pack_splats(rows, std::int64_t(num), preprocess_args(wire_.camera, RenderMode::kFull, {}).params, wire_.camera,
+                splats_, out.splats.resize(num), stream_);
 }
 
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
 
-CudaBins CudaBackend::enqueue_forward(const RankArray<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
-    const auto n = std::int64_t(splats.size());
-    return enqueue_splats(r.camera, n, r.background, for_backward, [&] {
+CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequest& r, bool for_backward) {
+    return enqueue_splats(r.camera, std::int64_t(num_splats(splats)), r.background, for_backward, [&] {
         const PreprocessArgs args = preprocess_args(r.camera, r.mode, {});
-        unpack_splats(splats.data(), n, args.width_padded, args.height_padded, args.depth_key,
-                      args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
+        std::int64_t first = 0;
+        for (const auto* part : splats) {
+            const auto n = std::int64_t(part->size());
+            unpack_splats(part->data(), n, first, args.width_padded, args.height_padded, args.depth_key,
+                          args.cutoffs.inverse_alpha, splats_, binning_.input(), control_.get(), stream_);
+            first += n;
+        }
     });
 }
 
-CudaBins CudaBackend::forward_whole(const RankArray<WireSplat>& splats, const RenderRequest& r, bool for_backward) {
+CudaBins CudaBackend::forward_whole(const SplatParts& splats, const RenderRequest& r, bool for_backward) {
     return forward_whole([&] { return enqueue_forward(splats, r, for_backward); });
 }
 
-void CudaBackend::render_splats(const RankArray<WireSplat>& splats, const RenderRequest& r, RenderedImage& out) {
+void CudaBackend::render_splats(const SplatParts& splats, const RenderRequest& r, RenderedImage& out) {
     forward_whole(splats, r, false);
     finish_image(r, out);
 }
 
-ViewLoss CudaBackend::loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
-                                     RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
-    const auto n = std::int64_t(splats.size());
+ViewLoss CudaBackend::loss_of_splats(const SplatParts& splats, const StepRequest& r,
+                                     const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) {
     const DeviceTarget target = images_.get(r.target, 0, stream_);
     forward_whole([&] {
         const CudaBins bins = enqueue_forward(splats, view_of(r), true);
         enqueue_loss(r, target);
-        enqueue_sums_of_splats(r, n, bins);
+        enqueue_sums_of_splats(r, splats, bins);
         return bins;
     });
     const ViewLoss loss = loss_of(*statuses_, r, target.weight_sum);
     adapt_room(loss.num_instances);
-    SplatSums<float>* out = sums.resize(splats.size());  // may overwrite the splats
+    for (std::size_t part = 0; part < splats.size(); ++part) sums[part]->resize(splats[part]->size());
     if (!std::isfinite(loss.loss)) return loss;
-    pack_sums(sums_, n, out, stream_);
+    pack_sums_of_splats(sums);
     if (ppisp_.corrects(r.isp) && r.isp_rate > 0) ppisp_.add_gradient(isp_gradient, stream_);
     return loss;
 }
 
-void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, std::int64_t n, const CudaBins& bins) {
+void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, const SplatParts& splats, const CudaBins& bins) {
+    const auto n = std::int64_t(num_splats(splats));
     if (n == 0) return;
     // In a fixed order only splats with an instance are written. Here all are read, and a splat that its owner saw at
     // the edge of a tile may have none.
@@ -97,7 +123,15 @@ void CudaBackend::enqueue_sums_of_splats(const StepRequest& r, std::int64_t n, c
     enqueue_sums(r, n, bins);
 }
 
-void CudaBackend::distill_splats(const RankArray<WireSplat>& splats, const StepRequest& r) {
+void CudaBackend::pack_sums_of_splats(const SumParts<SplatSums<float>>& sums) {
+    const PackedSums* from = sums_;
+    for (RankArray<SplatSums<float>>* part : sums) {
+        pack_sums(from, std::int64_t(part->size()), part->data(), stream_);
+        from += part->size();
+    }
+}
+
+void CudaBackend::distill_splats(const SplatParts& splats, const StepRequest& r) {
     check_distillation(ppisp_.host(), r.isp);
     forward_whole(splats, view_of(r), true);
     const DeviceTarget target = images_.get(r.target, 0, stream_);
@@ -109,41 +143,44 @@ void CudaBackend::distill_splats(const RankArray<WireSplat>& splats, const StepR
     stats_.num_nonfinite_gradients += status.num_nonfinite;
 }
 
-double CudaBackend::squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r) {
+double CudaBackend::squared_error_of_splats(const SplatParts& splats, const StepRequest& r) {
     forward_whole(splats, view_of(r), true);
     return error_of_view(r);
 }
 
-void CudaBackend::scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& r,
-                                   RankArray<double>& scores) {
-    CudaScores sums(std::int64_t(splats.size()), stream_);
+void CudaBackend::scores_of_splats(const SplatParts& splats, const RenderRequest& r, const SumParts<double>& scores) {
+    CudaScores sums(std::int64_t(num_splats(splats)), stream_);
     const CudaBins bins = forward_whole(splats, {r.camera, r.background, RenderMode::kFull, r.isp}, false);
     const SlotMap slots = binning_.slots();
     sums.add(bins, splats_, blend_image(r.camera, r.background), options_.deterministic ? &slots : nullptr,
              std::int64_t(statuses_->num_instances));
     const std::vector<float> values = sums.download();
-    std::copy(values.begin(), values.end(), scores.resize(values.size()));
+    write_sums(splats, scores, [&](std::int64_t k, double& score) { score = values[std::size_t(k)]; });
 }
 
-void CudaBackend::residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& r,
-                                      RankArray<ResidualSplatSums>& out) {
-    ResidualSplatSums* const of_splat = out.resize(splats.size());
-    if (splats.size() == 0) return;
-    const CudaBins bins = forward_whole(splats, view_of(r), true);
-    const TargetImage target = enqueue_error(r, nullptr);
-    if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
-    RankArray<SplatSums<float>> sums(&rank_device_);
-    sums.resize(splats.size());
-    std::vector<SplatSums<float>> copied;
-    const auto for_each_sum = [&](auto&& use) {
-        enqueue_sums_of_splats(r, std::int64_t(sums.size()), bins);
-        pack_sums(sums_, std::int64_t(sums.size()), sums.data(), stream_);
-        std::size_t k = 0;
-        for (const SplatSums<float>& s : sums.on_host(copied)) use(of_splat[k++], s);
-    };
-    for_each_sum([](ResidualSplatSums& to, const SplatSums<float>& s) { to.gradient = {s.r, s.g, s.b}; });
-    write_weights(target, dL_dimage_, stream_);
-    for_each_sum([](ResidualSplatSums& to, const SplatSums<float>& s) { to.weight = s.r; });
+void CudaBackend::residuals_of_splats(const SplatParts& splats, const StepRequest& r,
+                                      const SumParts<ResidualSplatSums>& out) {
+    const auto n = std::int64_t(num_splats(splats));
+    std::vector<SplatSums<float>> gradients, weights;
+    if (n > 0) {
+        const CudaBins bins = forward_whole(splats, view_of(r), true);
+        const TargetImage target = enqueue_error(r, nullptr);
+        if (ppisp_.corrects(r.isp)) ppisp_.backward(image_, dL_dimage_, stream_);
+        RankArray<SplatSums<float>> sums(&rank_device_);
+        sums.resize(std::size_t(n));
+        const auto download_sums = [&](std::vector<SplatSums<float>>& to) {
+            enqueue_sums_of_splats(r, splats, bins);
+            pack_sums(sums_, n, sums.data(), stream_);
+            sums.on_host(to);
+        };
+        download_sums(gradients);
+        write_weights(target, dL_dimage_, stream_);
+        download_sums(weights);
+    }
+    write_sums(splats, out, [&](std::int64_t k, ResidualSplatSums& to) {
+        const SplatSums<float>& s = gradients[std::size_t(k)];
+        to = {weights[std::size_t(k)].r, {s.r, s.g, s.b}};
+    });
 }
 
 // --- the step of the rank's Gaussians -------------------------------------------------------------------------------
@@ -157,14 +194,18 @@ ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSu
     return residual_scores_of(totals, meta_.appearance.activation, base_colors());
 }
 
-std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& views,
-                                            const std::vector<ProjectedView>& projected,
-                                            const std::vector<RankArray<SplatSums<float>>>& sums,
-                                            std::int64_t num_gaussians) {
+void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
+                              const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                              RankArray<float>& shared_gradient) {
     synchronize();
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
     const int num_shared = kernels_.shared.count, num_views = int(views.size());
-    if (n == 0) return std::vector<float>(std::size_t(num_shared), 0.0f);
+    if (num_shared > 0) {
+        const std::size_t row = shared_row(std::size_t(num_shared));
+        GS_CUDA(cudaMemsetAsync(shared_gradient.resize(row), 0, row * sizeof(float), stream_));
+    }
+    if (!wire_.left_out.get()) GS_CUDA(cudaMemsetAsync(wire_.left_out.reserve(2), 0, 2 * sizeof(unsigned), stream_));
+    if (n == 0) return;
     if (num_shared > 0) lay_out({n, 1, views[0].camera.width, views[0].camera.height, true});  // for their sums
     std::uint32_t* places = wire_.places.reserve(std::size_t(num_views) * std::size_t(n));
     std::vector<StepView>& step_views = wire_.host_views;
@@ -176,23 +217,18 @@ std::vector<float> CudaBackend::update_rows(const std::vector<StepRequest>& view
     }
     StepView* on_device = wire_.views.reserve(step_views.size());
     rank_device_.copy(on_device, step_views.data(), step_views.size() * sizeof(StepView));
-    if (!wire_.num_nonfinite.get())
-        GS_CUDA(cudaMemsetAsync(wire_.num_nonfinite.reserve(1), 0, sizeof(unsigned), stream_));
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     const std::int64_t t = meta_.step + num_views;
     kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0].gather_gradient_stats),
-                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t),
-                           wire_.num_nonfinite.get(), stream_);
+                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t), wire_.left_out.get(),
+                           stream_);
     half_residuals_current_ = false;
     wire_.is_updating = true;
-    if (num_shared == 0) return {};  // the host goes on while the device is at work
     // Without a residual that is shown the weights have no gradient.
-    const std::int64_t rows_of_sums = num_residuals > 0 ? num_blocks(n, kernels_.shared.gaussians_per_sum) : 0;
-    float* shared = wire_.shared.reserve(std::size_t(num_shared));
-    sum_rows(shared_sums_, rows_of_sums, num_shared, 1 / float(num_views), shared, stream_);
-    synchronize();
-    return wire_.shared.download(std::size_t(num_shared));
+    if (num_shared > 0 && num_residuals > 0)
+        sum_rows(shared_sums_, num_blocks(n, kernels_.shared.gaussians_per_sum), num_shared, 1 / float(num_views),
+                 shared_gradient.data(), stream_);
 }
 
 namespace {
@@ -204,29 +240,26 @@ bool learns_correction(const CudaPpisp& ppisp, const std::vector<StepRequest>& v
 
 }  // namespace
 
-std::int64_t CudaBackend::update_common(const std::vector<StepRequest>& views,
-                                        const std::vector<float>& shared_gradient, std::vector<float>& isp_gradient) {
+void CudaBackend::update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
+                                std::vector<float>& isp_gradient) {
     const int num_views = int(views.size());
-    std::int64_t num_nonfinite = 0;
     count_step(views);
-    // The shared weights and PPISP are few: the host takes their step.
-    if (const auto n = std::size_t(kernels_.shared.count); n > 0) {
+    if (const int n = kernels_.shared.count; n > 0) {
         const UpdateArgs args = update_args(views[0], meta_.step, 1, num_views);
-        std::vector<float> param = model_.shared_param.download(n), m = model_.shared_m.download(n),
-                           v = model_.shared_v.download(n);
-        for (std::size_t k = 0; k < n; ++k)
-            if (!update_shared(param[k], m[k], v[k], shared_gradient[k], args.shared_step, args.shared_gains))
-                ++num_nonfinite;
-        model_.shared_param.upload(param), model_.shared_m.upload(m), model_.shared_v.upload(v);
-        GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
+        const int row = int(shared_row(std::size_t(n))), num_ranks = int(shared_gradients.size()) / row;
+        step_shared_weights<<<num_blocks(n, kSharedBlock), kSharedBlock, 0, stream_>>>(
+            shared_gradients.data(), num_ranks, row, n, model_.shared_param.get(), model_.shared_m.get(),
+            model_.shared_v.get(), args.shared_step, args.shared_gains, wire_.left_out.get() + 1);
+        GS_CUDA_LAUNCHED("step_shared_weights");
         kernels_.shared.prepare(model_.shared_param.get(), model_.shared_prepared.get(), stream_);
+        wire_.is_updating = true;
     }
-    if (!learns_correction(ppisp_, views)) return num_nonfinite;
-    PpispState state = ppisp_.download(true);
-    if (!step_ppisp(state, isp_gradient, views[0].isp_rate, num_views)) ++num_nonfinite;
+    if (!learns_correction(ppisp_, views)) return;
+    synchronize();
+    PpispState state = ppisp_.download(true);  // it is small: the host takes its step
+    if (!step_ppisp(state, isp_gradient, views[0].isp_rate, num_views)) ++wire_.corrections_left_out;
     ppisp_.upload(state);
-    GS_CUDA(cudaDeviceSynchronize());
-    return num_nonfinite;
+    GS_CUDA(cudaDeviceSynchronize());  // the copies are not on the stream that reads them
 }
 
 void CudaBackend::count_step(const std::vector<StepRequest>& views) {
@@ -236,12 +269,16 @@ void CudaBackend::count_step(const std::vector<StepRequest>& views) {
     lazy_.reset(meta_.step);  // no residual is ever behind
 }
 
-std::int64_t CudaBackend::take_nonfinite() {
+LeftOut CudaBackend::take_nonfinite() {
     synchronize();
-    if (!wire_.num_nonfinite.get()) return 0;
-    const unsigned num_nonfinite = read_back(wire_.num_nonfinite.get(), stream_);
-    GS_CUDA(cudaMemsetAsync(wire_.num_nonfinite.get(), 0, sizeof num_nonfinite, stream_));
-    return num_nonfinite;
+    LeftOut out{0, std::exchange(wire_.corrections_left_out, 0)};
+    if (!wire_.left_out.get()) return out;
+    unsigned counts[2];
+    rank_device_.copy(counts, wire_.left_out.get(), sizeof counts);
+    rank_device_.wait();
+    out.of_rows += counts[0], out.of_common += counts[1];
+    GS_CUDA(cudaMemsetAsync(wire_.left_out.get(), 0, sizeof counts, stream_));
+    return out;
 }
 
 void CudaBackend::keep_rows(const std::vector<std::uint32_t>& rows) {

@@ -11,22 +11,37 @@ class CudaRankDevice final : public RankDevice {
   public:
     /// Works on a stream, which must outlive it, of the device that is current.
     explicit CudaRankDevice(cudaStream_t stream) : stream_(stream) {}
+    ~CudaRankDevice() {
+        if (!transfers_) return;
+        cudaStreamSynchronize(transfers_);
+        cudaEventDestroy(marked_);
+        cudaEventDestroy(transferred_);
+        cudaStreamDestroy(transfers_);
+    }
+    CudaRankDevice(const CudaRankDevice&) = delete;
+    CudaRankDevice& operator=(const CudaRankDevice&) = delete;
 
     std::unique_ptr<DeviceBlock> make_block() override { return std::make_unique<Block>(); }
     void copy(void* to, const void* from, std::size_t bytes) override {
         GS_CUDA(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDefault, stream_));
     }
-    bool is_idle() override {
-        const cudaError_t status = cudaStreamQuery(stream_);
-        if (status == cudaErrorNotReady) {
-            cudaGetLastError();  // is no error, but would be the last one
-            return false;
-        }
-        cuda_check(status, "cudaStreamQuery(stream_)");
-        return true;
-    }
     void wait() override { GS_CUDA(cudaStreamSynchronize(stream_)); }
-    void* stream() override { return stream_; }
+    void mark() override {
+        if (!transfers_) {
+            GS_CUDA(cudaStreamCreateWithFlags(&transfers_, cudaStreamNonBlocking));
+            GS_CUDA(cudaEventCreateWithFlags(&marked_, cudaEventDisableTiming));
+            GS_CUDA(cudaEventCreateWithFlags(&transferred_, cudaEventDisableTiming));
+        }
+        GS_CUDA(cudaEventRecord(marked_, stream_));
+    }
+    void* begin_transfer() override {
+        GS_CUDA(cudaStreamWaitEvent(transfers_, marked_));
+        return transfers_;
+    }
+    void join_transfers() override {
+        GS_CUDA(cudaEventRecord(transferred_, transfers_));
+        GS_CUDA(cudaStreamWaitEvent(stream_, transferred_));
+    }
 
   private:
     class Block final : public DeviceBlock {
@@ -38,6 +53,8 @@ class CudaRankDevice final : public RankDevice {
     };
 
     const cudaStream_t stream_;
+    cudaStream_t transfers_ = nullptr;  ///< made with the first mark
+    cudaEvent_t marked_ = nullptr, transferred_ = nullptr;
 };
 
 }  // namespace gs

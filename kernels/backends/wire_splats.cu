@@ -22,9 +22,9 @@ __global__ void __launch_bounds__(kWireBlock)
 }
 
 __global__ void __launch_bounds__(kWireBlock)
-    unpack(const WireSplat* __restrict__ wire, std::int64_t num, int width_padded, int height_padded,
-           DepthKey depth_key, float inverse_alpha, PackedSplat* __restrict__ splats, CudaBinningInput out,
-           StepControl* __restrict__ control) {
+    unpack(const WireSplat* __restrict__ wire, std::int64_t num, std::int64_t first, int width_padded,
+           int height_padded, DepthKey depth_key, float inverse_alpha, PackedSplat* __restrict__ splats,
+           CudaBinningInput out, StepControl* __restrict__ control) {
     __shared__ ViewCount block;
     begin_count(block);
     const std::int64_t k = wire_index();
@@ -38,7 +38,7 @@ __global__ void __launch_bounds__(kWireBlock)
         b = mine.bounds(s, width_padded, height_padded);
     }
     const TileTest tiles = test_tiles(s, b, exists && b.x_max > b.x_min && b.y_max > b.y_min);
-    if (exists) place_splat(k, s, b, tiles, depth_key, mine.depth, splats, out);
+    if (exists) place_splat(first + k, s, b, tiles, depth_key, mine.depth, splats, out);
     end_count(block, tiles.count, control);
 }
 
@@ -63,12 +63,12 @@ void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterVie
     GS_CUDA_LAUNCHED("pack");
 }
 
-void unpack_splats(const WireSplat* wire, std::int64_t num, int width_padded, int height_padded,
+void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
                    const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
                    StepControl* control, cudaStream_t stream) {
     if (num == 0) return;
-    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, num, width_padded, height_padded, depth_key,
-                                                                   inverse_alpha, splats, out, control);
+    unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, num, first, width_padded, height_padded,
+                                                                   depth_key, inverse_alpha, splats, out, control);
     GS_CUDA_LAUNCHED("unpack");
 }
 

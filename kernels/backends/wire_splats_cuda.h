@@ -14,8 +14,9 @@ namespace gs {
 void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterView<float>& params,
                  const CameraParams<float>& camera, const PackedSplat* splats, WireSplat* out, cudaStream_t stream);
 
-/// Unpacks splats for a view padded to whole tiles, with all that binning reads. Adds to the view's counts.
-void unpack_splats(const WireSplat* wire, std::int64_t num, int width_padded, int height_padded,
+/// Unpacks `num` splats for a view padded to whole tiles, with all that binning reads, from place `first` of the view
+/// on. Adds to the view's counts.
+void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
                    const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
                    StepControl* control, cudaStream_t stream);
 

@@ -6,7 +6,22 @@
 
 namespace gs {
 
+void Communicator::use(std::unique_ptr<DeviceLink> link) {
+    link_ = std::move(link);
+    end_link_.emplace(stop_.get_token(), [this] { link_->abort(); });
+}
+
 void Communicator::exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device) {
+    if (device && link_) device->mark();
+    begin(out, in, device);
+    finish(device);
+}
+
+void Communicator::finish(RankDevice* device) {
+    if (device && link_) device->join_transfers();
+}
+
+void Communicator::begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device) {
     const double start = seconds_now();
     if (device)
         transfer_on_device(out, in, *device);
@@ -23,15 +38,15 @@ void Communicator::exchange(const std::vector<ConstBytes>& out, const std::vecto
 }
 
 void Communicator::abort() {
-    stop_.request_stop();
     break_off();
+    stop_.request_stop();
 }
 
 void Communicator::transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
                                       RankDevice& device) {
     const auto self = std::size_t(rank_);
     if (!out[self].empty() && !in[self].empty()) device.copy(in[self].data(), out[self].data(), in[self].size());
-    if (link_) return link_->transfer(out, in, device);
+    if (link_) return link_->begin(out, in, device);
     if (size_ == 1) return;
     sent_.resize(out.size()), received_.resize(in.size());
     std::vector<ConstBytes> host_out(out.size());

@@ -5,7 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -49,9 +51,13 @@ class DeviceLink {
     virtual ~DeviceLink() = default;
     /// Names it: "NCCL 2.28.3".
     virtual std::string name() const = 0;
-    /// Sends out[r] to every other rank r and receives in[r] from it, all of them on `device`, when that has done what
-    /// it was told before. What `device` is told later finds all of it there. Throws DeviceError when a rank is lost.
-    virtual void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
+    /// Begins to send out[r] to every other rank r and to receive in[r] from it, all of them on `device`, after what it
+    /// marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of 16 bytes. Does not wait
+    /// for other ranks once all are connected. Throws DeviceError when the connection has failed or was ended.
+    virtual void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
+    /// Ends all transfers, also those that a device waits for; begin() throws from now on. May be called from any
+    /// thread.
+    virtual void abort() = 0;
 };
 
 /// Connects all ranks with each other. Calls wait for what they need from other ranks, and throw DeviceError when one
@@ -66,13 +72,19 @@ class Communicator {
     /// what the other expects must have the same size; nothing is sent where that is 0. The arrays lie in the memory of
     /// `device`, or in the host's where that is null; they may lie elsewhere on another rank, unless there is a link.
     void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device = nullptr);
+    /// Does what exchange() does but on a device by a link, where it only begins with it: the arrays are sent when the
+    /// device has done what it marked last, and must stay as they are. What the device is told after finish() finds
+    /// what was received; in between it must not be told to use the arrays that are received.
+    void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device);
+    void finish(RankDevice* device);
     /// Returns what was exchanged since the beginning.
     const Traffic& traffic() const { return traffic_; }
     /// Sends arrays of devices over `link` from now on, and no longer through the host. All ranks must do so.
-    void use(std::unique_ptr<DeviceLink> link) { link_ = std::move(link); }
+    void use(std::unique_ptr<DeviceLink> link);
     /// Returns the link between the devices, null if there is none.
     const DeviceLink* link() const { return link_.get(); }
-    /// Makes the call that waits, and all that follow, throw. May be called from any thread.
+    /// Makes the call that waits, and all that follow, throw; a device that waits for another rank goes on, with
+    /// whatever is in the arrays. May be called from any thread.
     void abort();
     /// Returns what says whether abort() was called.
     std::stop_token stop_token() const { return stop_.get_token(); }
@@ -80,7 +92,7 @@ class Communicator {
   protected:
     Communicator(int rank, int size) : rank_(rank), size_(size) {}
 
-    /// Does what exchange() says, with arrays on a device: over the link, or else through the host's memory.
+    /// Does what begin() says, with arrays on a device: over the link, or else through the host's memory.
     virtual void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
                                     RankDevice& device);
 
@@ -94,6 +106,7 @@ class Communicator {
     Traffic traffic_;
     std::unique_ptr<DeviceLink> link_;
     std::stop_source stop_;
+    std::optional<std::stop_callback<std::function<void()>>> end_link_;  ///< aborts the link; destroyed before it
     std::vector<std::vector<std::byte>> sent_,
         received_;  ///< by rank: arrays of a device on their way through the host
 };

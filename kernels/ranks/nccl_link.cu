@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sends arrays from device to device by NCCL. No call waits for other ranks inside NCCL or CUDA, so that the end of a
-// training, which another thread asks for, is seen while a rank that is gone keeps this one waiting.
+// Sends arrays from device to device by NCCL, on a stream of their own. No call waits for other ranks inside NCCL, so
+// that the end of a training, which another thread asks for, is seen while a rank that is gone keeps this one waiting;
+// where the device waits for that rank, the other thread's call of abort() ends it.
 #include <chrono>
-#include <cstdint>
 #include <cstring>
+#include <mutex>
 #include <thread>
 
 #include "kernels/core/clock.h"
@@ -23,29 +24,10 @@ constexpr double kLongestLeave = 5;
 
 static_assert(sizeof(NcclId) == sizeof(ncclUniqueId));
 
-/// NCCL moves 16 bytes at a time between addresses that are multiples of it, and single bytes otherwise.
-constexpr std::size_t kAligned = 16;
-
-/// Arrays at addresses that NCCL likes, one for each rank, in the place of those that begin elsewhere, as the sums of a
-/// rank's splats do within those of all.
-class AlignedArrays {
-  public:
-    explicit AlignedArrays(int size) : blocks_(std::size_t(size)) {}
-    /// Returns where to have the bytes instead of at `address`, which may be the same.
-    std::byte* place(std::size_t rank, std::byte* address, std::size_t bytes, RankDevice& device) {
-        if (bytes == 0 || reinterpret_cast<std::uintptr_t>(address) % kAligned == 0) return address;
-        if (!blocks_[rank]) blocks_[rank] = device.make_block();
-        return blocks_[rank]->reserve(bytes);
-    }
-
-  private:
-    std::vector<std::unique_ptr<DeviceBlock>> blocks_;
-};
-
 class NcclLink final : public DeviceLink {
   public:
     NcclLink(NcclLibrary nccl, int rank, int size, std::stop_token stop)
-        : nccl_(std::move(nccl)), rank_(rank), size_(size), stop_(std::move(stop)), sent_(size), received_(size) {}
+        : nccl_(std::move(nccl)), rank_(rank), size_(size), stop_(std::move(stop)) {}
 
     void connect(const NcclId& id) {
         ncclUniqueId unique;
@@ -54,7 +36,10 @@ class NcclLink final : public DeviceLink {
         config.blocking = 0;
         or_break_off([&] {
             constexpr const char* kCall = "ncclCommInitRankConfig";
-            nccl_check(nccl_, nccl_.comm_init_rank_config(&comm_, size_, unique, rank_, &config), kCall);
+            {
+                const std::lock_guard lock(mutex_);
+                nccl_check(nccl_, nccl_.comm_init_rank_config(&comm_, size_, unique, rank_, &config), kCall);
+            }
             wait_until([&] { return is_ready(kCall); });
         });
     }
@@ -76,40 +61,39 @@ class NcclLink final : public DeviceLink {
 
     std::string name() const override { return "NCCL " + nccl_.version; }
 
-    void transfer(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) override {
-        if (!comm_) throw DeviceError(kEnded);
-        std::vector<std::byte*> from(out.size()), to(in.size());
-        for (std::size_t r = 0; r < out.size(); ++r) {
-            if (int(r) == rank_) continue;
-            from[r] = sent_.place(r, const_cast<std::byte*>(out[r].data()), out[r].size(), device);
-            to[r] = received_.place(r, in[r].data(), in[r].size(), device);
-            if (from[r] != out[r].data()) device.copy(from[r], out[r].data(), out[r].size());
-        }
-        const auto stream = static_cast<cudaStream_t>(device.stream());
-        ncclResult_t result = nccl_.group_start();
-        const char* what = "ncclGroupStart";
-        const auto call = [&](const char* name, auto&& function) {
-            if (result != ncclSuccess && result != ncclInProgress) return;
-            what = name;
-            result = function();
-        };
-        for (std::size_t r = 0; r < out.size(); ++r) {
-            if (int(r) == rank_) continue;
-            if (const std::size_t size = out[r].size(); size > 0)
-                call("ncclSend", [&] { return nccl_.send(from[r], size, ncclInt8, int(r), comm_, stream); });
-            if (const std::size_t size = in[r].size(); size > 0)
-                call("ncclRecv", [&] { return nccl_.recv(to[r], size, ncclInt8, int(r), comm_, stream); });
-        }
-        const ncclResult_t end = nccl_.group_end();  // ends the group after an error, too
-        call("ncclGroupEnd", [&] { return end; });
+    void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) override {
+        const auto stream = static_cast<cudaStream_t>(device.begin_transfer());
         or_break_off([&] {
-            nccl_check(nccl_, result, what);
-            // The transfer is on the stream when NCCL is ready, and not before.
-            wait_until([&] { return is_ready("NCCL") && device.is_idle(); });
+            {
+                const std::lock_guard lock(mutex_);
+                if (!comm_) throw DeviceError(kEnded);
+                ncclResult_t result = nccl_.group_start();
+                const char* what = "ncclGroupStart";
+                const auto call = [&](const char* name, auto&& function) {
+                    if (result != ncclSuccess && result != ncclInProgress) return;
+                    what = name;
+                    result = function();
+                };
+                for (std::size_t r = 0; r < out.size(); ++r) {
+                    if (int(r) == rank_) continue;
+                    const ConstBytes from = out[r];
+                    const Bytes to = in[r];
+                    if (!from.empty())
+                        call("ncclSend",
+                             [&] { return nccl_.send(from.data(), from.size(), ncclInt8, int(r), comm_, stream); });
+                    if (!to.empty())
+                        call("ncclRecv",
+                             [&] { return nccl_.recv(to.data(), to.size(), ncclInt8, int(r), comm_, stream); });
+                }
+                const ncclResult_t end = nccl_.group_end();  // ends the group after an error, too
+                call("ncclGroupEnd", [&] { return end; });
+                nccl_check(nccl_, result, what);
+            }
+            wait_until([&] { return is_ready("NCCL"); });  // the transfer is on the stream then, and not before
         });
-        for (std::size_t r = 0; r < in.size(); ++r)
-            if (int(r) != rank_ && to[r] != in[r].data()) device.copy(in[r].data(), to[r], in[r].size());
     }
+
+    void abort() override { break_off(); }
 
   private:
     static constexpr const char* kEnded = "the connection to the other GPUs was ended";
@@ -117,6 +101,8 @@ class NcclLink final : public DeviceLink {
     /// Returns whether NCCL has done what the last call asked for. Throws DeviceError where it failed, or where the
     /// connection has.
     bool is_ready(const char* what) {
+        const std::lock_guard lock(mutex_);
+        if (!comm_) throw DeviceError(kEnded);
         ncclResult_t state = ncclSuccess;
         nccl_check(nccl_, nccl_.comm_get_async_error(comm_, &state), "ncclCommGetAsyncError");
         nccl_check(nccl_, state, what);
@@ -145,6 +131,7 @@ class NcclLink final : public DeviceLink {
 
     /// Ends what is on its way, on the device as well, without the other ranks.
     void break_off() {
+        const std::lock_guard lock(mutex_);
         if (comm_) nccl_.comm_abort(comm_);
         comm_ = nullptr;
     }
@@ -152,8 +139,8 @@ class NcclLink final : public DeviceLink {
     const NcclLibrary nccl_;
     const int rank_, size_;
     const std::stop_token stop_;
-    ncclComm_t comm_ = nullptr;
-    AlignedArrays sent_, received_;
+    std::mutex mutex_;           ///< of comm_, which another thread may abort
+    ncclComm_t comm_ = nullptr;  ///< null when it has ended
 };
 
 }  // namespace

@@ -36,9 +36,16 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       backend_(backend),
       shard_(shard_of(backend)),
       targets_(std::move(targets)),
-      splats_(shard_.device()),
-      rows_of_splats_(shard_.device()),
-      sums_{RankArray<SplatSums<float>>::in_memory_of(splats_), {}} {}
+      ordered_(shard_.device()),
+      shared_(shard_.device()),
+      shared_of_all_ranks_(shard_.device()) {
+    for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
+    sums_.on_device = shard_.device() != nullptr;
+}
+
+std::size_t RankWorker::rank_after(std::size_t offset) const {
+    return (std::size_t(ranks_.rank()) + offset) % std::size_t(ranks_.size());
+}
 
 void RankWorker::bring_target(StepRequest& request) const {
     if (!request.target.u8 && !request.target.f32) request.target = targets_(request);
@@ -46,82 +53,130 @@ void RankWorker::bring_target(StepRequest& request) const {
 
 template <class Sum, class Fn>
 void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view) {
-    const std::size_t num_views = views.size(), num_ranks = std::size_t(ranks_.size());
-    while (projected_.size() < num_views) projected_.emplace_back(shard_.device());
-    for (std::size_t k = sums.of_view.size(); k < num_views; ++k)
-        sums.of_view.push_back(sums.computed.device() ? RankArray<Sum>::in_memory_of(projected_[k].splats)
-                                                      : RankArray<Sum>());
-    std::vector<std::int64_t> own_counts(num_views);
-    for (std::size_t k = 0; k < num_views; ++k) {
-        shard_.project(views[k].camera, views[k].mode, views[k].for_step, projected_[k]);
-        own_counts[k] = std::int64_t(projected_[k].splats.size());
-    }
-    const auto counts = all_gather(ranks_, own_counts);  // by rank, by view
-    for (std::size_t first = 0; first < num_views; first += num_ranks) {
-        const std::size_t mine = first + std::size_t(ranks_.rank());
-        const bool renders = mine < num_views;
-        std::vector<ConstBytes> out(num_ranks);
-        std::vector<Bytes> in(num_ranks);
-        std::vector<std::size_t> begin(num_ranks + 1, 0);  // of each rank's splats in splats_
-        for (std::size_t r = 0; r < num_ranks; ++r) {
-            begin[r + 1] = begin[r] + (renders ? std::size_t(counts[r][mine]) : 0);
-            if (first + r >= num_views) continue;
-            out[r] = projected_[first + r].splats.bytes();
-            if (int(r) != ranks_.rank()) splats_sent_ += double(projected_[first + r].splats.size());
+    while (projected_.size() < views.size()) projected_.emplace_back(shard_.device());
+    for (std::size_t first = 0; first < views.size(); first += received_.size()) {
+        gather_splats(views, first);
+        if constexpr (std::is_same_v<Sum, NoSum>) order_by_rows(first, views.size());
+        const std::size_t mine = first + rank_after(0);
+        if constexpr (!std::is_same_v<Sum, NoSum>) {
+            const auto array_for = [&](const RankArray<WireSplat>& splats) {
+                return sums.on_device ? RankArray<Sum>::in_memory_of(splats) : RankArray<Sum>();
+            };
+            while (sums.computed.size() < received_.size())
+                sums.computed.push_back(array_for(received_[sums.computed.size()]));
+            while (sums.of_view.size() < projected_.size())
+                sums.of_view.push_back(array_for(projected_[sums.of_view.size()].splats));
+            sums.parts.clear();
+            for (RankArray<Sum>& part : sums.computed) sums.parts.push_back(&part);
+            if (mine < views.size()) sums.parts[rank_after(0)] = &sums.of_view[mine];
         }
-        splats_.resize(begin[num_ranks]);
-        for (std::size_t r = 0; r < num_ranks; ++r) in[r] = splats_.bytes(begin[r], begin[r + 1]);
-        ranks_.exchange(out, in, splats_.device());
-        if constexpr (std::is_same_v<Sum, NoSum>) {
-            order_by_rows(first, num_views, begin);
-            if (renders) view(mine);
-        } else {
-            sums.computed.resize(splats_.size());
-            if (renders) view(mine);
-            for (std::size_t r = 0; r < num_ranks; ++r) {
-                out[r] = sums.computed.bytes(begin[r], begin[r + 1]);
-                in[r] = {};
-                if (first + r >= num_views) continue;
-                sums.of_view[first + r].resize(projected_[first + r].splats.size());
-                in[r] = sums.of_view[first + r].bytes();
-            }
-            ranks_.exchange(out, in, sums.computed.device());
+        try {
+            if (mine < views.size()) view(mine);
+        } catch (const Error&) {
+            // Where another rank is lost the splats are not what it sent. The exchange throws and says so.
+            if (ranks_.stop_token().stop_requested()) all_gather(ranks_, 0);
+            throw;
         }
+        if constexpr (!std::is_same_v<Sum, NoSum>) scatter_sums(first, views.size(), sums);
     }
+    ranks_.finish(shard_.device());
 }
 
-void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views, const std::vector<std::size_t>& begin) {
-    const std::size_t num_ranks = std::size_t(ranks_.size());
+void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t first) {
+    const std::size_t num_ranks = received_.size();
+    RankDevice* const device = shard_.device();
+    const auto begin_projection = [&](std::size_t view) {
+        if (view < views.size()) shard_.begin_projection(views[view].camera, views[view].mode, views[view].for_step);
+    };
+    const bool renders = first + rank_after(0) < views.size();
+    // Views of other ranks come first, so that their splats are on their way while the next view is projected.
+    begin_projection(first + rank_after(1));
+    for (std::size_t offset = 1; offset < num_ranks; ++offset) {
+        const std::size_t to = rank_after(offset), from = rank_after(num_ranks - offset), view = first + to;
+        const bool sends = view < views.size();
+        if (sends) shard_.end_projection(projected_[view]);
+        if (device) device->mark();
+        begin_projection(first + rank_after(offset + 1));
+        const std::vector<std::uint64_t> sent = {sends ? projected_[view].splats.size() : 0};
+        std::vector<std::uint64_t> received = {0};
+        std::vector<ConstBytes> out(num_ranks);
+        std::vector<Bytes> in(num_ranks);
+        if (sends) out[to] = bytes_of(sent);
+        if (renders) in[from] = room_of(received);
+        ranks_.exchange(out, in);
+        received_[from].resize(received[0]);
+        if (sends) out[to] = std::as_const(projected_[view]).splats.bytes();
+        in[from] = received_[from].bytes();
+        ranks_.begin(out, in, device);
+        splats_sent_ += double(sent[0]);
+    }
+    splats_.clear();
+    if (!renders) return ranks_.finish(device);
+    const std::size_t mine = first + rank_after(0);
+    shard_.end_projection(projected_[mine]);
+    for (const auto& part : received_) splats_.push_back(&part);
+    splats_[rank_after(0)] = &projected_[mine].splats;
+    ranks_.finish(device);
+}
+
+template <class Sum> void RankWorker::scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums) {
+    const std::size_t num_ranks = received_.size();
+    RankDevice* const device = sums.on_device ? shard_.device() : nullptr;
+    std::vector<ConstBytes> out(num_ranks);
+    std::vector<Bytes> in(num_ranks);
+    for (std::size_t offset = 1; offset < num_ranks; ++offset) {
+        const std::size_t r = rank_after(offset);
+        if (first + rank_after(0) < num_views) out[r] = std::as_const(sums.computed[r]).bytes();
+        if (first + r >= num_views) continue;
+        sums.of_view[first + r].resize(projected_[first + r].splats.size());
+        in[r] = sums.of_view[first + r].bytes();
+    }
+    if (device) device->mark();
+    ranks_.begin(out, in, device);
+}
+
+void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views) {
+    const std::size_t num_ranks = received_.size();
     if (num_ranks == 1) return;
-    rows_of_splats_.resize(splats_.size());
+    std::vector<RankArray<std::uint32_t>> rows_of_splats;
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t r = 0; r < num_ranks; ++r) {
+        rows_of_splats.emplace_back(shard_.device());
         if (first_view + r < num_views) out[r] = std::as_const(projected_[first_view + r].rows).bytes();
-        in[r] = rows_of_splats_.bytes(begin[r], begin[r + 1]);
+        if (splats_.empty()) continue;
+        rows_of_splats[r].resize(splats_[r]->size());
+        in[r] = rows_of_splats[r].bytes();
     }
-    ranks_.exchange(out, in, rows_of_splats_.device());
-    std::vector<std::uint32_t> copied_rows;
-    std::vector<WireSplat> copied_splats, ordered;
-    const auto rows = rows_of_splats_.on_host(copied_rows);
-    const auto splats = splats_.on_host(copied_splats);
+    ranks_.exchange(out, in, shard_.device());
+    if (splats_.empty()) return;
     // The order of row_order: with a residual or without, row, rank. Those of each rank are in it.
     struct Place {
         bool plain;
         std::uint32_t row, rank, at;
         auto operator<=>(const Place&) const = default;
     };
-    std::vector<Place> places(rows.size());
-    for (std::size_t r = 0; r < num_ranks; ++r)
-        for (std::size_t i = begin[r]; i < begin[r + 1]; ++i)
-            places[i] = {rows[i] >= rows_[r].num_residuals, rows[i], std::uint32_t(r), std::uint32_t(i)};
+    std::vector<Place> places;
+    std::vector<std::size_t> begin = {0};
+    std::vector<std::vector<WireSplat>> copied_splats(num_ranks);
+    std::vector<std::span<const WireSplat>> splats;
+    for (std::size_t r = 0; r < num_ranks; ++r) {
+        std::vector<std::uint32_t> copied_rows;
+        const auto rows = rows_of_splats[r].on_host(copied_rows);
+        splats.push_back(splats_[r]->on_host(copied_splats[r]));
+        for (std::size_t i = 0; i < rows.size(); ++i)
+            places.push_back({rows[i] >= rows_[r].num_residuals, rows[i], std::uint32_t(r), std::uint32_t(i)});
+        begin.push_back(places.size());
+    }
     const auto at = [&](std::size_t rank) { return places.begin() + std::ptrdiff_t(begin[std::min(rank, num_ranks)]); };
     for (std::size_t merged = 1; merged < num_ranks; merged *= 2)
         for (std::size_t r = 0; r < num_ranks; r += 2 * merged)
             std::inplace_merge(at(r), at(r + merged), at(r + 2 * merged));
-    ordered.reserve(splats.size());
-    for (const Place& place : places) ordered.push_back(splats[place.at]);
-    splats_.assign(ordered);
+    std::vector<WireSplat> ordered;
+    ordered.reserve(places.size());
+    for (const Place& place : places) ordered.push_back(splats[place.rank][place.at]);
+    ordered_.assign(ordered);
+    splats_ = {&ordered_};
 }
 
 void RankWorker::upload(const Gaussians& part) {
@@ -196,7 +251,7 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     std::vector<float> isp_gradient(isp_size_, 0.0f);
     render_views(shown(views, true), sums_, [&](std::size_t k) {
         bring_target(views[k]);
-        losses[k] = shard_.loss_of_splats(splats_, views[k], sums_.computed, isp_gradient);
+        losses[k] = shard_.loss_of_splats(splats_, views[k], sums_.parts, isp_gradient);
     });
     const auto all_losses = all_gather(ranks_, losses);
     StepStats stats;
@@ -211,18 +266,29 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     if (stats.consecutive_skips) {
         shard_.count_step(views);
     } else {
-        std::vector<float> shared = shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_);
-        sum_over_ranks(ranks_, shared);
+        shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_, shared_);
         for (float& gradient : isp_gradient) gradient *= float(mean);
         sum_over_ranks(ranks_, isp_gradient);
-        stats.num_nonfinite_gradients = shard_.update_common(views, shared, isp_gradient);  // on all ranks the same
+        shard_.update_common(views, gather_shared(), isp_gradient);
     }
     return stats;
 }
 
+const RankArray<float>& RankWorker::gather_shared() {
+    const std::size_t num_ranks = received_.size(), row = shared_.size();
+    if (row == 0) return shared_;  // on all ranks
+    shared_of_all_ranks_.resize(num_ranks * row);
+    std::vector<ConstBytes> out(num_ranks, std::as_const(shared_).bytes());
+    std::vector<Bytes> in;
+    for (std::size_t r = 0; r < num_ranks; ++r) in.push_back(shared_of_all_ranks_.bytes(r * row, (r + 1) * row));
+    ranks_.exchange(out, in, shard_.device());
+    return shared_of_all_ranks_;
+}
+
 std::int64_t RankWorker::take_nonfinite() {
-    std::int64_t sum = 0;
-    for (std::int64_t of_rank : all_gather(ranks_, shard_.take_nonfinite())) sum += of_rank;
+    const std::vector<LeftOut> of_ranks = all_gather(ranks_, shard_.take_nonfinite());
+    std::int64_t sum = of_ranks[0].of_common;
+    for (const LeftOut& one : of_ranks) sum += one.of_rows;
     return sum;
 }
 
@@ -257,7 +323,7 @@ std::vector<float> RankWorker::scores(const std::vector<RenderRequest>& views) {
         std::vector<ShownView> some;
         for (std::size_t k = 0; k < size; ++k) some.push_back({views[first + k].camera});
         render_views(some, sums,
-                     [&](std::size_t k) { shard_.scores_of_splats(splats_, views[first + k], sums.computed); });
+                     [&](std::size_t k) { shard_.scores_of_splats(splats_, views[first + k], sums.parts); });
         for (std::size_t k = 0; k < size; ++k) {
             const auto rows = projected_[k].rows.on_host(copied_rows);
             for (std::size_t i = 0; i < rows.size(); ++i) totals[rows[i]] += sums.of_view[k].values()[i];
@@ -275,7 +341,7 @@ ResidualScores RankWorker::residual_scores(std::size_t num_views,
         std::vector<StepRequest> some = batch_on(first);
         render_views(shown(some, false), sums, [&](std::size_t k) {
             bring_target(some[k]);
-            shard_.residuals_of_splats(splats_, some[k], sums.computed);
+            shard_.residuals_of_splats(splats_, some[k], sums.parts);
         });
         for (std::size_t k = 0; k < some.size(); ++k)
             add_view_to(totals, projected_[k], sums.of_view[k].values(), bases);

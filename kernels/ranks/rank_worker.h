@@ -36,8 +36,10 @@ struct ShownView {
 
 /// Sums over pixels of splats in several views: in the host's memory, or on a device in the place of the splats.
 template <class Sum> struct SumsOfViews {
-    RankArray<Sum> computed;              ///< of the view that this rank renders: of all its splats
-    std::vector<RankArray<Sum>> of_view;  ///< by view: of the rank's own splats
+    bool on_device = false;
+    std::vector<RankArray<Sum>> computed;  ///< by rank: of the splats that came from there
+    std::vector<RankArray<Sum>> of_view;   ///< by view: of the rank's own splats
+    SumParts<Sum> parts;                   ///< of the view that this rank renders: of all its splats
 };
 
 class RankWorker {
@@ -56,9 +58,10 @@ class RankWorker {
     /// others. The images are those that one rank would render, to the bit.
     void render(const std::vector<RenderRequest>& views, std::vector<RenderedImage>& out);
     /// Takes a step; view k is rendered by rank k modulo their number. Returns the statistics of this step alone,
-    /// without the gradients that take_nonfinite() counts.
+    /// without gradients that were left out.
     StepStats step(std::vector<StepRequest> views);
-    /// Returns the number of gradients of all ranks' Gaussians that were left out since the last call.
+    /// Returns the number of gradients that were left out since the last call: of all ranks' Gaussians, and of what is
+    /// common to them.
     std::int64_t take_nonfinite();
     /// Trains a controller on rank 0.
     void distill(const StepRequest& request);
@@ -101,14 +104,23 @@ class RankWorker {
 
   private:
     /// Projects `views` and calls view(k) on the rank that renders view k, when its splats are in splats_. With `sums`,
-    /// view(k) fills sums.computed for splats_, and afterwards sums.of_view[k] has those of the splats of
-    /// projected_[k], whose memory it may have. Views without sums have their splats in the order of the whole model's
-    /// rows, the others by rank.
+    /// view(k) fills sums.parts for splats_, and afterwards sums.of_view[k] has those of the splats of projected_[k],
+    /// whose memory it may have. Views without sums have their splats in the order of the whole model's rows, the
+    /// others by rank.
     template <class Sum, class Fn>
     void render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view);
-    /// Sorts splats_, of which those of rank r begin at begin[r], by their rows in the whole model. All ranks call it,
-    /// with the view that each of the ranks from 0 on renders.
-    void order_by_rows(std::size_t first_view, std::size_t num_views, const std::vector<std::size_t>& begin);
+    /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
+    /// this rank renders to splats_.
+    void gather_splats(const std::vector<ShownView>& views, std::size_t first);
+    /// Brings the sums of the views from `first` on to the ranks that have the splats.
+    template <class Sum> void scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
+    /// Sorts splats_ by their rows in the whole model. All ranks call it, with the view that each of the ranks from 0
+    /// on renders.
+    void order_by_rows(std::size_t first_view, std::size_t num_views);
+    /// Returns the rank that comes `offset` places after this one, in a circle.
+    std::size_t rank_after(std::size_t offset) const;
+    /// Returns the gradients of the shared weights by all ranks (ranks, shared_row()); shared_ has the own.
+    const RankArray<float>& gather_shared();
     void bring_target(StepRequest& request) const;
 
     Communicator& ranks_;
@@ -117,12 +129,14 @@ class RankWorker {
     const TargetSource targets_;
     std::vector<RankRows> rows_;
     std::int64_t num_gaussians_ = 0;
-    std::size_t isp_size_ = 0;              ///< values of PPISP
-    std::vector<ProjectedView> projected_;  ///< per view: the rank's splats
-    RankArray<WireSplat> splats_;           ///< of the view that is rendered: those of all ranks, by rank
-    RankArray<std::uint32_t> rows_of_splats_;
-    SumsOfViews<SplatSums<float>> sums_;  ///< of a step, in the memory of splats_ and of those of projected_
-    double splats_sent_ = 0;              ///< to other ranks, since the beginning
+    std::size_t isp_size_ = 0;                       ///< values of PPISP
+    std::vector<ProjectedView> projected_;           ///< per view: the rank's splats
+    std::vector<RankArray<WireSplat>> received_;     ///< by rank: splats of the view that is rendered, from the others
+    SplatParts splats_;                              ///< of the view that is rendered
+    RankArray<WireSplat> ordered_;                   ///< these, by their rows in the whole model
+    SumsOfViews<SplatSums<float>> sums_;             ///< of a step, in the memory of the splats
+    RankArray<float> shared_, shared_of_all_ranks_;  ///< gradients of the shared weights
+    double splats_sent_ = 0;                         ///< to other ranks, since the beginning
     RankCosts costs_;
 };
 

@@ -169,7 +169,6 @@ void RankedBackend::step_on(const std::vector<StepRequest>& views) {
     worker_.count_step(begin);
     stats_.loss = one.loss, stats_.l1 = one.l1, stats_.ssim = one.ssim, stats_.num_instances = one.num_instances;
     ++stats_.steps;
-    stats_.num_nonfinite_gradients += one.num_nonfinite_gradients;
     stats_.consecutive_skips = one.consecutive_skips ? stats_.consecutive_skips + 1 : 0;
 }
 

@@ -23,6 +23,26 @@ struct ProjectedView {
     std::vector<std::size_t> part_ends;  ///< (parts of kPartSize rows) number of splats up to the end of each
 };
 
+/// The splats of a view in parts, one from each rank in the order of the ranks, and what is summed up for each of them.
+using SplatParts = std::vector<const RankArray<WireSplat>*>;
+template <class Sum> using SumParts = std::vector<RankArray<Sum>*>;
+
+inline std::size_t num_splats(const SplatParts& parts) {
+    std::size_t sum = 0;
+    for (const auto* part : parts) sum += part->size();
+    return sum;
+}
+/// Calls write(k, sum) for the k-th of all splats, where sums are on the host.
+template <class Sum, class Write> void write_sums(const SplatParts& splats, const SumParts<Sum>& sums, Write&& write) {
+    std::int64_t first = 0;
+    for (std::size_t part = 0; part < splats.size(); ++part) {
+        const auto size = std::int64_t(splats[part]->size());
+        Sum* const out = sums[part]->resize(std::size_t(size));
+        parallel_for_rows(size, [&](std::int64_t k) { write(first + k, out[k]); });
+        first += size;
+    }
+}
+
 /// The loss of one view and its parts.
 struct ViewLoss {
     double loss = 0, l1 = 0, ssim = 0;
@@ -59,55 +79,66 @@ inline std::vector<Vec3<float>> shown_bases(const std::vector<float>& bases, Col
     return out;
 }
 
+/// Returns the number of values of a rank's gradient of so many shared weights: arrays that pass between ranks begin at
+/// multiples of 16 bytes.
+constexpr std::size_t shared_row(std::size_t num_weights) { return (num_weights + 3) / 4 * 4; }
+
+/// Gradients that were left out because they were not finite.
+struct LeftOut {
+    std::int64_t of_rows = 0;    ///< of the rank's Gaussians
+    std::int64_t of_common = 0;  ///< of shared weights and PPISP: the same on all ranks
+};
+
 /// The backend of one rank: the Gaussians that it holds, and the views that it renders of splats from all ranks. A view
-/// is rendered in the order in which its splats come where their depths are equal. Splats, their rows and the gradient
-/// sums of a step lie in the memory of device(); other sums in the host's.
+/// is rendered in the order in which its splats come where their depths are equal. Splats, their rows, the gradient
+/// sums of a step and the gradients of shared weights lie in the memory of device(); other sums in the host's.
 class Shard {
   public:
     /// Returns the device on which the rank computes, which lives as long as the backend; null where that is the host.
     virtual RankDevice* device() { return nullptr; }
 
-    /// Computes the splats of the rank's Gaussians that touch a tile of the view: for a step, or for a frame, which may
-    /// read residuals in half precision.
-    virtual void project(const CameraParams<float>& camera, RenderMode mode, bool for_step, ProjectedView& out) = 0;
+    /// Begins to compute the splats of the rank's Gaussians that touch a tile of the view: for a step, or for a frame,
+    /// which may read residuals in half precision. A device is at work on it until end_projection().
+    virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
+    /// Writes the splats of the projection that was begun, the only one.
+    virtual void end_projection(ProjectedView& out) = 0;
 
     /// Renders a view as Backend::render does.
-    virtual void render_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
-                               RenderedImage& out) = 0;
+    virtual void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) = 0;
     /// Computes the loss of a view, and the gradient sums of each splat if the loss is finite. Adds the gradient of the
     /// view's PPISP to `isp_gradient` (PpispState::size()) where it learns. `sums` may lie in the memory of `splats`:
-    /// it is resized after their last use.
-    virtual ViewLoss loss_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
-                                    RankArray<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
+    /// they are resized after the last use of these.
+    virtual ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& request,
+                                    const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) = 0;
     /// Trains a controller as Backend::distill does.
-    virtual void distill_splats(const RankArray<WireSplat>& splats, const StepRequest& request) = 0;
-    virtual double squared_error_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request) = 0;
+    virtual void distill_splats(const SplatParts& splats, const StepRequest& request) = 0;
+    virtual double squared_error_of_splats(const SplatParts& splats, const StepRequest& request) = 0;
     /// Computes what a view adds to the score of each splat (Backend::scores).
-    virtual void scores_of_splats(const RankArray<WireSplat>& splats, const RenderRequest& request,
-                                  RankArray<double>& scores) = 0;
+    virtual void scores_of_splats(const SplatParts& splats, const RenderRequest& request,
+                                  const SumParts<double>& scores) = 0;
     /// Computes what a view says of the residual of each splat (Backend::residual_scores).
-    virtual void residuals_of_splats(const RankArray<WireSplat>& splats, const StepRequest& request,
-                                     RankArray<ResidualSplatSums>& sums) = 0;
+    virtual void residuals_of_splats(const SplatParts& splats, const StepRequest& request,
+                                     const SumParts<ResidualSplatSums>& sums) = 0;
 
     /// Returns the colours that the rank's Gaussians show without a residual.
     virtual std::vector<Vec3<float>> colors_without_residual() = 0;
     virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
 
     /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the
-    /// splats that project() made and what other ranks computed of them. `num_gaussians` counts those of all ranks.
-    /// Returns the gradient of the shared weights by the rank's Gaussians. A device may still be at work on the rest.
-    virtual std::vector<float> update_rows(const std::vector<StepRequest>& views,
-                                           const std::vector<ProjectedView>& projected,
-                                           const std::vector<RankArray<SplatSums<float>>>& sums,
-                                           std::int64_t num_gaussians) = 0;
-    /// Ends the step: takes that of the shared weights and of PPISP, with gradients summed over ranks, and counts it.
-    /// Returns the number of these that were skipped because a gradient was not finite.
-    virtual std::int64_t update_common(const std::vector<StepRequest>& views, const std::vector<float>& shared_gradient,
-                                       std::vector<float>& isp_gradient) = 0;
+    /// splats that were projected and what was computed of them. `num_gaussians` counts those of all ranks. Writes the
+    /// gradient of the shared weights by the rank's Gaussians, shared_row() values. A device may still be at work when
+    /// the function returns.
+    virtual void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
+                             const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                             RankArray<float>& shared_gradient) = 0;
+    /// Ends the step: takes that of the shared weights and of PPISP, and counts it. `shared_gradients` (ranks,
+    /// shared_row()) are those of all ranks, which are added up in their order; `isp_gradient` is added up already.
+    virtual void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
+                               std::vector<float>& isp_gradient) = 0;
     /// Counts a step that is not taken.
     virtual void count_step(const std::vector<StepRequest>& views) = 0;
-    /// Returns the number of the rank's gradients that were left out since the last call because they were not finite.
-    virtual std::int64_t take_nonfinite() = 0;
+    /// Returns what was left out since the last call.
+    virtual LeftOut take_nonfinite() = 0;
 
     /// Removes the rows that `rows` (ascending) does not name.
     virtual void keep_rows(const std::vector<std::uint32_t>& rows) = 0;

@@ -83,7 +83,13 @@ TEST_F(GpuNccl, EndsAnExchangeWithALostRank) {
             ranks.abort();
         });
         const double start = seconds_now();
-        EXPECT_THROW(exchange(), DeviceError);
+        EXPECT_THROW(
+            {
+                exchange();
+                array.device()->wait();
+                exchange();
+            },
+            DeviceError);
         EXPECT_LT(seconds_now() - start, 20);
         watch.join();
     });

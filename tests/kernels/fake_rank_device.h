@@ -23,9 +23,10 @@ class FakeDevice final : public RankDevice {
         ++copies;
         std::memcpy(to, from, bytes);
     }
-    bool is_idle() override { return true; }
     void wait() override {}
-    void* stream() override { return nullptr; }
+    void mark() override {}
+    void* begin_transfer() override { return nullptr; }
+    void join_transfers() override {}
 
   private:
     struct Block final : DeviceBlock {
@@ -43,24 +44,26 @@ inline std::size_t num_sent(int from, int to) {
 }
 inline float value_sent(int from, int to, std::size_t k) { return float(1000 * from + 100 * to) + float(k); }
 
-/// Exchanges parts of two arrays on a device, or of the host where it is null, and checks what comes.
+/// Exchanges parts of two arrays on a device, or of the host where it is null, and checks what comes. Parts begin at
+/// multiples of 16 bytes.
 inline void expect_exchanged(Communicator& ranks, RankDevice* device) {
     const std::size_t size = std::size_t(ranks.size());
     std::vector<float> values, expected, copy;
-    std::vector<std::size_t> sent_until = {0}, received_until = {0};
+    std::vector<std::size_t> sent_from, received_from;
     for (int r = 0; r < ranks.size(); ++r) {
+        sent_from.push_back(values.size()), received_from.push_back(expected.size());
         for (std::size_t k = 0; k < num_sent(ranks.rank(), r); ++k) values.push_back(value_sent(ranks.rank(), r, k));
         for (std::size_t k = 0; k < num_sent(r, ranks.rank()); ++k) expected.push_back(value_sent(r, ranks.rank(), k));
-        sent_until.push_back(values.size()), received_until.push_back(expected.size());
+        for (auto* part : {&values, &expected}) part->resize((part->size() + 3) / 4 * 4, -1.0f);
     }
     RankArray<float> sent(device), received(device);
     sent.assign(values);
-    received.resize(expected.size());
+    received.assign(std::vector<float>(expected.size(), -1.0f));
     std::vector<ConstBytes> out(size);
     std::vector<Bytes> in(size);
     for (std::size_t r = 0; r < size; ++r) {
-        out[r] = sent.bytes(sent_until[r], sent_until[r + 1]);
-        in[r] = received.bytes(received_until[r], received_until[r + 1]);
+        out[r] = sent.bytes(sent_from[r], sent_from[r] + num_sent(ranks.rank(), int(r)));
+        in[r] = received.bytes(received_from[r], received_from[r] + num_sent(int(r), ranks.rank()));
     }
     ranks.exchange(out, in, device);
     const auto found = received.on_host(copy);

@@ -230,7 +230,8 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
         shown.emplace_back();
         for (const auto& camera : views.cameras) {
             ProjectedView projected;
-            backend->shard()->project(camera, RenderMode::kFull, true, projected);
+            backend->shard()->begin_projection(camera, RenderMode::kFull, true);
+            backend->shard()->end_projection(projected);
             shown.back().push_back(projected.splats.size());
         }
     }
@@ -242,11 +243,10 @@ std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
         for (int view = 0; view < kViews; ++view)
             for (int other = 0; other < ranks; ++other) {
                 if (other == r) continue;
-                if (view % ranks == other) bytes += kSplat * shown[std::size_t(r)][std::size_t(view)];
+                if (view % ranks == other) bytes += kCount + kSplat * shown[std::size_t(r)][std::size_t(view)];
                 if (view % ranks == r) bytes += kSums * shown[std::size_t(other)][std::size_t(view)];
             }
-        // To each other rank: how many splats each view has, the losses, and the gradient of PPISP.
-        std::size_t each = (kCount + kLoss) * kViews + kFloat * views.model.ppisp.size();
+        std::size_t each = kLoss * kViews + kFloat * views.model.ppisp.size();  // to each other rank
         if (r == 0) each += kLength + kCall + steps.bytes().size();
         sent.push_back(double(bytes + std::size_t(ranks - 1) * each));
     }
