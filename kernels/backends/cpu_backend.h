@@ -15,6 +15,7 @@
 #include "kernels/loss/loss.h"
 #include "kernels/optimizer/update_device.h"
 #include "kernels/ppisp/ppisp.h"
+#include "kernels/ranks/splat_order.h"
 
 namespace gs {
 
@@ -156,6 +157,10 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     void end_projection(ProjectedView& out) override {
         raster_.project(ParameterView<float>::of(state_), projection_.camera, state_.active_degree, projection_.mode,
                         out);
+    }
+    void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
+                       RankArray<WireSplat>& out) override {
+        order_on_host(splats, rows, of_ranks, out);
     }
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override {
         make_room(request.camera, out);

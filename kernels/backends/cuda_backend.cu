@@ -70,6 +70,9 @@ __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
 }
 
+/// How much more room than a view of several ranks needs is made where it needs more than there is.
+constexpr double kRoomForSplats = 1.0625;
+
 /// Returns room for so many instances and some more.
 std::int64_t room_for(std::int64_t num_instances) {
     return std::min(num_instances + num_instances / 4 + 1024, std::int64_t(kMaxInstances));
@@ -230,7 +233,8 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
 void CudaBackend::lay_out(const Sizes& sizes) {
     if (sizes == sizes_) return;
     sizes_ = {};  // stays empty if there is no memory
-    scratch_.carve([&](Carver& c) { take(c, sizes); });
+    // Ranks have as many splats as a view shows, and would make room again and again. That for a model changes with it.
+    scratch_.carve([&](Carver& c) { take(c, sizes); }, sizes.n == model_.count ? 1 : kRoomForSplats);
     sizes_ = sizes;
 }
 

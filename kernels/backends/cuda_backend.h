@@ -14,6 +14,7 @@
 #include "kernels/backends/rank_device_cuda.h"
 #include "kernels/backends/recent_most.h"
 #include "kernels/backends/stage_times_cuda.h"
+#include "kernels/backends/wire_splats_cuda.h"
 #include "kernels/blend/score_cuda.h"
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/loss/loss_cuda.h"
@@ -68,6 +69,8 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     RankDevice* device() override { return &rank_device_; }
     void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) override;
     void end_projection(ProjectedView& out) override;
+    void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
+                       RankArray<WireSplat>& out) override;
     void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) override;
     ViewLoss loss_of_splats(const SplatParts& splats, const StepRequest& request,
                             const SumParts<SplatSums<float>>& sums, std::vector<float>& isp_gradient) override;
@@ -211,6 +214,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
         DeviceBuffer<unsigned char> cub;
         DeviceBuffer<std::uint32_t> places;  ///< (views, n) as in StepView
         DeviceBuffer<StepView> views;
+        DeviceBuffer<SplatsOfRank> parts;       ///< of a view whose splats are put in order
         std::vector<StepView> host_views;       ///< stays as it is while the device is at work
         DeviceBuffer<unsigned> left_out;        ///< since take_nonfinite(): Gaussians' gradients, shared weights'
         std::int64_t corrections_left_out = 0;  ///< steps of PPISP, in the same time

@@ -72,6 +72,17 @@ void CudaBackend::end_projection(ProjectedView& out) {
                 splats_, out.splats.resize(num), stream_);
 }
 
+void CudaBackend::order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
+                                RankArray<WireSplat>& out) {
+    std::vector<SplatsOfRank> parts;
+    for (std::size_t r = 0; r < splats.size(); ++r)
+        parts.push_back({splats[r]->data(), rows[r].data(), std::int64_t(rows[r].size()), of_ranks[r].num_residuals});
+    SplatsOfRank* on_device = wire_.parts.reserve(parts.size());
+    rank_device_.copy(on_device, parts.data(), parts.size() * sizeof(SplatsOfRank));
+    merge_splats(parts, on_device, out.resize(num_splats(splats)), stream_);
+    rank_device_.wait();  // `parts` and `rows` end here
+}
+
 // --- views, of splats from all ranks --------------------------------------------------------------------------------
 
 CudaBins CudaBackend::enqueue_forward(const SplatParts& splats, const RenderRequest& r, bool for_backward) {

@@ -39,6 +39,7 @@ class CudaRankDevice final : public RankDevice {
         return transfers_;
     }
     void join_transfers() override {
+        if (!transfers_) return;
         GS_CUDA(cudaEventRecord(transferred_, transfers_));
         GS_CUDA(cudaStreamWaitEvent(stream_, transferred_));
     }

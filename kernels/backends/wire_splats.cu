@@ -42,6 +42,37 @@ __global__ void __launch_bounds__(kWireBlock)
     end_count(block, tiles.count, control);
 }
 
+/// Returns how many splats of a rank come before one of another with this row; those of lower ranks also come before
+/// it where the rows are equal.
+__device__ std::int64_t num_before(const SplatsOfRank& other, bool plain, std::uint32_t row, bool other_is_lower) {
+    std::int64_t begin = 0, end = other.num;
+    while (begin < end) {
+        const std::int64_t middle = begin + (end - begin) / 2;
+        const std::uint32_t found = other.rows[middle];
+        const bool found_plain = found >= other.num_residuals;
+        const bool before = found_plain != plain ? plain : (found < row || (found == row && other_is_lower));
+        if (before)
+            begin = middle + 1;
+        else
+            end = middle;
+    }
+    return begin;
+}
+
+/// Writes the splats of rank `rank` to their places among those of all.
+__global__ void __launch_bounds__(kWireBlock)
+    merge(const SplatsOfRank* __restrict__ parts, int num_ranks, int rank, WireSplat* __restrict__ out) {
+    const SplatsOfRank& mine = parts[rank];
+    const std::int64_t k = wire_index();
+    if (k >= mine.num) return;
+    const std::uint32_t row = mine.rows[k];
+    const bool plain = row >= mine.num_residuals;
+    std::int64_t place = k;
+    for (int other = 0; other < num_ranks; ++other)
+        if (other != rank) place += num_before(parts[other], plain, row, other < rank);
+    out[place] = mine.splats[k];
+}
+
 __global__ void __launch_bounds__(kWireBlock)
     pack(const PackedSums* __restrict__ sums, std::int64_t num, SplatSums<float>* __restrict__ out) {
     const std::int64_t k = wire_index();
@@ -70,6 +101,16 @@ void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, 
     unpack<<<num_blocks(num, kWireBlock), kWireBlock, 0, stream>>>(wire, num, first, width_padded, height_padded,
                                                                    depth_key, inverse_alpha, splats, out, control);
     GS_CUDA_LAUNCHED("unpack");
+}
+
+void merge_splats(const std::vector<SplatsOfRank>& parts, const SplatsOfRank* parts_on_device, WireSplat* out,
+                  cudaStream_t stream) {
+    for (std::size_t rank = 0; rank < parts.size(); ++rank) {
+        if (parts[rank].num == 0) continue;
+        merge<<<num_blocks(parts[rank].num, kWireBlock), kWireBlock, 0, stream>>>(parts_on_device, int(parts.size()),
+                                                                                  int(rank), out);
+        GS_CUDA_LAUNCHED("merge");
+    }
 }
 
 void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream) {

@@ -3,6 +3,8 @@
 // files include this header.
 #pragma once
 
+#include <vector>
+
 #include "kernels/blend/blend_cuda.h"
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/splat/gaussian_rows_device.h"
@@ -19,6 +21,16 @@ void pack_splats(const std::uint32_t* rows, std::int64_t num, const ParameterVie
 void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, int width_padded, int height_padded,
                    const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
                    StepControl* control, cudaStream_t stream);
+
+/// The splats that one rank sent, and their rows, ascending, of which the first `num_residuals` of the rank's have one.
+struct SplatsOfRank {
+    const WireSplat* splats;
+    const std::uint32_t* rows;
+    std::int64_t num, num_residuals;
+};
+/// Writes the splats of all ranks in the order of row_order(). `parts` is on the host and on the device.
+void merge_splats(const std::vector<SplatsOfRank>& parts, const SplatsOfRank* parts_on_device, WireSplat* out,
+                  cudaStream_t stream);
 
 /// Writes sums as they are sent.
 void pack_sums(const PackedSums* sums, std::int64_t num, SplatSums<float>* out, cudaStream_t stream);

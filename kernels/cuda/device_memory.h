@@ -158,13 +158,16 @@ class Carver {
 class Scratch {
   public:
     /// Runs layout(Carver&) twice, first to count and then to take; it must ask for the same both times. Pieces taken
-    /// before become invalid.
-    template <class Layout> void carve(Layout&& layout) {
+    /// before become invalid. The block grows to `room` times what the layout needs.
+    template <class Layout> void carve(Layout&& layout, double room = 1) {
         Carver count(nullptr);
         layout(count);
-        // Exactly: what an iteration needs most of has grown geometrically already.
-        if (count.most() > std::size_t(block_.bytes())) release();
-        Carver c(block_.reserve(count.most()));
+        std::size_t bytes = count.most();
+        if (bytes > std::size_t(block_.bytes())) {
+            release();
+            bytes = std::size_t(room * double(bytes));
+        }
+        Carver c(block_.reserve(bytes));
         layout(c);
     }
     /// Gives the memory back. Pieces taken before become invalid.

@@ -41,6 +41,15 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       shared_of_all_ranks_(shard_.device()) {
     for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
     sums_.on_device = shard_.device() != nullptr;
+    if (!ranks_.link()) return;
+    // The first transfer between two devices takes tenths of a second.
+    RankArray<float> values(shard_.device());
+    values.assign(std::vector<float>(4 * std::size_t(ranks_.size())));
+    const std::vector<ConstBytes> out(received_.size(), std::as_const(values).bytes().first(16));
+    std::vector<Bytes> in;
+    for (std::size_t r = 0; r < received_.size(); ++r) in.push_back(values.bytes(4 * r, 4 * r + 4));
+    ranks_.exchange(out, in, shard_.device());
+    shard_.device()->wait();
 }
 
 std::size_t RankWorker::rank_after(std::size_t offset) const {
@@ -138,44 +147,19 @@ template <class Sum> void RankWorker::scatter_sums(std::size_t first, std::size_
 void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views) {
     const std::size_t num_ranks = received_.size();
     if (num_ranks == 1) return;
-    std::vector<RankArray<std::uint32_t>> rows_of_splats;
+    RowParts rows;
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t r = 0; r < num_ranks; ++r) {
-        rows_of_splats.emplace_back(shard_.device());
+        rows.emplace_back(shard_.device());
         if (first_view + r < num_views) out[r] = std::as_const(projected_[first_view + r].rows).bytes();
         if (splats_.empty()) continue;
-        rows_of_splats[r].resize(splats_[r]->size());
-        in[r] = rows_of_splats[r].bytes();
+        rows[r].resize(splats_[r]->size());
+        in[r] = rows[r].bytes();
     }
     ranks_.exchange(out, in, shard_.device());
     if (splats_.empty()) return;
-    // The order of row_order: with a residual or without, row, rank. Those of each rank are in it.
-    struct Place {
-        bool plain;
-        std::uint32_t row, rank, at;
-        auto operator<=>(const Place&) const = default;
-    };
-    std::vector<Place> places;
-    std::vector<std::size_t> begin = {0};
-    std::vector<std::vector<WireSplat>> copied_splats(num_ranks);
-    std::vector<std::span<const WireSplat>> splats;
-    for (std::size_t r = 0; r < num_ranks; ++r) {
-        std::vector<std::uint32_t> copied_rows;
-        const auto rows = rows_of_splats[r].on_host(copied_rows);
-        splats.push_back(splats_[r]->on_host(copied_splats[r]));
-        for (std::size_t i = 0; i < rows.size(); ++i)
-            places.push_back({rows[i] >= rows_[r].num_residuals, rows[i], std::uint32_t(r), std::uint32_t(i)});
-        begin.push_back(places.size());
-    }
-    const auto at = [&](std::size_t rank) { return places.begin() + std::ptrdiff_t(begin[std::min(rank, num_ranks)]); };
-    for (std::size_t merged = 1; merged < num_ranks; merged *= 2)
-        for (std::size_t r = 0; r < num_ranks; r += 2 * merged)
-            std::inplace_merge(at(r), at(r + merged), at(r + 2 * merged));
-    std::vector<WireSplat> ordered;
-    ordered.reserve(places.size());
-    for (const Place& place : places) ordered.push_back(splats[place.rank][place.at]);
-    ordered_.assign(ordered);
+    shard_.order_by_rows(splats_, rows, rows_, ordered_);
     splats_ = {&ordered_};
 }
 

@@ -7,6 +7,7 @@
 
 #include "kernels/blend/residual_score.h"
 #include "kernels/core/parallel.h"
+#include "kernels/ranks/dealt_rows.h"
 #include "kernels/ranks/rank_array.h"
 #include "kernels/requests.h"
 #include "kernels/splat/wire_splat.h"
@@ -26,6 +27,7 @@ struct ProjectedView {
 /// The splats of a view in parts, one from each rank in the order of the ranks, and what is summed up for each of them.
 using SplatParts = std::vector<const RankArray<WireSplat>*>;
 template <class Sum> using SumParts = std::vector<RankArray<Sum>*>;
+using RowParts = std::vector<RankArray<std::uint32_t>>;
 
 inline std::size_t num_splats(const SplatParts& parts) {
     std::size_t sum = 0;
@@ -102,6 +104,9 @@ class Shard {
     virtual void begin_projection(const CameraParams<float>& camera, RenderMode mode, bool for_step) = 0;
     /// Writes the splats of the projection that was begun, the only one.
     virtual void end_projection(ProjectedView& out) = 0;
+    /// Does what order_on_host() says, where the arrays lie.
+    virtual void order_by_rows(const SplatParts& splats, const RowParts& rows, const std::vector<RankRows>& of_ranks,
+                               RankArray<WireSplat>& out) = 0;
 
     /// Renders a view as Backend::render does.
     virtual void render_splats(const SplatParts& splats, const RenderRequest& request, RenderedImage& out) = 0;

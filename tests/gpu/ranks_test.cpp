@@ -134,6 +134,26 @@ TEST_F(GpuRanksOfOneModel, RenderAndScoreAsOne) {
     }
 }
 
+TEST_F(GpuRanksOfOneModel, RenderSplatsOfEqualDepthInTheOrderOfTheModel) {
+    RankViews views(info, kRows, 90);
+    auto& means = views.model[Group::kMean].param;
+    for (std::int64_t i = 0; i < kRows; ++i) std::copy_n(&means[3 * (i % 7)], 3, &means[3 * i]);
+    std::vector<RenderRequest> requests(kViews);
+    for (std::size_t k = 0; k < kViews; ++k) requests[k].camera = views.cameras[k];
+    const auto plain = make_cuda_backend(views.model.appearance, {});
+    plain->upload(views.model);
+    std::vector<RenderedImage> expected, found;
+    plain->render_all(requests, expected);
+    for (const int ranks : {2, 3, 5}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        on_device(ranks, views, [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.render_all(requests, found);
+            for (std::size_t k = 0; k < kViews; ++k) expect_close(expected[k].rgb, found[k].rgb, 1e-5, "picture");
+        });
+    }
+}
+
 TEST_F(GpuRanksOfOneModel, GrowAndPruneTogether) {
     RankViews views(info, kRows, 90);
     for (std::int64_t i = 0; i < kRows; i += 10) views.model[Group::kOpacity].param[i] = -20;
