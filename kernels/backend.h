@@ -74,7 +74,8 @@ class Backend {
     /// the view as the controller corrects it, without opacity, scale and PPISP terms. Needs a model with controllers.
     virtual void distill(const StepRequest& request) = 0;
     /// Returns the statistics of the steps known to be done. On a device these are up to three steps late, unless
-    /// `synchronize` was called. Several ranks are all asked, and DeviceError is thrown once one of them is lost.
+    /// `synchronize` was called; several ranks count gradients that were left out only then. Throws DeviceError once a
+    /// rank is lost.
     virtual StepStats take_stats() = 0;
     /// Waits until all steps are done.
     virtual void synchronize() = 0;

@@ -132,6 +132,7 @@ struct McmcParams {
     float min_opacity = 0.005f;
     double growth = 1.05;
     bool by_gradient = false;  ///< growth prefers Gaussians whose colour has large gradients
+    std::int64_t room = 0;     ///< number of Gaussians that a device makes room for, if it is more than the cap
 };
 
 /// The rule of the ADC strategy.

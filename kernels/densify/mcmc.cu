@@ -150,7 +150,8 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     if (target > n) {
         cub.run(scan_growth);
         if (read_back(space.sums + n - 1, stream_) > 0) {
-            model_.reserve_rows(params.cap);  // only once; nothing works on the old rows any more
+            // Only once; nothing works on the old rows any more.
+            model_.reserve_rows(std::max(params.cap, params.room));
             for (int g = 0; g < kNumGroups; ++g)
                 for (auto* moment : model_.moments(g))
                     if (const int width = model_.width[g])

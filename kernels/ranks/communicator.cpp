@@ -18,7 +18,11 @@ void Communicator::exchange(const std::vector<ConstBytes>& out, const std::vecto
 }
 
 void Communicator::finish(RankDevice* device) {
-    if (device && link_) device->join_transfers();
+    if (!device || !link_) return;
+    const double start = seconds_now();
+    finish_on_device();
+    device->join_transfers();
+    traffic_.seconds += seconds_now() - start;
 }
 
 void Communicator::begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device) {

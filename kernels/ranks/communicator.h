@@ -52,9 +52,12 @@ class DeviceLink {
     /// Names it: "NCCL 2.28.3".
     virtual std::string name() const = 0;
     /// Begins to send out[r] to every other rank r and to receive in[r] from it, all of them on `device`, after what it
-    /// marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of 16 bytes. Does not wait
-    /// for other ranks once all are connected. Throws DeviceError when the connection has failed or was ended.
+    /// marked last and after earlier transfers. NCCL is fast where arrays begin at multiples of 16 bytes. Throws
+    /// DeviceError when the connection has failed or was ended.
     virtual void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) = 0;
+    /// Waits until all transfers are on the device's stream for them, which does not take other ranks once all are
+    /// connected. Throws DeviceError like begin().
+    virtual void finish() = 0;
     /// Ends all transfers, also those that a device waits for; begin() throws from now on. May be called from any
     /// thread.
     virtual void abort() = 0;
@@ -95,6 +98,8 @@ class Communicator {
     /// Does what begin() says, with arrays on a device: over the link, or else through the host's memory.
     virtual void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
                                     RankDevice& device);
+    /// Does what DeviceLink::finish() says.
+    virtual void finish_on_device() { link_->finish(); }
 
   private:
     /// Does what exchange() says, with arrays in the host's memory.

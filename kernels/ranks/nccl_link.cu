@@ -62,35 +62,37 @@ class NcclLink final : public DeviceLink {
     std::string name() const override { return "NCCL " + nccl_.version; }
 
     void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice& device) override {
+        finish();
         const auto stream = static_cast<cudaStream_t>(device.begin_transfer());
         or_break_off([&] {
-            {
-                const std::lock_guard lock(mutex_);
-                if (!comm_) throw DeviceError(kEnded);
-                ncclResult_t result = nccl_.group_start();
-                const char* what = "ncclGroupStart";
-                const auto call = [&](const char* name, auto&& function) {
-                    if (result != ncclSuccess && result != ncclInProgress) return;
-                    what = name;
-                    result = function();
-                };
-                for (std::size_t r = 0; r < out.size(); ++r) {
-                    if (int(r) == rank_) continue;
-                    const ConstBytes from = out[r];
-                    const Bytes to = in[r];
-                    if (!from.empty())
-                        call("ncclSend",
-                             [&] { return nccl_.send(from.data(), from.size(), ncclInt8, int(r), comm_, stream); });
-                    if (!to.empty())
-                        call("ncclRecv",
-                             [&] { return nccl_.recv(to.data(), to.size(), ncclInt8, int(r), comm_, stream); });
-                }
-                const ncclResult_t end = nccl_.group_end();  // ends the group after an error, too
-                call("ncclGroupEnd", [&] { return end; });
-                nccl_check(nccl_, result, what);
+            const std::lock_guard lock(mutex_);
+            if (!comm_) throw DeviceError(kEnded);
+            ncclResult_t result = nccl_.group_start();
+            const char* what = "ncclGroupStart";
+            const auto call = [&](const char* name, auto&& function) {
+                if (result != ncclSuccess && result != ncclInProgress) return;
+                what = name;
+                result = function();
+            };
+            for (std::size_t r = 0; r < out.size(); ++r) {
+                if (int(r) == rank_) continue;
+                const ConstBytes from = out[r];
+                const Bytes to = in[r];
+                if (!from.empty())
+                    call("ncclSend",
+                         [&] { return nccl_.send(from.data(), from.size(), ncclInt8, int(r), comm_, stream); });
+                if (!to.empty())
+                    call("ncclRecv", [&] { return nccl_.recv(to.data(), to.size(), ncclInt8, int(r), comm_, stream); });
             }
-            wait_until([&] { return is_ready("NCCL"); });  // the transfer is on the stream then, and not before
+            const ncclResult_t end = nccl_.group_end();  // ends the group after an error, too
+            call("ncclGroupEnd", [&] { return end; });
+            nccl_check(nccl_, result, what);
         });
+    }
+
+    /// A transfer is on the stream when NCCL is ready, and not before: a thread of NCCL's brings it there.
+    void finish() override {
+        or_break_off([&] { wait_until([&] { return is_ready("NCCL"); }); });
     }
 
     void abort() override { break_off(); }

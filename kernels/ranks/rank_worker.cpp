@@ -337,6 +337,7 @@ DensifyStats RankWorker::densify(DensifyRequest request, const std::vector<std::
     const std::int64_t share = shares[std::size_t(ranks_.rank())];
     request.seed = rank_seed(request.seed, ranks_.rank());
     if (auto* mcmc = std::get_if<McmcParams>(&request.rule)) {
+        mcmc->room = (mcmc->cap + ranks_.size() - 1) / ranks_.size();
         mcmc->cap = share;  // all of it at once: how much growth there is has been decided for all ranks
         mcmc->growth = double(share) / double(std::max<std::int64_t>(1, backend_.count())) + 1;
     } else {

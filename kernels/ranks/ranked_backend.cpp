@@ -164,6 +164,7 @@ void RankedBackend::render_all(const std::vector<RenderRequest>& views, std::vec
 void RankedBackend::step_on(const std::vector<StepRequest>& views) {
     MessageWriter message = message_of(Call::kStep);
     put(message, views);
+    all_steps_done_ = false;
     const RankWorker::Mark begin = worker_.mark();
     const StepStats one = together(message, [&] { return worker_.step(views); });
     worker_.count_step(begin);
@@ -184,7 +185,9 @@ void RankedBackend::distill(const StepRequest& request) {
 
 StepStats RankedBackend::take_stats() {
     StepStats out = stats_;
-    out.num_nonfinite_gradients += together(message_of(Call::kTakeNonFinite), [&] { return worker_.take_nonfinite(); });
+    if (all_steps_done_)  // the question waits for all devices
+        out.num_nonfinite_gradients +=
+            together(message_of(Call::kTakeNonFinite), [&] { return worker_.take_nonfinite(); });
     stats_.steps = 0;
     stats_.num_nonfinite_gradients = 0;
     return out;

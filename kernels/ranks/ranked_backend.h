@@ -43,7 +43,10 @@ class RankedBackend : public Backend, private BackendTimer {
     void step_on(const std::vector<StepRequest>& views) override;
     void distill(const StepRequest& request) override;
     StepStats take_stats() override;
-    void synchronize() override { own_->synchronize(); }
+    void synchronize() override {
+        own_->synchronize();
+        all_steps_done_ = true;
+    }
     MemoryUse memory() override { return own_->memory(); }
     BackendTimer& timer() override { return *this; }
     DensifyStats densify(const DensifyRequest& request) override;
@@ -78,6 +81,7 @@ class RankedBackend : public Backend, private BackendTimer {
     const int views_per_step_;
     RankWorker worker_;
     StepStats stats_;
+    bool all_steps_done_ = false;  ///< synchronize() was called after the last step
     bool lost_ = false;
     bool controllers_differ_ = false;  ///< rank 0 alone has trained them
 };

@@ -29,8 +29,8 @@ void order_on_host(const SplatParts& splats, const RowParts& rows, const std::ve
         const auto rows_of_part = rows[r].on_host(copied_rows);
         values.push_back(splats[r]->on_host(copied_splats[r]));
         for (std::size_t i = 0; i < rows_of_part.size(); ++i)
-            places.push_back({rows_of_part[i] >= of_ranks[r].num_residuals, rows_of_part[i], std::uint32_t(r),
-                              std::uint32_t(i)});
+            places.push_back(
+                {rows_of_part[i] >= of_ranks[r].num_residuals, rows_of_part[i], std::uint32_t(r), std::uint32_t(i)});
         begin.push_back(places.size());
     }
     const auto at = [&](std::size_t part) { return places.begin() + std::ptrdiff_t(begin[std::min(part, num_parts)]); };

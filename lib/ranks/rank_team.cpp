@@ -75,8 +75,14 @@ class ExplainingCommunicator final : public Communicator {
     }
     void transfer_on_device(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in,
                             RankDevice& device) override {
+        explaining([&] { Communicator::transfer_on_device(out, in, device); });
+    }
+    void finish_on_device() override {
+        explaining([&] { Communicator::finish_on_device(); });
+    }
+    template <class Fn> void explaining(Fn&& transfer) {
         try {
-            Communicator::transfer_on_device(out, in, device);
+            transfer();
         } catch (const DeviceError& e) {  // of the link, or of this rank's own device
             const std::string reason = reason_();
             throw DeviceError(reason.empty() ? e.what() : reason);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "kernels/core/clock.h"
 #include "kernels/core/rng.h"
@@ -35,8 +36,8 @@ TrainingViews::TrainingViews(const TrainOptions& options, const Scene& scene)
 
 void TrainingViews::prefetch(std::int64_t first, std::int64_t end, int factor) {
     ImageCache& images = images_of(factor);
-    for (std::int64_t k = first; k < std::min(end, first + prefetch_); ++k)
-        if (is_read_here(k)) images.prefetch(order_.at(k));
+    for (std::int64_t k = first; k < std::min(end, first + num_ahead()); ++k)
+        if (is_read_here(k)) images.prefetch(ahead_.at(k));
 }
 
 TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, int factor, bool with_image) {
@@ -56,7 +57,9 @@ TrainingViews::Step TrainingViews::at(std::int64_t iteration, std::int64_t end, 
 
 std::shared_ptr<const ViewImage> TrainingViews::image_of_rank(std::int64_t id, std::int64_t iteration) {
     const auto count = std::int64_t(scene_.train.size());
-    ImageCache& images = images_of(int(id / count) + 1);
+    const int factor = int(id / count) + 1;
+    ImageCache& images = images_of(factor);
+    if (!std::exchange(began_, true)) prefetch(iteration, std::numeric_limits<std::int64_t>::max(), factor);
     auto image = images.get(std::size_t(id % count));
     for (std::size_t k = 0; k < read_here_.size(); ++k)
         prefetch_ahead(images, iteration + std::int64_t(k), std::numeric_limits<std::int64_t>::max());
@@ -69,10 +72,13 @@ void TrainingViews::deal(int views_per_step, const std::function<bool(int k)>& i
 }
 
 void TrainingViews::prefetch_ahead(ImageCache& images, std::int64_t iteration, std::int64_t end) {
-    // As many of one's own views ahead as if all were, but no view twice.
-    const auto own = std::max<std::int64_t>(1, std::count(read_here_.begin(), read_here_.end(), true));
-    const std::int64_t next = iteration + prefetch_ * std::int64_t(read_here_.size()) / own;
+    const std::int64_t next = iteration + num_ahead();
     if (next < end && is_read_here(next)) images.prefetch(ahead_.at(next));
+}
+
+std::int64_t TrainingViews::num_ahead() const {
+    const auto own = std::max<std::int64_t>(1, std::count(read_here_.begin(), read_here_.end(), true));
+    return prefetch_ * std::int64_t(read_here_.size()) / own;
 }
 
 ImageCache& TrainingViews::images_of(int factor) {

@@ -45,7 +45,7 @@ class TrainingViews {
     /// Returns the step of `iteration` in a stretch that ends before `end`, with images reduced `factor` times, or
     /// without its image.
     Step at(std::int64_t iteration, std::int64_t end, int factor = 1, bool with_image = true);
-    /// Returns the image of a view by its index and level, and decodes ahead what this rank needs after `iteration`.
+    /// Returns the image of a view by its index and level, and decodes ahead what this rank needs from `iteration` on.
     std::shared_ptr<const ViewImage> image_of_rank(std::int64_t id, std::int64_t iteration);
 
     const View& view_at(std::int64_t iteration) { return scene_.train[order_.at(iteration)]; }
@@ -68,6 +68,9 @@ class TrainingViews {
     bool is_read_here(std::int64_t iteration) const {
         return read_here_[std::size_t((iteration % kLogInterval) % std::int64_t(read_here_.size()))];
     }
+    /// Returns the number of iterations for which images are decoded ahead: as many of one's own views as if all were
+    /// read here.
+    std::int64_t num_ahead() const;
     Vec3<float> background_at(std::int64_t iteration) const;
 
     const TrainOptions& options_;
@@ -78,6 +81,7 @@ class TrainingViews {
     const std::int64_t prefetch_;  ///< number of views prefetched; never the same view twice
     ViewOrder ahead_{order_};      ///< order for prefetching, where the next epoch may have begun
     ImageCache images_;
+    bool began_ = false;                               ///< whether image_of_rank() was called
     double wait_seconds_ = 0;                          ///< of at()
     std::map<int, std::unique_ptr<Reduced>> reduced_;  ///< by factor; destroyed before images_
 };

@@ -35,6 +35,7 @@ TEST_P(GpuRanks, HaveTheGradientsThatTheCpuHas) {
                 auto steps = views.steps();
                 steps[0].gather_gradient_stats = true;
                 backend.step_on(steps);
+                backend.synchronize();
                 EXPECT_EQ(backend.take_stats().num_nonfinite_gradients, 0);
                 after = backend.download(true);
             };

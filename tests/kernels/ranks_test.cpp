@@ -54,6 +54,7 @@ TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
                 for (std::size_t k = 0; k < kViews; k += std::size_t(ranks)) steps[k] = views.step(k);
             for (StepRequest& step : steps) step.opacity_reg = step.scale_reg = 0;
             backend.step_on(steps);
+            backend.synchronize();
             const StepStats stats = backend.take_stats();
             EXPECT_EQ(stats.steps, 1);
             EXPECT_EQ(stats.num_nonfinite_gradients, 0);
