@@ -32,6 +32,7 @@ double median_exchange(Communicator& ranks, RankDevice* device, std::size_t size
     for (int k = -2; k < count; ++k) {
         const double start = seconds_now();
         ranks.exchange(out, in, device);
+        if (device) device->wait();
         if (k >= 0) times.push_back(seconds_now() - start);
     }
     const auto middle = times.begin() + std::ptrdiff_t(times.size() / 2);
