@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
+
+#include "kernels/core/parallel.h"
 
 namespace gs {
 namespace {
@@ -61,22 +64,25 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
     }
     const std::vector<DealtRow> order = row_order(rows);
     // Rows beyond the end of a part's array, which has some or all of its rows, are left out.
+    std::vector<std::function<void()>> joins;  // one for each array
     const auto join = [&](int width, auto&& array_of, std::vector<float>& to) {
         if (width == 0) return;
-        std::size_t size = 0;
-        for (const Gaussians& part : parts) size += array_of(part).size();
-        to.reserve(size);
-        for (const DealtRow& place : order) {
-            const std::vector<float>& from = array_of(parts[std::size_t(place.rank)]);
-            const std::size_t at = std::size_t(place.row) * width;
-            if (at < from.size()) to.insert(to.end(), from.begin() + at, from.begin() + at + width);
-        }
+        joins.push_back([&, width, array_of] {
+            std::size_t size = 0;
+            for (const Gaussians& part : parts) size += array_of(part).size();
+            to.reserve(size);
+            for (const DealtRow& place : order) {
+                const std::vector<float>& from = array_of(parts[std::size_t(place.rank)]);
+                const std::size_t at = std::size_t(place.row) * width;
+                if (at < from.size()) to.insert(to.end(), from.begin() + at, from.begin() + at + width);
+            }
+        });
     };
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.groups[g].width = first.groups[g].width;
         for (int k = 0; k < 3; ++k)
             join(
-                width, [&](const Gaussians& part) -> const auto& { return *arrays_of(part.groups[g])[k]; },
+                width, [ g, k ](const Gaussians& part) -> const auto& { return *arrays_of(part.groups[g])[k]; },
                 *arrays_of(model.groups[g])[k]);
     }
     // A rank that was dealt nothing gathers no statistic; where another does, its part is empty as it should be.
@@ -84,6 +90,7 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
         1, [](const Gaussians& part) -> const auto& { return part.gradient_sum; }, model.gradient_sum);
     join(
         1, [](const Gaussians& part) -> const auto& { return part.gradient_count; }, model.gradient_count);
+    parallel_for(std::int64_t(joins.size()), [&](std::int64_t k) { joins[std::size_t(k)](); });
     return model;
 }
 

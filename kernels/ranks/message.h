@@ -11,6 +11,8 @@ namespace gs {
 
 class MessageWriter {
   public:
+    /// Makes room for so many more bytes.
+    void reserve(std::size_t bytes) { bytes_.reserve(bytes_.size() + bytes); }
     template <class T> MessageWriter& put(const T& value) {
         static_assert(std::is_trivially_copyable_v<T>);
         return append(&value, sizeof value);

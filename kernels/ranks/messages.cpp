@@ -57,7 +57,15 @@ std::vector<StepRequest> get_steps(MessageReader& from) {
     return requests;
 }
 
-void put(MessageWriter& to, const Gaussians& model) { visit_model(model, writes(to)); }
+void put(MessageWriter& to, const Gaussians& model) {
+    std::size_t most = 0;
+    visit_model(model, [&](const auto& value) {
+        most += sizeof value;
+        if constexpr (requires { value.capacity(); }) most += value.size() * sizeof value[0];
+    });
+    to.reserve(most);
+    visit_model(model, writes(to));
+}
 Gaussians get_gaussians(MessageReader& from) {
     Gaussians model;
     visit_model(model, reads(from));

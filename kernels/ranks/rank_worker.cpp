@@ -181,8 +181,10 @@ void RankWorker::count_rows() {
 }
 
 std::vector<Gaussians> RankWorker::download(bool with_moments) {
+    std::vector<Gaussians> parts(received_.size());
+    parts[0] = backend_.download(with_moments);
     MessageWriter message;
-    put(message, backend_.download(with_moments));
+    if (ranks_.rank() > 0) put(message, parts[0]);
     const auto sizes = all_gather(ranks_, std::uint64_t(message.bytes().size()));
     std::vector<std::vector<std::byte>> received(sizes.size());
     std::vector<ConstBytes> out(sizes.size());
@@ -191,11 +193,10 @@ std::vector<Gaussians> RankWorker::download(bool with_moments) {
     if (ranks_.rank() == 0)
         for (std::size_t r = 0; r < sizes.size(); ++r) received[r].resize(sizes[r]), in[r] = received[r];
     ranks_.exchange(out, in);
-    std::vector<Gaussians> parts;
-    if (ranks_.rank() > 0) return parts;
-    for (auto& bytes : received) {
-        MessageReader reader(std::move(bytes));
-        parts.push_back(get_gaussians(reader));
+    if (ranks_.rank() > 0) return {};
+    for (std::size_t r = 1; r < parts.size(); ++r) {
+        MessageReader reader(std::move(received[r]));
+        parts[r] = get_gaussians(reader);
     }
     return parts;
 }
