@@ -43,11 +43,12 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
     sums_.on_device = shard_.device() != nullptr;
     if (!ranks_.link()) return;
     // The first transfer between two devices takes tenths of a second.
-    RankArray<float> values(shard_.device());
-    values.assign(std::vector<float>(4 * std::size_t(ranks_.size())));
-    const std::vector<ConstBytes> out(received_.size(), std::as_const(values).bytes().first(16));
+    RankArray<float> sent(shard_.device()), received(shard_.device());
+    sent.assign({0, 0, 0, 0});
+    received.resize(4 * received_.size());
+    const std::vector<ConstBytes> out(received_.size(), std::as_const(sent).bytes());
     std::vector<Bytes> in;
-    for (std::size_t r = 0; r < received_.size(); ++r) in.push_back(values.bytes(4 * r, 4 * r + 4));
+    for (std::size_t r = 0; r < received_.size(); ++r) in.push_back(received.bytes(4 * r, 4 * r + 4));
     ranks_.exchange(out, in, shard_.device());
     shard_.device()->wait();
 }
