@@ -34,7 +34,8 @@ struct ImageInfo {
 /// Returns the 8-bit value of a channel: clamped to [0,1], *255, +0.5, truncated; 0 for NaN.
 inline std::uint8_t to_8_bits(float value) {
     if (!(value > 0)) return 0;
-    return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);
+    // The rule that metrics of other programs follow, too.
+    return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);  // NOLINT(bugprone-incorrect-roundings)
 }
 
 /// Reads only the header. Throws DataError naming the file and the reason; zero and absurd sizes are errors.
