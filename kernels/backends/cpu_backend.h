@@ -251,12 +251,9 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         const int num_views = int(views.size());
         count_step(views);
         std::vector<float> shared(kNumSharedOf<Model>);
-        for (std::size_t k = 0; k < shared.size(); ++k) {
-            double sum = 0;
-            for (std::size_t at = k; at < shared_gradients.size(); at += shared_row(shared.size()))
-                sum += shared_gradients.data()[at];
-            shared[k] = float(sum);
-        }
+        if (const int row = int(shared_row(shared.size())); row > 0)
+            for (std::size_t k = 0; k < shared.size(); ++k)
+                shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
         common_left_out_ += step_shared(update_args(views[0], state_.step, 1, num_views), shared);
         if (!learns_correction(views)) return;
         const StageTimer timer(correction_seconds_);

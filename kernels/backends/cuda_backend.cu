@@ -70,7 +70,7 @@ __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
     if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
 }
 
-/// How much more room than a view of several ranks needs is made where it needs more than there is.
+/// Where the splats of a view need more room than there is, this many times as much is made.
 constexpr double kRoomForSplats = 1.0625;
 
 /// Returns room for so many instances and some more.

@@ -28,9 +28,8 @@ __global__ void __launch_bounds__(kSharedBlock)
                         unsigned* __restrict__ left_out) {
     const int k = blockIdx.x * kSharedBlock + threadIdx.x;
     if (k >= n) return;
-    double sum = 0;
-    for (int rank = 0; rank < num_ranks; ++rank) sum += gradients[rank * row + k];
-    if (!update_shared(param[k], m[k], v[k], float(sum), step, gains)) atomicAdd(left_out, 1u);
+    const float gradient = sum_of_rows(gradients, num_ranks, row, k);
+    if (!update_shared(param[k], m[k], v[k], gradient, step, gains)) atomicAdd(left_out, 1u);
 }
 
 RenderRequest view_of(const StepRequest& r) { return {r.camera, r.background, RenderMode::kFull, r.isp}; }

@@ -42,35 +42,11 @@ __global__ void __launch_bounds__(kWireBlock)
     end_count(block, tiles.count, control);
 }
 
-/// Returns how many splats of a rank come before one of another with this row; those of lower ranks also come before
-/// it where the rows are equal.
-__device__ std::int64_t num_before(const SplatsOfRank& other, bool plain, std::uint32_t row, bool other_is_lower) {
-    std::int64_t begin = 0, end = other.num;
-    while (begin < end) {
-        const std::int64_t middle = begin + (end - begin) / 2;
-        const std::uint32_t found = other.rows[middle];
-        const bool found_plain = found >= other.num_residuals;
-        const bool before = found_plain != plain ? plain : (found < row || (found == row && other_is_lower));
-        if (before)
-            begin = middle + 1;
-        else
-            end = middle;
-    }
-    return begin;
-}
-
 /// Writes the splats of rank `rank` to their places among those of all.
 __global__ void __launch_bounds__(kWireBlock)
     merge(const SplatsOfRank* __restrict__ parts, int num_ranks, int rank, WireSplat* __restrict__ out) {
-    const SplatsOfRank& mine = parts[rank];
     const std::int64_t k = wire_index();
-    if (k >= mine.num) return;
-    const std::uint32_t row = mine.rows[k];
-    const bool plain = row >= mine.num_residuals;
-    std::int64_t place = k;
-    for (int other = 0; other < num_ranks; ++other)
-        if (other != rank) place += num_before(parts[other], plain, row, other < rank);
-    out[place] = mine.splats[k];
+    if (k < parts[rank].num) out[place_in_order(parts, num_ranks, rank, k)] = parts[rank].splats[k];
 }
 
 __global__ void __launch_bounds__(kWireBlock)

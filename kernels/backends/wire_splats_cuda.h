@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "kernels/blend/blend_cuda.h"
+#include "kernels/ranks/splat_order_device.h"
 #include "kernels/sort/binning_cuda.h"
 #include "kernels/splat/gaussian_rows_device.h"
 #include "kernels/splat/wire_splat.h"
@@ -22,12 +23,6 @@ void unpack_splats(const WireSplat* wire, std::int64_t num, std::int64_t first, 
                    const DepthKey& depth_key, float inverse_alpha, PackedSplat* splats, const CudaBinningInput& out,
                    StepControl* control, cudaStream_t stream);
 
-/// The splats that one rank sent, and their rows, ascending, of which the first `num_residuals` of the rank's have one.
-struct SplatsOfRank {
-    const WireSplat* splats;
-    const std::uint32_t* rows;
-    std::int64_t num, num_residuals;
-};
 /// Writes the splats of all ranks in the order of row_order(). `parts` is on the host and on the device.
 void merge_splats(const std::vector<SplatsOfRank>& parts, const SplatsOfRank* parts_on_device, WireSplat* out,
                   cudaStream_t stream);

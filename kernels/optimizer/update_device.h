@@ -143,6 +143,13 @@ GS_HD bool update_shared(float& p, float& m, float& v, float gradient, const Ada
     return finite;
 }
 
+/// Returns the sum of value `k` of the rows (num_rows, width), added up in their order.
+GS_HD float sum_of_rows(const float* rows, int num_rows, int width, int k) {
+    double sum = 0;
+    for (int row = 0; row < num_rows; ++row) sum += rows[row * width + k];
+    return float(sum);
+}
+
 /// Returns the arguments of Adam's step `t` for a request, of which `views` are taken in one step.
 inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians, int views = 1) {
     UpdateArgs u{};

@@ -6,11 +6,6 @@
 
 namespace gs {
 
-void Communicator::use(std::unique_ptr<DeviceLink> link) {
-    link_ = std::move(link);
-    end_link_.emplace(stop_.get_token(), [this] { link_->abort(); });
-}
-
 void Communicator::exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device) {
     if (device && link_) device->mark();
     begin(out, in, device);

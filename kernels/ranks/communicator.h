@@ -5,9 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <memory>
-#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -45,7 +43,8 @@ struct Traffic {
     }
 };
 
-/// A way on which arrays go from one rank's device to another's without the host.
+/// A way on which arrays go from one rank's device to another's without the host. It ends when Communicator::abort() is
+/// called, with all transfers, also those that a device waits for; its functions throw from then on.
 class DeviceLink {
   public:
     virtual ~DeviceLink() = default;
@@ -58,9 +57,6 @@ class DeviceLink {
     /// Waits until all transfers are on the device's stream for them, which does not take other ranks once all are
     /// connected. Throws DeviceError like begin().
     virtual void finish() = 0;
-    /// Ends all transfers, also those that a device waits for; begin() throws from now on. May be called from any
-    /// thread.
-    virtual void abort() = 0;
 };
 
 /// Connects all ranks with each other. Calls wait for what they need from other ranks, and throw DeviceError when one
@@ -75,15 +71,16 @@ class Communicator {
     /// what the other expects must have the same size; nothing is sent where that is 0. The arrays lie in the memory of
     /// `device`, or in the host's where that is null; they may lie elsewhere on another rank, unless there is a link.
     void exchange(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device = nullptr);
-    /// Does what exchange() does but on a device by a link, where it only begins with it: the arrays are sent when the
-    /// device has done what it marked last, and must stay as they are. What the device is told after finish() finds
-    /// what was received; in between it must not be told to use the arrays that are received.
+    /// Begins what exchange() does. By a link the arrays are sent when the device has done what it marked last, and
+    /// received while it goes on; without one all is done when the function returns.
     void begin(const std::vector<ConstBytes>& out, const std::vector<Bytes>& in, RankDevice* device);
+    /// Lets all that the device is told from now on wait for what was begun. It must not be told to change or to read
+    /// the arrays before.
     void finish(RankDevice* device);
     /// Returns what was exchanged since the beginning.
     const Traffic& traffic() const { return traffic_; }
     /// Sends arrays of devices over `link` from now on, and no longer through the host. All ranks must do so.
-    void use(std::unique_ptr<DeviceLink> link);
+    void use(std::unique_ptr<DeviceLink> link) { link_ = std::move(link); }
     /// Returns the link between the devices, null if there is none.
     const DeviceLink* link() const { return link_.get(); }
     /// Makes the call that waits, and all that follow, throw; a device that waits for another rank goes on, with
@@ -111,7 +108,6 @@ class Communicator {
     Traffic traffic_;
     std::unique_ptr<DeviceLink> link_;
     std::stop_source stop_;
-    std::optional<std::stop_callback<std::function<void()>>> end_link_;  ///< aborts the link; destroyed before it
     std::vector<std::vector<std::byte>> sent_,
         received_;  ///< by rank: arrays of a device on their way through the host
 };

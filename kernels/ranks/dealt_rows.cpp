@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <functional>
 
 #include "kernels/core/parallel.h"
 
@@ -13,6 +12,25 @@ namespace {
 
 /// The arrays of a group, all of the same layout.
 template <class Group> auto arrays_of(Group& group) { return std::array{&group.param, &group.m, &group.v}; }
+
+/// An array of which each part of a model has some or all of its rows.
+struct ArrayOfParts {
+    int width;
+    std::vector<const std::vector<float>*> from;  ///< by part
+    std::vector<float>* to;
+};
+
+/// Puts the rows in order, but those that a part does not have.
+void join(const ArrayOfParts& array, const std::vector<DealtRow>& order) {
+    std::size_t size = 0;
+    for (const auto* from : array.from) size += from->size();
+    array.to->reserve(size);
+    for (const DealtRow& place : order) {
+        const std::vector<float>& from = *array.from[std::size_t(place.rank)];
+        const std::size_t at = std::size_t(place.row) * array.width;
+        if (at < from.size()) array.to->insert(array.to->end(), from.begin() + at, from.begin() + at + array.width);
+    }
+}
 
 }  // namespace
 
@@ -63,34 +81,26 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
         model.count += part.count;
     }
     const std::vector<DealtRow> order = row_order(rows);
-    // Rows beyond the end of a part's array, which has some or all of its rows, are left out.
-    std::vector<std::function<void()>> joins;  // one for each array
-    const auto join = [&](int width, auto&& array_of, std::vector<float>& to) {
+    std::vector<ArrayOfParts> arrays;
+    const auto add = [&](int width, std::vector<float>& to, auto&& array_of) {
         if (width == 0) return;
-        joins.push_back([&, width, array_of] {
-            std::size_t size = 0;
-            for (const Gaussians& part : parts) size += array_of(part).size();
-            to.reserve(size);
-            for (const DealtRow& place : order) {
-                const std::vector<float>& from = array_of(parts[std::size_t(place.rank)]);
-                const std::size_t at = std::size_t(place.row) * width;
-                if (at < from.size()) to.insert(to.end(), from.begin() + at, from.begin() + at + width);
-            }
-        });
+        arrays.push_back({width, {}, &to});
+        for (const Gaussians& part : parts) arrays.back().from.push_back(&array_of(part));
     };
     for (int g = 0; g < kNumGroups; ++g) {
         const int width = model.groups[g].width = first.groups[g].width;
         for (int k = 0; k < 3; ++k)
-            join(
-                width, [ g, k ](const Gaussians& part) -> const auto& { return *arrays_of(part.groups[g])[k]; },
-                *arrays_of(model.groups[g])[k]);
+            add(
+                width, *arrays_of(model.groups[g])[k], [&](const Gaussians& part) -> const auto& {
+                    return *arrays_of(part.groups[g])[k];
+                });
     }
     // A rank that was dealt nothing gathers no statistic; where another does, its part is empty as it should be.
-    join(
-        1, [](const Gaussians& part) -> const auto& { return part.gradient_sum; }, model.gradient_sum);
-    join(
-        1, [](const Gaussians& part) -> const auto& { return part.gradient_count; }, model.gradient_count);
-    parallel_for(std::int64_t(joins.size()), [&](std::int64_t k) { joins[std::size_t(k)](); });
+    add(
+        1, model.gradient_sum, [](const Gaussians& part) -> const auto& { return part.gradient_sum; });
+    add(
+        1, model.gradient_count, [](const Gaussians& part) -> const auto& { return part.gradient_count; });
+    parallel_for(std::int64_t(arrays.size()), [&](std::int64_t k) { join(arrays[std::size_t(k)], order); });
     return model;
 }
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sends arrays from device to device by NCCL, on a stream of their own. No call waits for other ranks inside NCCL, so
 // that the end of a training, which another thread asks for, is seen while a rank that is gone keeps this one waiting;
-// where the device waits for that rank, the other thread's call of abort() ends it.
+// where the device waits for that rank, the other thread ends that, too.
 #include <chrono>
 #include <cstring>
+#include <functional>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "kernels/core/clock.h"
@@ -27,7 +29,9 @@ static_assert(sizeof(NcclId) == sizeof(ncclUniqueId));
 class NcclLink final : public DeviceLink {
   public:
     NcclLink(NcclLibrary nccl, int rank, int size, std::stop_token stop)
-        : nccl_(std::move(nccl)), rank_(rank), size_(size), stop_(std::move(stop)) {}
+        : nccl_(std::move(nccl)), rank_(rank), size_(size), stop_(std::move(stop)) {
+        end_.emplace(stop_, [this] { break_off(); });
+    }
 
     void connect(const NcclId& id) {
         ncclUniqueId unique;
@@ -45,6 +49,7 @@ class NcclLink final : public DeviceLink {
     }
 
     ~NcclLink() override {
+        end_.reset();
         if (!comm_) return;
         try {
             nccl_check(nccl_, nccl_.comm_finalize(comm_), "ncclCommFinalize");
@@ -95,8 +100,6 @@ class NcclLink final : public DeviceLink {
         or_break_off([&] { wait_until([&] { return is_ready("NCCL"); }); });
     }
 
-    void abort() override { break_off(); }
-
   private:
     static constexpr const char* kEnded = "the connection to the other GPUs was ended";
 
@@ -143,6 +146,7 @@ class NcclLink final : public DeviceLink {
     const std::stop_token stop_;
     std::mutex mutex_;           ///< of comm_, which another thread may abort
     ncclComm_t comm_ = nullptr;  ///< null when it has ended
+    std::optional<std::stop_callback<std::function<void()>>> end_;
 };
 
 }  // namespace

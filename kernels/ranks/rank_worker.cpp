@@ -40,7 +40,7 @@ RankWorker::RankWorker(Communicator& ranks, Backend& backend, TargetSource targe
       shared_(shard_.device()),
       shared_of_all_ranks_(shard_.device()) {
     for (int r = 0; r < ranks_.size(); ++r) received_.emplace_back(shard_.device());
-    sums_.on_device = shard_.device() != nullptr;
+    sums_.device = shard_.device();
     if (!ranks_.link()) return;
     // The first transfer between two devices takes tenths of a second.
     RankArray<float> sent(shard_.device()), received(shard_.device());
@@ -65,21 +65,12 @@ template <class Sum, class Fn>
 void RankWorker::render_views(const std::vector<ShownView>& views, SumsOfViews<Sum>& sums, Fn&& view) {
     while (projected_.size() < views.size()) projected_.emplace_back(shard_.device());
     for (std::size_t first = 0; first < views.size(); first += received_.size()) {
-        gather_splats(views, first);
-        if constexpr (std::is_same_v<Sum, NoSum>) order_by_rows(first, views.size());
         const std::size_t mine = first + rank_after(0);
-        if constexpr (!std::is_same_v<Sum, NoSum>) {
-            const auto array_for = [&](const RankArray<WireSplat>& splats) {
-                return sums.on_device ? RankArray<Sum>::in_memory_of(splats) : RankArray<Sum>();
-            };
-            while (sums.computed.size() < received_.size())
-                sums.computed.push_back(array_for(received_[sums.computed.size()]));
-            while (sums.of_view.size() < projected_.size())
-                sums.of_view.push_back(array_for(projected_[sums.of_view.size()].splats));
-            sums.parts.clear();
-            for (RankArray<Sum>& part : sums.computed) sums.parts.push_back(&part);
-            if (mine < views.size()) sums.parts[rank_after(0)] = &sums.of_view[mine];
-        }
+        gather_splats(views, first);
+        if constexpr (std::is_same_v<Sum, NoSum>)
+            order_by_rows(first, views.size());
+        else
+            place_sums(first, views.size(), sums);
         try {
             if (mine < views.size()) view(mine);
         } catch (const Error&) {
@@ -129,9 +120,21 @@ void RankWorker::gather_splats(const std::vector<ShownView>& views, std::size_t 
     ranks_.finish(device);
 }
 
+template <class Sum> void RankWorker::place_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums) {
+    const auto array_for = [&](const RankArray<WireSplat>& splats) {
+        return sums.device ? RankArray<Sum>::in_memory_of(splats) : RankArray<Sum>();
+    };
+    while (sums.computed.size() < received_.size()) sums.computed.push_back(array_for(received_[sums.computed.size()]));
+    while (sums.of_view.size() < projected_.size())
+        sums.of_view.push_back(array_for(projected_[sums.of_view.size()].splats));
+    sums.parts.clear();
+    for (RankArray<Sum>& part : sums.computed) sums.parts.push_back(&part);
+    if (const std::size_t mine = first + rank_after(0); mine < num_views)
+        sums.parts[rank_after(0)] = &sums.of_view[mine];
+}
+
 template <class Sum> void RankWorker::scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums) {
     const std::size_t num_ranks = received_.size();
-    RankDevice* const device = sums.on_device ? shard_.device() : nullptr;
     std::vector<ConstBytes> out(num_ranks);
     std::vector<Bytes> in(num_ranks);
     for (std::size_t offset = 1; offset < num_ranks; ++offset) {
@@ -141,8 +144,8 @@ template <class Sum> void RankWorker::scatter_sums(std::size_t first, std::size_
         sums.of_view[first + r].resize(projected_[first + r].splats.size());
         in[r] = sums.of_view[first + r].bytes();
     }
-    if (device) device->mark();
-    ranks_.begin(out, in, device);
+    if (sums.device) sums.device->mark();
+    ranks_.begin(out, in, sums.device);
 }
 
 void RankWorker::order_by_rows(std::size_t first_view, std::size_t num_views) {

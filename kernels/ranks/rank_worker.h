@@ -36,7 +36,7 @@ struct ShownView {
 
 /// Sums over pixels of splats in several views: in the host's memory, or on a device in the place of the splats.
 template <class Sum> struct SumsOfViews {
-    bool on_device = false;
+    RankDevice* device = nullptr;          ///< null for the host
     std::vector<RankArray<Sum>> computed;  ///< by rank: of the splats that came from there
     std::vector<RankArray<Sum>> of_view;   ///< by view: of the rank's own splats
     SumParts<Sum> parts;                   ///< of the view that this rank renders: of all its splats
@@ -112,6 +112,8 @@ class RankWorker {
     /// Projects the views from `first` on, one for each rank or until `views` end, and brings those of the view that
     /// this rank renders to splats_.
     void gather_splats(const std::vector<ShownView>& views, std::size_t first);
+    /// Sets sums.parts for the view that this rank renders, of those from `first` on.
+    template <class Sum> void place_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
     /// Brings the sums of the views from `first` on to the ranks that have the splats.
     template <class Sum> void scatter_sums(std::size_t first, std::size_t num_views, SumsOfViews<Sum>& sums);
     /// Sorts splats_ by their rows in the whole model. All ranks call it, with the view that each of the ranks from 0

@@ -59,8 +59,8 @@ def export(gsapp, case, folder):
 
 
 def show(browser, site, case, way):
-    """Opens the page of a model by WebGL2, and of the first one by WebGPU. The others are dropped there: in software it takes that many
-    seconds to make its pipelines."""
+    """Opens the page of each model by WebGL2, and that of the first one by WebGPU, where the others are dropped: a page that draws by WebGPU
+    in software makes its pipelines for seconds."""
     if way == "webgl" or browser.evaluate("gsapp.way") != "WebGPU":
         return open_viewer(browser, f"{site.url}{urllib.parse.quote(case)}/?gpu={way}")
     browser.evaluate("document.title = ''")
