@@ -9,7 +9,8 @@
 
 namespace gs {
 
-/// The splats that one rank sent, and their rows, ascending. The first `num_residuals` rows of the rank have a residual.
+/// The splats that one rank sent, and their rows, ascending. The first `num_residuals` rows of the rank have a
+/// residual.
 struct SplatsOfRank {
     const WireSplat* splats;
     const std::uint32_t* rows;
@@ -28,7 +29,8 @@ GS_HD std::int64_t place_in_order(const SplatsOfRank* parts, int num_ranks, int 
     std::int64_t place = k;
     for (int other = 0; other < num_ranks; ++other) {
         if (other == rank) continue;
-        std::int64_t begin = 0, end = parts[other].num;  // of those among which the first one after `mine` is looked for
+        std::int64_t begin = 0,
+                     end = parts[other].num;  // of those among which the first one after `mine` is looked for
         while (begin < end) {
             const std::int64_t middle = begin + (end - begin) / 2;
             if (order_of_row(parts[other], middle, other) < mine)
