@@ -29,8 +29,8 @@ GS_HD std::int64_t place_in_order(const SplatsOfRank* parts, int num_ranks, int 
     std::int64_t place = k;
     for (int other = 0; other < num_ranks; ++other) {
         if (other == rank) continue;
-        std::int64_t begin = 0,
-                     end = parts[other].num;  // of those among which the first one after `mine` is looked for
+        // The first one after `mine` is looked for between these.
+        std::int64_t begin = 0, end = parts[other].num;
         while (begin < end) {
             const std::int64_t middle = begin + (end - begin) / 2;
             if (order_of_row(parts[other], middle, other) < mine)
