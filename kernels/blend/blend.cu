@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The forward pass: a warp per sub-tile blends the list of its tile.
+// The forward pass: a block blends the list of its tile, chunk by chunk. It fetches the splats of a chunk and finds
+// which sub-tiles each reaches; then a warp per sub-tile blends those that reach its own.
 //
-// Blending goes from front to back, so a warp cannot share its list with others, and the warps of the longest lists
-// would work on alone while the rest of the device waits. A tile whose list is long beside the view's total is
-// therefore blended by four blocks: a warp has a quarter of a sub-tile, and its lanes hold eight pixels times four
-// splats that follow each other.
+// Blending goes from front to back, and the blocks of the longest lists would work on alone while the rest of the
+// device waits. A tile whose list is long beside the view's total is therefore blended by four blocks: a warp has a
+// quarter of a sub-tile, and its lanes hold eight pixels times four splats that follow each other.
+#include "kernels/blend/staged_splat_cuda.h"
 #include "kernels/blend/sub_tile_cuda.h"
 
 namespace gs {
@@ -16,24 +17,30 @@ template <int kAbreast> struct WarpPixels {
     static constexpr int kWidth = kAbreast == 1 ? kSubX : kSubX / 2, kHeight = kAbreast == 1 ? kSubY : kSubY / 2;
     static constexpr int kPixels = kWidth * kHeight;
 
-    int2 corner;
+    int2 offset;  ///< of its first pixel in the sub-tile
     int slot;     ///< which of the splats abreast this lane evaluates
     int2 pixel;   ///< of this lane
     int in_tile;  ///< its number among the tile's pixels, warp after warp of whole sub-tiles
 
     __device__ WarpPixels(int2 tile_corner, int sub_tile, int quarter, int lane) {
-        const int2 offset = {quarter % 2 * kWidth, quarter / 2 * kHeight},
-                   whole = sub_tile_corner(tile_corner, sub_tile);
-        const int2 in_corner = {lane % kPixels % kWidth, lane % kPixels / kWidth};
-        corner = {whole.x + offset.x, whole.y + offset.y};
+        offset = {quarter % 2 * kWidth, quarter / 2 * kHeight};
+        const int2 corner = sub_tile_corner(tile_corner, sub_tile),
+                   inner = {offset.x + lane % kPixels % kWidth, offset.y + lane % kPixels / kWidth};
         slot = lane / kPixels;
-        pixel = {corner.x + in_corner.x, corner.y + in_corner.y};
-        in_tile = sub_tile * 32 + (offset.y + in_corner.y) * kSubX + offset.x + in_corner.x;
+        pixel = {corner.x + inner.x, corner.y + inner.y};
+        in_tile = sub_tile * 32 + inner.y * kSubX + inner.x;
     }
 };
 
+static_assert(kChunk == kCudaTilePixels, "a thread fetches one splat of a chunk");
+constexpr int kGroups = kChunk / 32;  ///< of 32 splats, which have a word of bits
+constexpr int kMostAtOnce = 8;        ///< splats that a warp takes from its list at a time
+
 struct BlockMemory {
-    SplatBatch batches[kSubTiles];
+    PackedSplat splats[2][kChunk];                                ///< of a chunk, and of the next one
+    PackedSplat nothing;                                          ///< changes no pixel
+    unsigned reached[2][kGroups][kSubTiles];                      ///< which of 32 splats reach a sub-tile
+    alignas(16) unsigned lists[kSubTiles][kChunk + kMostAtOnce];  ///< the same as addresses in shared memory
     unsigned processed, pairs;  ///< instances until all pixels of the block were finished; pixels times hits
     unsigned first_chunk;
 };
@@ -51,11 +58,11 @@ template <int kAbreast> __device__ PixelForward<float> whole_pixel(PixelForward<
 
 /// Blends as many splats as lie abreast. Returns whether this lane's fragment changed its pixel.
 template <int kAbreast>
-__device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, const SplatBatch::Entry& s,
+__device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, const StagedSplat& s,
                               const Cutoffs<float>& cutoffs) {
     if constexpr (kAbreast == 1) {
         const bool active = alpha >= cutoffs.alpha && p.t >= cutoffs.transmittance;
-        blend_fragment<float, float>(p, alpha, s.r, s.g, s.b, cutoffs);
+        blend_fragment<float, float>(p, alpha, s.red, s.green, s.blue, cutoffs);
         return active;
     }
     if (!(alpha >= cutoffs.alpha)) alpha = 0;
@@ -69,7 +76,7 @@ __device__ bool blend_abreast(PixelForward<float>& p, int slot, float alpha, con
     const float t = slot ? p.t * before : p.t;
     const bool open = t >= cutoffs.transmittance, active = open && alpha > 0;
     const float w = active ? t * alpha : 0;
-    p.r = gs_fma(w, s.r, p.r), p.g = gs_fma(w, s.g, p.g), p.b = gs_fma(w, s.b, p.b);
+    p.r = gs_fma(w, s.red, p.r), p.g = gs_fma(w, s.green, p.g), p.b = gs_fma(w, s.blue, p.b);
     // The last splat that found the pixel unfinished leaves the least.
     float left = open ? t - w : p.t;
     left = fminf(left, __shfl_xor_sync(~0u, left, 8));
@@ -96,88 +103,154 @@ __device__ void list_chunks(BlockMemory& shared, int tile, std::uint32_t tile_be
                                                 k ? first_checkpoint(tile_begin) + k - 1 : 0};
 }
 
+/// Lists the addresses of the splats that reach a warp's sub-tile, and behind them, kMostAtOnce times, that of a splat
+/// which changes nothing. Returns the number of the first.
+__device__ int list_splats(BlockMemory& shared, int buffer, int warp, int lane) {
+    unsigned* list = shared.lists[warp];
+    const unsigned first = shared_address(&shared.splats[buffer][lane]);
+    int listed = 0;
+#pragma unroll
+    for (int group = 0; group < kGroups; ++group) {
+        const unsigned word = shared.reached[buffer][group][warp];
+        if (word >> lane & 1)
+            list[listed + __popc(word & ((1u << lane) - 1))] = first + group * 32 * unsigned(sizeof(PackedSplat));
+        listed += __popc(word);
+    }
+    if (lane < kMostAtOnce) list[listed + lane] = shared_address(&shared.nothing);
+    __syncwarp();
+    return listed;
+}
+
+/// Notes which instances of a chunk changed a pixel. Lane k has those of the splats 32 k .. 32 k + 31 of the warp's
+/// list in `blended`. Returns the number of those of the lane-th 32 instances.
+template <bool kShared>
+__device__ int note_hits(const BlockMemory& shared, int buffer, int warp, int lane, unsigned blended, int num_groups,
+                         std::uint32_t* hits) {
+    unsigned mine = 0;
+    int listed = 0;
+#pragma unroll
+    for (int group = 0; group < kGroups; ++group) {
+        const unsigned word = shared.reached[buffer][group][warp];
+        const int place = listed + __popc(word & ((1u << lane) - 1));
+        const unsigned of_place = __shfl_sync(~0u, blended, place / 32) >> (place % 32);
+        const unsigned changed = __ballot_sync(~0u, word >> lane & of_place & 1);
+        if (lane == group) mine = changed;
+        listed += __popc(word);
+    }
+    if (lane >= num_groups) return 0;
+    std::uint32_t* out = &hits[lane * kSubTiles];
+    if (!kShared)
+        *out = mine;
+    else if (mine)
+        atomicOr(out, mine);
+    return __popc(mine);
+}
+
 /// Blends a tile, or a quarter of each of its sub-tiles. All threads of a block call this.
 template <bool kForBackward, int kAbreast>
 __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, int quarter,
                            const PackedSplat* __restrict__ splats, const BlendImage& image,
                            StepControl* __restrict__ control, const BlendTrail& trail) {
     constexpr int kAtOnce = kAbreast == 1 ? 4 : 2;
+    static_assert(kAtOnce * kAbreast <= kMostAtOnce);
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
-    const WarpPixels<kAbreast> mine(tile_corner(tile, bins.tiles_x), warp, quarter, lane);
+    const int2 corner = tile_corner(tile, bins.tiles_x);
+    const WarpPixels<kAbreast> mine(corner, warp, quarter, lane);
     const bool inside = mine.pixel.x < image.width && mine.pixel.y < image.height;
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
-    if (kForBackward) {
-        if (threadIdx.x == 0) shared.processed = shared.pairs = 0;
-        __syncthreads();
+    if (threadIdx.x == 0) {
+        shared.processed = shared.pairs = 0;
+        shared.nothing = {};
     }
-    // From here on each warp of a block walks the whole list on its own, 32 instances at a time.
-    SplatBatch& batch = shared.batches[warp];
-    std::uint32_t* hits_out = trail.hits + (first_group(tile, begin) * kSubTiles + warp);
+    __syncthreads();
     PixelForward<float> p{inside ? 1.0f : 0.0f, 0, 0, 0};
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
-    unsigned pairs = 0;
-    const auto fetch = [&](std::uint32_t at) {
-        std::uint32_t g = bins.instances[at];
-        if (bins.gaussians) g = bins.gaussians[g];
-        return splats[g];
-    };
     const auto save_state = [&](std::uint32_t before, const PixelForward<float>& so_far) {
         if (mine.slot == 0)
             trail.checkpoints[std::size_t(first_checkpoint(begin) + before / kChunk - 1) * kCudaTilePixels +
                               mine.in_tile] = make_float4(so_far.r, so_far.g, so_far.b, so_far.t);
     };
-    PackedSplat next{};  // loaded while those before are blended
-    if (begin + lane < end) next = fetch(begin + lane);
-    std::uint32_t base = begin;
-    for (; base < end; base += 32) {
-        if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
-        if (kForBackward && base > begin && (base - begin) % kChunk == 0)
-            save_state(base - begin, whole_pixel<kAbreast>(p));
-        Splat<float> splat = next.splat();
-        const bool hit = base + lane < end && reaches(splat, mine.corner, mine.kWidth, mine.kHeight);
-        const unsigned hits = __ballot_sync(~0u, hit), before = (1u << lane) - 1;
-        const int count = __popc(hits), place = hit ? __popc(hits & before) : count + __popc(~hits & before);
-        // Empty ones fill the last four up, so that the loop needs no limits.
-        if (!hit) splat = {};
-        if (hit || place < (count + 3) / 4 * 4) batch.store(place, splat);
-        if (base + 32 + lane < end) next = fetch(base + 32 + lane);
-        __syncwarp();
-        // Some steps at a time: their alphas are independent, and a warp alone on a long list hides their latency so.
-        unsigned blended = 0;
-        for (int k = 0; k < count; k += kAtOnce * kAbreast) {
-            SplatBatch::Entry s[kAtOnce];
-            float alpha[kAtOnce];
-            const unsigned bit = 1u << (k + mine.slot);
+    const auto gaussian = [&](std::uint32_t at) {
+        if (at >= end) return 0u;
+        const std::uint32_t g = bins.instances[at];
+        return bins.gaussians ? bins.gaussians[g] : g;
+    };
+    unsigned pairs = 0, processed = 0;  // instances until this warp's pixels were finished
+    int buffer = 0;
+    std::uint32_t at = begin + threadIdx.x, next = gaussian(at);  // this thread's instance of the chunk, its Gaussian
+    if (at < end) begin_splat(shared.splats[0][threadIdx.x], splats[next]);
+    next = gaussian(at + kChunk);
+    for (std::uint32_t base = begin; base < end; base += kChunk, at += kChunk, buffer ^= 1) {
+        wait_for_splat();
+        unsigned reached = 0, word = 0;
+        if (at < end)
+            reached = reached_sub_tiles(stage(shared.splats[buffer][threadIdx.x]), corner, mine.offset,
+                                        {mine.kWidth, mine.kHeight});
 #pragma unroll
-            for (int u = 0; u < kAtOnce; ++u) {
-                s[u] = batch.load(k + u * kAbreast + mine.slot);
-                alpha[u] = fragment_alpha(s[u].shape, px, py).alpha;
+        for (int k = 0; k < kSubTiles; ++k) {
+            const unsigned reaching = __ballot_sync(~0u, reached >> k & 1);
+            if (lane == k) word = reaching;
+        }
+        if (lane < kSubTiles) shared.reached[buffer][warp][lane] = word;
+        const bool open = p.t >= image.cutoffs.transmittance;
+        // Behind this, the chunk is there for all, and nobody reads the one before.
+        if (!__syncthreads_or(open)) break;
+        if (at + kChunk < end) begin_splat(shared.splats[buffer ^ 1][threadIdx.x], splats[next]);
+        next = gaussian(at + 2 * kChunk);
+        if (!__any_sync(~0u, open)) continue;
+        if (kForBackward && base > begin) save_state(base - begin, whole_pixel<kAbreast>(p));
+        processed = min(base + kChunk, end) - begin;
+        const int listed = list_splats(shared, buffer, warp, lane);
+        const unsigned list = shared_address(shared.lists[warp]);
+        unsigned blended_of_lane = 0;
+        for (int first = 0; first < listed; first += 32) {
+            if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
+            // Some steps at a time: their alphas are independent, and a warp alone on a long list hides their latency
+            // so.
+            unsigned blended = 0;
+            for (int k = 0; k < min(listed - first, 32); k += kAtOnce * kAbreast) {
+                unsigned places[kAtOnce];
+                if constexpr (kAbreast == 1) {
+                    const float4 four = load_shared4(list + (first + k) * 4);
+                    places[0] = __float_as_uint(four.x), places[1] = __float_as_uint(four.y);
+                    places[2] = __float_as_uint(four.z), places[3] = __float_as_uint(four.w);
+                } else {
+#pragma unroll
+                    for (int u = 0; u < kAtOnce; ++u)
+                        places[u] = shared.lists[warp][first + k + u * kAbreast + mine.slot];
+                }
+                StagedSplat s[kAtOnce];
+                float alpha[kAtOnce];
+#pragma unroll
+                for (int u = 0; u < kAtOnce; ++u) {
+                    s[u] = load_splat(places[u]);
+                    alpha[u] = fragment_alpha(s[u].shape(), px, py).alpha;
+                }
+                unsigned bits = 0;
+#pragma unroll
+                for (int u = 0; u < kAtOnce; ++u)
+                    if (blend_abreast<kAbreast>(p, mine.slot, alpha[u], s[u], image.cutoffs) && kForBackward)
+                        bits |= 1u << (u * kAbreast);
+                blended |= bits << (k + mine.slot);
             }
-#pragma unroll
-            for (int u = 0; u < kAtOnce; ++u) {
-                if (kAbreast > 1 && k + u * kAbreast >= count) break;
-                if (blend_abreast<kAbreast>(p, mine.slot, alpha[u], s[u], image.cutoffs) && kForBackward)
-                    blended |= bit << (u * kAbreast);
+            if (kForBackward) {
+                blended = __reduce_or_sync(~0u, blended);
+                if (lane == first / 32) blended_of_lane = blended;
             }
         }
-        if (kForBackward) {
-            blended = __reduce_or_sync(~0u, blended);
-            const unsigned listed = __ballot_sync(~0u, hit && (blended >> place & 1));
-            std::uint32_t* out = &hits_out[(base - begin) / 32 * kSubTiles];
-            if (lane == 0 && kAbreast == 1) *out = listed;
-            if (lane == 0 && kAbreast > 1 && listed) atomicOr(out, listed);
-            pairs += __popc(listed);
-        }
-        __syncwarp();
+        if (kForBackward)
+            pairs += note_hits<(kAbreast > 1)>(
+                shared, buffer, warp, lane, blended_of_lane, int(min(end - base, std::uint32_t(kChunk)) + 31) / 32,
+                trail.hits + ((first_group(tile, begin) + (base - begin) / 32) * kSubTiles + warp));
     }
     p = whole_pixel<kAbreast>(p);
     if (kForBackward && kAbreast > 1)  // where other quarters of the sub-tile go on, the backward pass asks for these
-        for (std::uint32_t before = max(1u, (base - begin + kChunk - 1) / kChunk) * kChunk; before < end - begin;
+        for (std::uint32_t before = max(1u, (processed + kChunk - 1) / kChunk) * kChunk; before < end - begin;
              before += kChunk)
             save_state(before, p);
     if (inside && mine.slot == 0) write_pixel(image, mine.pixel, p);
     if (!kForBackward) return;
-    const unsigned processed = min(base, end) - begin;
+    pairs = __reduce_add_sync(~0u, pairs);
     if (lane == 0) {
         atomicMax(&trail.processed[tile * kSubTiles + warp], processed);
         atomicMax(&shared.processed, processed);

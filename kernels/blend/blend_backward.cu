@@ -187,11 +187,18 @@ __device__ void walk_chunk(WarpMemory& memory, const BlendChunk& chunk, int sub_
 #pragma unroll
             for (int row = 0; row < kRows; row += kAtOnce) {
                 if (row >= rows) break;
+                // All reads come first: behind a write to shared memory the compiler cannot move them ahead.
+                float alpha[kAtOnce], slope[kAtOnce];
 #pragma unroll
                 for (int u = 0; u < kAtOnce; ++u) {
                     const auto s = memory.batch.load(first + row + u);
-                    const FragmentGradient<float> d = fragment_gradient<float, float>(
-                        p, fragment_alpha(s.shape, px, py).alpha, s.r, s.g, s.b, image.cutoffs);
+                    alpha[u] = fragment_alpha(s.shape, px, py).alpha;
+                    slope[u] = color_gradient(p, s.r, s.g, s.b);
+                }
+#pragma unroll
+                for (int u = 0; u < kAtOnce; ++u) {
+                    const FragmentGradient<float> d =
+                        fragment_gradient<float, float>(p, alpha[u], slope[u], image.cutoffs);
                     memory.h[row + u][lane] = d.h;
                     memory.w[row + u][lane] = d.w;
                 }

@@ -3,8 +3,9 @@
 // (docs/math/rasterizer.md#blend-gradient).
 //
 // A warp owns 8x4 pixels of a tile, the sub-tile, or in tiles with long lists a quarter of one. The forward pass tests
-// each splat exactly against it and notes which splats changed a pixel of it; the backward pass visits only those. The
-// backward pass cuts a long list into chunks. Each starts from the state that the forward pass saved there.
+// each splat against all sub-tiles of a tile, and notes which splats changed a pixel of which; the backward pass visits
+// only those. The backward pass cuts a long list into chunks. Each starts from the state that the forward pass saved
+// there.
 #pragma once
 
 #include "kernels/blend/blend_device.h"

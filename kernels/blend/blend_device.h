@@ -103,10 +103,14 @@ GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P c
     return {w, select(active, dL_dalpha, zero)};
 }
 
+/// Returns dL/dpixel . colour of a fragment.
+template <class P> GS_HD P color_gradient(const PixelBackward<P>& s, P cr, P cg, P cb) {
+    return gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
+}
+
 template <class P, class T>
-GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P cr, P cg, P cb,
+GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P color_gradient,
                                             const Cutoffs<T>& cutoffs = {}) {
-    const P color_gradient = gs_fma(cr, s.gr, gs_fma(cg, s.gg, cb * s.gb));
     const FragmentSlope<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient, cutoffs);
     return {f.w, -(alpha * f.dL_dalpha)};
 }
@@ -136,7 +140,7 @@ GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const 
 template <class P, class T>
 GS_HD void blend_fragment_backward(PixelBackward<P>& s, const FragmentAlpha<P>& f, P cr, P cg, P cb,
                                    const Cutoffs<T>& cutoffs, SplatSums<P>& sum) {
-    const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, cr, cg, cb, cutoffs);
+    const FragmentGradient<P> d = fragment_gradient<P, T>(s, f.alpha, color_gradient(s, cr, cg, cb), cutoffs);
     const P hx = d.h * f.dx, hy = d.h * f.dy;
     sum.h = sum.h + d.h;
     sum.hx = sum.hx + hx;

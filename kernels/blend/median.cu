@@ -25,7 +25,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         if (base + lane < end) {
             const std::uint32_t instance = bins.instances[base + lane];
             mine = splats[bins.gaussians ? bins.gaussians[instance] : instance].splat();
-            hit = reaches(mine, sub_tile, kSubX, kSubY);
+            hit = reaches(mine, sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
         if (hit) batch.store(__popc(hits & ((1u << lane) - 1)), mine);

@@ -36,7 +36,7 @@ __global__ void __launch_bounds__(kCudaTilePixels)
         if (base + lane < end) {
             instance = bins.instances[base + lane];
             mine = splats[kFixedOrder ? bins.gaussians[instance] : instance].splat();
-            hit = reaches(mine, sub_tile, kSubX, kSubY);
+            hit = reaches(mine, sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
         const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);

@@ -16,10 +16,28 @@ __device__ inline int2 sub_tile_corner(int2 tile_corner, int warp) {
 }
 __device__ inline int2 pixel_of(int2 sub_tile, int lane) { return {sub_tile.x + (lane & 7), sub_tile.y + (lane >> 3)}; }
 
-/// Returns whether a splat reaches a pixel centre of the rectangle whose first pixel is `corner`.
-__device__ inline bool reaches(const Splat<float>& s, int2 corner, int width, int height) {
-    return min_power_in_rectangle(s, float(corner.x), float(corner.y), float(width - 1), float(height - 1)) <=
+/// Returns whether a splat reaches the rectangle of pixel centres of the sub-tile whose first pixel is `corner`.
+__device__ inline bool reaches(const Splat<float>& s, int2 corner) {
+    return min_power_in_rectangle(s, float(corner.x), float(corner.y), float(kSubX - 1), float(kSubY - 1)) <=
            touch_threshold(s);
+}
+
+/// Returns which of a tile's sub-tiles a splat reaches, as bits, or which of their parts: rectangles of `size` pixels
+/// that begin at `offset` of each sub-tile.
+__device__ inline unsigned reached_sub_tiles(const Splat<float>& s, int2 tile_corner, int2 offset, int2 size) {
+    const EllipseRows rows(s);
+    const float x = tile_corner.x + offset.x + 0.5f - s.mean.x, y = tile_corner.y + offset.y + 0.5f;
+    unsigned reached = 0;
+#pragma unroll
+    for (int row = 0; row < kSubTiles / 2; ++row) {
+        const float low = y + row * kSubY;
+        const EllipseRows::Reach reach = rows.between(low, low + (size.y - 1));
+#pragma unroll
+        for (int column = 0; column < 2; ++column)
+            if (reach.right >= x + column * kSubX && reach.left <= x + (column * kSubX + size.x - 1))
+                reached |= 1u << (row * 2 + column);
+    }
+    return reached;
 }
 
 /// Returns the place of the lists of a tile's first 32 instances. Those of the next instances follow.

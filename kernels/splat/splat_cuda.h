@@ -55,31 +55,53 @@ struct TileSpan {
     __device__ int width() const { return where >> 26; }
 };
 
-/// Finds the tiles [x0, x1) of a row that a splat's ellipse {power <= touch threshold} meets. Over the row's height the
-/// right-hand boundary is concave, so its largest value lies at the ellipse's rightmost point or at the nearer end of
-/// the row. The same holds on the left.
-class TileRows {
+/// The ellipse {power <= touch threshold} of a splat by rows. Between two rows the right-hand boundary is concave, so
+/// its largest value lies at the ellipse's rightmost point or at the nearer row. The same holds on the left.
+class EllipseRows {
   public:
-    __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
-        : mx_(s.mean.x), my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_), x0_(r.x0), x1_(r.x0 + r.width) {
-        // Double, because ac - b^2 cancels for needles. The inputs stay float: blending uses the conic as it is here.
-        curvature_ = float(double(s.a) * s.c - double(s.b) * s.b) * inverse_a_;
+    __device__ explicit EllipseRows(const Splat<float>& s)
+        : my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_) {
+        // ac - b^2 cancels for needles, so that what the product b^2 rounds off must be added again.
+        const float b2 = __fmul_rn(s.b, s.b);
+        curvature_ = (__fmaf_rn(s.a, s.c, -b2) + __fmaf_rn(-s.b, s.b, b2)) * inverse_a_;
         reach_ = 2 * touch_threshold(s);
         const bool bounded = curvature_ > 0;
         half_height_ = bounded ? sqrtf(reach_ / curvature_) : 3e38f;
         extreme_ = bounded ? slope_ * sqrtf(reach_ * s.a / (curvature_ * s.c)) : copysignf(3e38f, slope_);
     }
+    struct Reach {
+        float left, right;
+    };
+    /// Returns the least and the largest x of the ellipse between two rows, from its mean on; left > right if it has no
+    /// part there.
+    __device__ Reach between(float y_low, float y_high) const {
+        const float from = fmaxf(y_low - my_, -half_height_), to = fminf(y_high - my_, half_height_);
+        if (!(from <= to)) return {3e38f, -3e38f};
+        const float y_right = fminf(fmaxf(extreme_, from), to), y_left = fminf(fmaxf(-extreme_, from), to);
+        return {slope_ * y_left - half_width(y_left), slope_ * y_right + half_width(y_right)};
+    }
+
+  private:
+    __device__ float half_width(float dy) const {
+        return sqrtf(fmaxf(reach_ - dy * dy * curvature_, 0.0f) * inverse_a_);
+    }
+    float my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
+};
+
+/// Finds the tiles [x0, x1) of a row that a splat's ellipse meets.
+class TileRows {
+  public:
+    __device__ TileRows(const Splat<float>& s, const TileRectangle& r)
+        : ellipse_(s), mx_(s.mean.x), x0_(r.x0), x1_(r.x0 + r.width) {}
     struct Span {
         int x0, x1;
         __device__ int size() const { return x1 - x0; }
     };
     __device__ Span row(int ty) const {
-        const float low = ty * kCudaTileY + 0.5f - my_, high = low + (kCudaTileY - 1);
-        const float from = fmaxf(low, -half_height_), to = fminf(high, half_height_);
-        if (!(from <= to)) return {0, 0};
-        const float y_right = fminf(fmaxf(extreme_, from), to), y_left = fminf(fmaxf(-extreme_, from), to);
-        const float right = mx_ + slope_ * y_right + half_width(y_right),
-                    left = mx_ + slope_ * y_left - half_width(y_left);
+        const float low = ty * kCudaTileY + 0.5f;
+        const EllipseRows::Reach reach = ellipse_.between(low, low + (kCudaTileY - 1));
+        if (reach.left > reach.right) return {0, 0};
+        const float left = mx_ + reach.left, right = mx_ + reach.right;
         // Clamped as floating point: an ellipse may reach beyond the range of int.
         const int x0 = int(fmaxf(ceilf((left - (kCudaTileX - 0.5f)) * (1.0f / kCudaTileX)), float(x0_)));
         const int x1 = int(fminf(floorf((right - 0.5f) * (1.0f / kCudaTileX)), float(x1_ - 1))) + 1;
@@ -87,10 +109,8 @@ class TileRows {
     }
 
   private:
-    __device__ float half_width(float dy) const {
-        return sqrtf(fmaxf(reach_ - dy * dy * curvature_, 0.0f) * inverse_a_);
-    }
-    float mx_, my_, inverse_a_, slope_, curvature_, reach_, half_height_, extreme_;
+    EllipseRows ellipse_;
+    float mx_;
     int x0_, x1_;
 };
 

@@ -391,7 +391,7 @@ template <class Model> class Sample {
             if (scene_.far(s, x, y)) continue;
             const FragmentAlpha<Noisy> f = scene_.fragment(s, x, y);
             const FragmentGradient<Noisy> d =
-                fragment_gradient<Noisy, Noisy>(p, f.alpha, s.color.x, s.color.y, s.color.z);
+                fragment_gradient<Noisy, Noisy>(p, f.alpha, color_gradient(p, s.color.x, s.color.y, s.color.z));
             const double h = d.h.v, dx = f.dx.v, dy = f.dy.v, size = std::abs(h), X = std::abs(dx) + kMomentShift,
                          Y = std::abs(dy) + kMomentShift;
             Sum* to = sums[k].s;
