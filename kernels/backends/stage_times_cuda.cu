@@ -18,13 +18,12 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          true},
         {"sort", seconds(CudaStage::kSort), instances_, "instance",
          gaussians_ * (3 * 16 + 4 + 4) + visible_ * 20 + instances_ * (6 + 2 * 12 + 2), visible_ * 20 + instances_ * 10,
-         "five radix passes and six small kernels in a row: below a few million keys each takes 2 to 15 us, for any "
+         "five radix passes and nine small kernels in a row: below a few million keys each takes 2 to 20 us, for any "
          "amount of data"},
         {"blend", seconds(CudaStage::kBlend), pairs_, "pixel x Gaussian", instances_ * (4 + 48 + 1 + 16) + pixels_ * 16,
          pairs_ * 20 + instances_ * 6 * 35,
-         "half of the instructions walk lists and read shared memory, not counted in the floor; long lists are walked "
-         "by "
-         "four blocks each"},
+         "a third of the instructions find and list splats, not counted in the floor; warps wait for the slowest of "
+         "their block; long lists are walked by four blocks each"},
         {"loss", seconds(CudaStage::kLoss), pixels_, "pixel", pixels_ * (2 * (12 + 3) + 2 * 36 + 12),
          pixels_ * 3 * (110 + 110 + 40 + 66 + 10),
          "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the "

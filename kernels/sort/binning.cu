@@ -1,22 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Radix sorts of Gaussians by depth and of their instances by tile.
-#include <thrust/iterator/transform_iterator.h>
+#include <cub/agent/single_pass_scan_operators.cuh>
+#include <cub/block/block_scan.cuh>
 #include <cub/device/device_radix_sort.cuh>
-#include <cub/device/device_scan.cuh>
+#include <cuda/std/functional>
 
 #include "kernels/sort/binning_cuda.h"
 
 namespace gs {
 namespace {
 
-constexpr int kBlock = 256;
+constexpr int kBlock = 256, kWriteBlock = 512;
 constexpr unsigned kManyBlocks = 512;  ///< enough to fill a large device once
 
-struct CountInOrder {
-    const std::uint32_t* counts;
-    __device__ std::uint32_t operator()(std::uint32_t gaussian) const { return counts[gaussian]; }
-};
-using CountIterator = thrust::transform_iterator<CountInOrder, const std::uint32_t*>;
+/// The sums of instances so far, which blocks hand on to those behind them.
+using ScanState = cub::ScanTileState<std::uint32_t>;
 
 __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
     const std::uint32_t i = blockIdx.x * kBlock + threadIdx.x;
@@ -25,42 +23,81 @@ __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
 
 /// What writing instances reads and writes.
 template <class Key> struct InstanceLists {
-    std::uint32_t capacity;
-    const std::uint32_t* order;    ///< visible Gaussians, front to back
-    const std::uint32_t* offsets;  ///< in that order: the end of each one's instances
-    Key* tile_keys;                ///< (capacity)
-    std::uint32_t* instances;      ///< (capacity): the Gaussian of each
+    std::uint32_t n, capacity;
+    const std::uint32_t* order;   ///< visible Gaussians, front to back
+    const std::uint32_t* counts;  ///< (n)
+    const TileSpan* spans;        ///< (n)
+    Key* tile_keys;               ///< (capacity)
+    std::uint32_t* instances;     ///< (capacity): the Gaussian of each
+    std::uint32_t* ends;          ///< (n) or null: in depth order, the end of each one's instances
+    uint2* large;                 ///< (n): Gaussians with more than 32 candidate tiles, and the first instance of each
 };
 
-/// One thread per Gaussian in depth order. Those with more than 32 candidate tiles, which come together in depth order,
-/// are left for write_large_instances.
+__global__ void __launch_bounds__(kBlock) begin_scan(ScanState state, int blocks) { state.InitializeStatus(blocks); }
+
+/// Writes the instances of a block's Gaussians in depth order. Those with more than 32 candidate tiles, which come
+/// together in depth order, are left for write_large_instances.
 template <class Key>
-__global__ void __launch_bounds__(kBlock)
-    write_instances(InstanceLists<Key> lists, const TileSpan* __restrict__ spans, int tiles_x, StepControl* control,
-                    std::uint32_t* __restrict__ large) {
-    const std::uint32_t k = blockIdx.x * kBlock + threadIdx.x;
+__global__ void __launch_bounds__(kWriteBlock)
+    write_instances(InstanceLists<Key> lists, ScanState state, int tiles_x, StepControl* control) {
+    using BlockScan = cub::BlockScan<std::uint32_t, kWriteBlock>;
+    using Prefix = cub::TilePrefixCallbackOp<std::uint32_t, cuda::std::plus<>, ScanState>;
+    __shared__ typename BlockScan::TempStorage scan;
+    __shared__ typename Prefix::TempStorage prefix;
+    __shared__ std::uint16_t candidates[kWriteBlock / 32][32 * 32];  // lane and candidate tile of a warp's instances
+    const std::uint32_t k = blockIdx.x * kWriteBlock + threadIdx.x, num_visible = control->num_visible;
     const bool fits = control->num_instances <= lists.capacity;
     // All of the capacity is sorted: behind the last instance come keys beyond every tile.
     for (std::uint32_t i = (fits ? std::uint32_t(control->num_instances) : 0) + k; i < lists.capacity;
-         i += gridDim.x * kBlock)
+         i += gridDim.x * kWriteBlock)
         lists.tile_keys[i] = Key(~Key(0)), lists.instances[i] = 0;
     if (!fits) {
         if (k == 0) control->stopped = 1;
         return;
     }
-    if (k >= control->num_visible) return;
-    std::uint32_t at = k > 0 ? lists.offsets[k - 1] : 0;
-    const std::uint32_t gaussian = lists.order[k];
-    const TileSpan span = spans[gaussian];
-    const int x0 = span.x0(), y0 = span.y0(), width = span.width();
-    if (width == 0) {
-        large[atomicAdd(&control->num_large, 1u)] = k;
+    if (blockIdx.x * kWriteBlock >= num_visible) {  // nobody waits for this block's sum
+        if (lists.ends && k < lists.n) lists.ends[k] = std::uint32_t(control->num_instances);
         return;
     }
-    for (unsigned bits = span.mask; bits; bits &= bits - 1, ++at) {
-        const int candidate = __ffs(bits) - 1, row = candidate / width;
-        lists.tile_keys[at] = Key((y0 + row) * tiles_x + x0 + candidate - row * width);
-        lists.instances[at] = gaussian;
+    const bool visible = k < num_visible;
+    const std::uint32_t gaussian = visible ? lists.order[k] : 0, count = visible ? lists.counts[gaussian] : 0;
+    const TileSpan span = visible ? lists.spans[gaussian] : TileSpan{0, 0};
+    std::uint32_t start;
+    if (blockIdx.x == 0) {
+        std::uint32_t sum;
+        BlockScan(scan).ExclusiveSum(count, start, sum);
+        if (threadIdx.x == 0) state.SetInclusive(0, sum);
+    } else {
+        Prefix before(state, prefix, cuda::std::plus<>{});
+        BlockScan(scan).ExclusiveSum(count, start, before);
+    }
+    if (lists.ends && k < lists.n) lists.ends[k] = start + count;
+    const bool small = visible && span.width() > 0;
+    if (visible && !small) lists.large[atomicAdd(&control->num_large, 1u)] = make_uint2(gaussian, start);
+
+    // Lanes have different numbers of instances: the warp lists them, and then each lane writes every 32nd.
+    std::uint16_t* list = candidates[threadIdx.x / 32];
+    const std::uint32_t lane = threadIdx.x & 31, own = small ? count : 0;
+    std::uint32_t end = own;
+    for (int d = 1; d < 32; d *= 2) {
+        const std::uint32_t other = __shfl_up_sync(~0u, end, d);
+        if (int(lane) >= d) end += other;
+    }
+    std::uint32_t at = end - own;
+    const std::uint32_t place_to_instance = start - at, total = __shfl_sync(~0u, end, 31);
+    if (small)
+        for (unsigned bits = span.mask; bits; bits &= bits - 1)
+            list[at++] = std::uint16_t(lane << 5 | (__ffs(bits) - 1));
+    __syncwarp();
+    for (std::uint32_t place = lane; place - lane < total; place += 32) {
+        const std::uint32_t word = place < total ? list[place] : 0, owner = word >> 5;
+        const TileSpan of{__shfl_sync(~0u, span.where, owner), 0};
+        const std::uint32_t g = __shfl_sync(~0u, gaussian, owner),
+                            i = place + __shfl_sync(~0u, place_to_instance, owner);
+        if (place >= total) continue;
+        const int candidate = word & 31, row = int((candidate + 0.5f) / of.width());  // far enough from whole numbers
+        lists.tile_keys[i] = Key((of.y0() + row) * tiles_x + of.x0() + candidate - row * of.width());
+        lists.instances[i] = g;
     }
 }
 
@@ -68,13 +105,13 @@ __global__ void __launch_bounds__(kBlock)
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x,
-                          const StepControl* __restrict__ control, const std::uint32_t* __restrict__ large) {
+                          const StepControl* __restrict__ control) {
     if (control->num_instances > lists.capacity) return;
     const std::uint32_t lane = threadIdx.x & 31;
     for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large;
          item += gridDim.x * kBlock / 32) {
-        const std::uint32_t k = large[item], gaussian = lists.order[k], stop = lists.offsets[k];
-        std::uint32_t at = k > 0 ? lists.offsets[k - 1] : 0;
+        const std::uint32_t gaussian = lists.large[item].x, stop = lists.large[item].y + lists.counts[gaussian];
+        std::uint32_t at = lists.large[item].y;
         const PackedSplat s = splats[gaussian];
         const TileRectangle r(s.bounds());
         for (int y = r.y0; y < r.y0 + r.height; y += 32) {
@@ -188,25 +225,25 @@ void CudaBinning::take_results(Carver& c, std::int64_t n, std::int64_t capacity,
     sorted_ = c.take<std::uint32_t>(capacity);
     tile_offsets_ = c.take<std::uint32_t>(bins_.num_tiles() + 1);
     longest_first_ = c.take<TileItem>(bins_.num_items());
+    ends_ = nullptr;
     if (!keep_slots) return;
     order_ = c.take<std::uint32_t>(n);
-    offsets_ = c.take<std::uint32_t>(n);
+    ends_ = c.take<std::uint32_t>(n);
     gaussians_ = c.take<std::uint32_t>(capacity);
 }
 
 void CudaBinning::take_temporaries(Carver& c) {
     input_.depth_keys = c.take<std::uint32_t>(n_);
     input_.spans = c.take<TileSpan>(n_);
-    sorted_keys_ = c.take<std::uint32_t>(n_);
-    if (!keep_slots_) order_ = c.take<std::uint32_t>(n_), offsets_ = c.take<std::uint32_t>(n_);
+    large_ = c.take<uint2>(n_);
+    if (!keep_slots_) order_ = c.take<std::uint32_t>(n_);
     const bool small = tile_bits() <= 16;
     const std::size_t key_words = small ? (capacity_ + 1) / 2 : capacity_;
     tile_keys_ = c.take<std::uint32_t>(key_words);
     sorted_tile_keys_ = c.take<std::uint32_t>(key_words);
     unsorted_ = keep_slots_ ? gaussians_ : c.take<std::uint32_t>(capacity_);
     std::size_t scan = 0;
-    GS_CUDA(cub::DeviceScan::InclusiveSum(nullptr, scan, CountIterator(nullptr, CountInOrder{nullptr}),
-                                          static_cast<std::uint32_t*>(nullptr), int(n_)));
+    GS_CUDA(ScanState::AllocationSize(int(num_blocks(n_, kWriteBlock)), scan));
     workspace_bytes_ = std::max({scan, sort_bytes<std::uint32_t>(n_, kDepthKeyBits),
                                  small ? sort_bytes<std::uint16_t>(capacity_, tile_bits())
                                        : sort_bytes<std::uint32_t>(capacity_, tile_bits())});
@@ -216,14 +253,28 @@ void CudaBinning::take_temporaries(Carver& c) {
 template <class Key>
 void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
-    const InstanceLists<Key> lists{std::uint32_t(capacity_), order_, offsets_, keys, unsorted_};
+    const InstanceLists<Key> lists{std::uint32_t(n_),
+                                   std::uint32_t(capacity_),
+                                   order_,
+                                   input_.counts,
+                                   input_.spans,
+                                   keys,
+                                   unsorted_,
+                                   ends_,
+                                   large_};
     // At least so many blocks that what lies behind the last instance is not left to a few.
-    const unsigned blocks = std::max(num_blocks(n_, kBlock), std::min(num_blocks(capacity_ + 1, kBlock), kManyBlocks));
-    write_instances<Key><<<blocks, kBlock, 0, stream>>>(lists, input_.spans, bins_.tiles_x, control, sorted_keys_);
+    const unsigned scanned = num_blocks(n_, kWriteBlock),
+                   blocks = std::max(scanned, std::min(num_blocks(capacity_ + 1, kWriteBlock), kManyBlocks));
+    ScanState sums;
+    GS_CUDA(sums.Init(int(scanned), workspace_, workspace_bytes_));
+    if (n_ > 0) {
+        begin_scan<<<num_blocks(scanned, kBlock), kBlock, 0, stream>>>(sums, int(scanned));
+        GS_CUDA_LAUNCHED("begin_scan");
+    }
+    write_instances<Key><<<blocks, kWriteBlock, 0, stream>>>(lists, sums, bins_.tiles_x, control);
     GS_CUDA_LAUNCHED("write_instances");
     if (n_ > 0) {
-        write_large_instances<Key>
-            <<<kManyBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control, sorted_keys_);
+        write_large_instances<Key><<<kManyBlocks, kBlock, 0, stream>>>(lists, splats, bins_.tiles_x, control);
         GS_CUDA_LAUNCHED("write_large_instances");
     }
     std::size_t bytes = workspace_bytes_;
@@ -238,7 +289,6 @@ void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control
 }
 
 CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
-    // Nobody reads the sorted depth keys, so their place then holds the list of large Gaussians.
     const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
     if (identities > identity_.capacity()) {
         identity_.reserve(identities);
@@ -247,12 +297,11 @@ CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cud
         GS_CUDA_LAUNCHED("fill_identity");
     }
     if (n_ > 0) {
+        // Nobody reads the sorted keys, so their place then holds the list of large Gaussians.
+        std::uint32_t* sorted_keys = reinterpret_cast<std::uint32_t*>(large_);
         std::size_t bytes = workspace_bytes_;
-        GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, input_.depth_keys, sorted_keys_, identity_.get(),
+        GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, input_.depth_keys, sorted_keys, identity_.get(),
                                                 order_, int(n_), 0, kDepthKeyBits, stream));
-        bytes = workspace_bytes_;
-        GS_CUDA(cub::DeviceScan::InclusiveSum(workspace_, bytes, CountIterator(order_, CountInOrder{input_.counts}),
-                                              offsets_, int(n_), stream));
     }
     if (tile_bits() <= 16)
         sort_instances<std::uint16_t>(splats, control, stream);

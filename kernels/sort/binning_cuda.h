@@ -30,7 +30,7 @@ class CudaBinning {
     CudaBins build(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
     /// Returns the order of the last build().
     const CudaBins& bins() const { return bins_; }
-    SlotMap slots() const { return {order_, offsets_}; }
+    SlotMap slots() const { return {order_, ends_}; }
     std::int64_t bytes() const { return identity_.bytes(); }
 
   private:
@@ -42,10 +42,10 @@ class CudaBinning {
     bool keep_slots_ = false;
     CudaBinningInput input_{};
     DeviceBuffer<std::uint32_t> identity_;  ///< 0, 1, 2, ...: the values to sort
+    uint2* large_ = nullptr;  ///< large Gaussians and their first instances; before that, sorted depth keys
     // Tile keys hold 16-bit values where these suffice.
-    std::uint32_t *sorted_keys_ = nullptr, *order_ = nullptr, *offsets_ = nullptr, *unsorted_ = nullptr,
-                  *gaussians_ = nullptr, *sorted_ = nullptr, *tile_offsets_ = nullptr, *tile_keys_ = nullptr,
-                  *sorted_tile_keys_ = nullptr;
+    std::uint32_t *order_ = nullptr, *ends_ = nullptr, *unsorted_ = nullptr, *gaussians_ = nullptr, *sorted_ = nullptr,
+                  *tile_offsets_ = nullptr, *tile_keys_ = nullptr, *sorted_tile_keys_ = nullptr;
     TileItem* longest_first_ = nullptr;
     unsigned char* workspace_ = nullptr;
     std::size_t workspace_bytes_ = 0;
