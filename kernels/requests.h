@@ -124,8 +124,6 @@ struct BackendOptions {
     bool half_residuals = false;
     /// CUDA: whether both Adam moments of a residual parameter share 32 bits (bfloat16).
     bool packed_moments = false;
-    /// CUDA: whether those of every other parameter of a Gaussian do.
-    bool packed_geometry_moments = false;
 };
 
 /// The rule of the MCMC strategy.

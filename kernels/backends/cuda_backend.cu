@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #include "appearance/model_info.h"
 #include "kernels/blend/median_cuda.h"
@@ -22,6 +23,12 @@ constexpr unsigned long long kMaxInstances = 0x7fffffff;
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
 /// The threads of a block that rounds parameters.
 constexpr int kHalfBlock = 256;
+
+std::uint32_t bits_of(float x) {
+    std::uint32_t bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
 
 __global__ void report_step(const StepControl* control, StepStatus* status) {
     status->num_instances = control->num_instances;
@@ -41,15 +48,21 @@ cudaStream_t make_stream() {
 /// Returns a group's moments as words of both (packed_moments.h), rounded to nearest.
 template <class Group> std::vector<float> packed(const Group& group) {
     std::vector<float> words(group.m.size());
-    for (std::size_t i = 0; i < words.size(); ++i)
-        words[i] = word_as_float(pack_moments(float_as_word(group.m[i]), float_as_word(group.v[i]), 0x8000));
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        const std::uint32_t word = pack_moments(bits_of(group.m[i]), bits_of(group.v[i]), 0x8000);
+        std::memcpy(&words[i], &word, sizeof word);
+    }
     return words;
 }
 
 /// Turns the words in a group's m into both moments.
 template <class Group> void unpack(Group& group) {
     group.v.resize(group.m.size());
-    for (std::size_t i = 0; i < group.m.size(); ++i) unpack_moments(group.m[i], group.v[i]);
+    for (std::size_t i = 0; i < group.m.size(); ++i) {
+        const std::uint32_t word = bits_of(group.m[i]), m = first_moment_bits(word), v = second_moment_bits(word);
+        std::memcpy(&group.m[i], &m, sizeof m);
+        std::memcpy(&group.v[i], &v, sizeof v);
+    }
 }
 
 __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
@@ -76,9 +89,7 @@ CudaBackend::CudaBackend(const ModelKernels& kernels, const BackendOptions& opti
       stream_(make_stream()),
       lazy_(model_, stream_),
       images_(options.image_budget, kInFlight) {
-    for (int g = 0; g < kNumGroups; ++g)
-        model_.packed_moments[g] =
-            Group(g) == Group::kResidual ? options.packed_moments : options.packed_geometry_moments;
+    model_.packed_moments = options.packed_moments;
     GS_CUDA(cudaMallocHost(&statuses_, kInFlight * sizeof(StepStatus)));
     for (cudaEvent_t& e : done_) GS_CUDA(cudaEventCreateWithFlags(&e, cudaEventDisableTiming));
     GS_CUDA(cudaMemsetAsync(control_.reserve(1), 0, sizeof(StepControl), stream_));

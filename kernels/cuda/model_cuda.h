@@ -14,8 +14,8 @@ struct CudaModel {
     std::int64_t without_residual = 0;  ///< the number of Gaussians without a residual: the last ones
     int width[kNumGroups] = {};
     DeviceBuffer<float> param[kNumGroups], m[kNumGroups], v[kNumGroups];  ///< (count, width)
-    bool packed_moments[kNumGroups] = {};  ///< m holds words of both moments, v is empty (packed_moments.h)
-    bool has_statistic = false;            ///< gradient_sum and gradient_count hold `count` values
+    bool packed_moments = false;  ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
+    bool has_statistic = false;   ///< gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
     /// In the place of the residuals and their moments while rows of a mixed model move (residual_handles_cuda.h).
     DeviceBuffer<float> handles[3];
@@ -29,7 +29,7 @@ struct CudaModel {
     std::size_t floats(int group) const { return std::size_t(rows(group)) * width[group]; }
     /// Returns the arrays that hold a group's moments. Zeros in them are moments of 0.
     std::vector<DeviceBuffer<float>*> moments(int group) {
-        if (packed_moments[group]) return {&m[group]};
+        if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
         return {&m[group], &v[group]};
     }
     ModelArrays arrays() const {

@@ -232,7 +232,7 @@ void CudaDensify::reset_opacity() {
     if (n == 0) return;
     cap_opacities<<<num_blocks(n, kRowBlock), kRowBlock, 0, stream_>>>(n, model_.param[g].get());
     GS_CUDA_LAUNCHED("cap_opacities");
-    for (auto* moment : model_.moments(g))
+    for (auto* moment : {&model_.m[g], &model_.v[g]})
         GS_CUDA(cudaMemsetAsync(moment->get(), 0, model_.floats(g) * sizeof(float), stream_));
     GS_CUDA(cudaStreamSynchronize(stream_));
 }

@@ -7,7 +7,6 @@
 #include "kernels/densify/densify_cuda.h"
 #include "kernels/densify/mcmc_device.h"
 #include "kernels/densify/rows_cuda.h"
-#include "kernels/optimizer/packed_moments.h"
 
 namespace gs {
 namespace {
@@ -30,17 +29,10 @@ struct LivingWeight {
 
 /// The sampling weight of a row where the model grows.
 struct GrowthWeight {
-    const float* raw_opacities;
-    const float* base_moments;  ///< the second ones, or words of both; null where only opacity counts
-    bool packed;
+    const float *raw_opacities, *base_second_moments;  ///< the latter is null where only opacity counts
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
-        if (!base_moments) return sampling_weight(raw_opacities[i]);
-        float second[3];
-        for (int c = 0; c < 3; ++c) {
-            second[c] = base_moments[3 * std::int64_t(i) + c];
-            if (packed) second[c] = word_as_float(second_moment_bits(float_as_word(second[c])));
-        }
-        return gradient_weight(raw_opacities[i], second);
+        return base_second_moments ? gradient_weight(raw_opacities[i], base_second_moments + 3 * std::int64_t(i))
+                                   : sampling_weight(raw_opacities[i]);
     }
 };
 
@@ -138,10 +130,8 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
         };
     };
     const auto scan_living = scan_of(LivingWeight{is_dead});
-    constexpr int base = int(Group::kBase);
     const auto scan_growth =
-        scan_of(GrowthWeight{is_dead.raw_opacities, params.by_gradient ? model_.moments(base).back()->get() : nullptr,
-                             model_.packed_moments[base]});
+        scan_of(GrowthWeight{is_dead.raw_opacities, params.by_gradient ? model_.v[int(Group::kBase)].get() : nullptr});
     cub.ask(select), cub.ask(scan_living), cub.ask(scan_growth);
     scratch_.carve([&](Carver& c) {
         space = {c.take<std::uint64_t>(n), c.take<int>(n), c.take<std::uint32_t>(n),

@@ -21,7 +21,9 @@ struct MomentRows {
     }
     /// Turns what load() gave into both moments.
     __device__ void unpack(float& mm, float& vv) const {
-        if (!v) unpack_moments(mm, vv);
+        if (v) return;
+        const unsigned word = __float_as_uint(mm);
+        mm = __uint_as_float(first_moment_bits(word)), vv = __uint_as_float(second_moment_bits(word));
     }
     /// Stores both moments of a value. `seed` depends on the rows and the step.
     __device__ void store(int at, float mm, float vv, std::uint32_t seed) const {

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <cstdint>
-#include <cstring>
 
 #include "kernels/core/portable.h"
 
@@ -27,27 +26,8 @@ GS_HD std::uint32_t pack_moments(std::uint32_t m_bits, std::uint32_t v_bits, std
     return (m & 0xffff0000u) | v >> 16;
 }
 
-/// Returns the float of a word's bits.
-GS_HD float word_as_float(std::uint32_t word) {
-    float x;
-    memcpy(&x, &word, sizeof x);
-    return x;
-}
-/// Returns the word of a float's bits.
-GS_HD std::uint32_t float_as_word(float x) {
-    std::uint32_t word;
-    memcpy(&word, &x, sizeof word);
-    return word;
-}
-
 /// Returns the bits of one moment in a word.
 GS_HD std::uint32_t first_moment_bits(std::uint32_t word) { return word & 0xffff0000u; }
 GS_HD std::uint32_t second_moment_bits(std::uint32_t word) { return word << 16; }
-
-/// Turns a word in m into both moments.
-GS_HD void unpack_moments(float& m, float& v) {
-    const std::uint32_t word = float_as_word(m);
-    m = word_as_float(first_moment_bits(word)), v = word_as_float(second_moment_bits(word));
-}
 
 }  // namespace gs

@@ -5,7 +5,6 @@
 
 #include "kernels/model/adam_device.h"
 #include "kernels/model/model_arrays.h"
-#include "kernels/optimizer/packed_moments.h"
 #include "kernels/optimizer/sgld_noise_device.h"
 #include "kernels/requests.h"
 #include "kernels/splat/gaussian_rows_device.h"
@@ -39,27 +38,8 @@ template <int kWidth> struct Row {
     GS_HD Row(const ModelArrays& a, Group row_group, std::int64_t i) : group(row_group) {
         const std::int64_t at = i * kWidth;
         const int k = int(group);
-        // Where m holds both moments it is read twice: loads behind a branch would wait for each other.
-        const float* second = a.v[k] ? a.v[k] : a.m[k];
         GS_UNROLL
-        for (int c = 0; c < kWidth; ++c) p[c] = a.param[k][at + c], m[c] = a.m[k][at + c], v[c] = second[at + c];
-    }
-    /// Turns what was loaded into both moments, where one word holds them. It is apart from loading, so that all loads
-    /// are on their way at once.
-    GS_HD void unpack(const ModelArrays& a) {
-        if (a.v[int(group)]) return;
-        GS_UNROLL
-        for (int c = 0; c < kWidth; ++c) unpack_moments(m[c], v[c]);
-    }
-    /// Turns both moments into one word in m, where one holds them. `seed` depends on the row and the step.
-    GS_HD void pack(const ModelArrays& a, std::uint32_t seed) {
-        if (a.v[int(group)]) return;
-        std::uint32_t random = 0;
-        GS_UNROLL
-        for (int c = 0; c < kWidth; ++c) {
-            random = c % 2 ? random >> 16 : mix_bits(seed + 16 * int(group) + c);
-            m[c] = word_as_float(pack_moments(float_as_word(m[c]), float_as_word(v[c]), random));
-        }
+        for (int c = 0; c < kWidth; ++c) p[c] = a.param[k][at + c], m[c] = a.m[k][at + c], v[c] = a.v[k][at + c];
     }
     GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) { step(u, u.steps[int(group)], gradient); }
     GS_HD void step(const UpdateArgs& u, const AdamStep<float>& t, const float (&gradient)[kWidth]) {
@@ -70,10 +50,7 @@ template <int kWidth> struct Row {
         const std::int64_t at = i * kWidth;
         const int k = int(group);
         GS_UNROLL
-        for (int c = 0; c < kWidth; ++c) {
-            a.param[k][at + c] = p[c], a.m[k][at + c] = m[c];
-            if (a.v[k]) a.v[k][at + c] = v[c];
-        }
+        for (int c = 0; c < kWidth; ++c) a.param[k][at + c] = p[c], a.m[k][at + c] = m[c], a.v[k][at + c] = v[c];
     }
 };
 
@@ -136,8 +113,6 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
     Row<1> opacity(a, Group::kOpacity, i);
-    const auto for_rows = [&](auto fn) { fn(mean), fn(scale), fn(rotation), fn(opacity), fn(base); };
-    for_rows([&](auto& row) { row.unpack(a); });
     mean.step(u, mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
     scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
     rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
@@ -152,8 +127,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
         const Vec3<float> d = sgld_noise(now, u.noise, u.seed, u.iteration, std::uint32_t(i));
         mean.p[0] += d.x, mean.p[1] += d.y, mean.p[2] += d.z;
     }
-    const std::uint32_t seed = mix_bits(std::uint32_t(i) ^ mix_bits(std::uint32_t(u.iteration)));
-    for_rows([&](auto& row) { row.pack(a, seed), write(row); });
+    write(mean), write(scale), write(rotation), write(opacity), write(base);
 }
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
     update_gaussian(a, u, i, g, [&](const auto& row) { row.write(a, i); });

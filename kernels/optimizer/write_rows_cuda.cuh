@@ -18,7 +18,7 @@ class WarpRowWriter {
         const int k = int(row.group);
         write(arrays_.param[k] + first_ * kWidth, row.p);
         write(arrays_.m[k] + first_ * kWidth, row.m);
-        if (arrays_.v[k]) write(arrays_.v[k] + first_ * kWidth, row.v);
+        write(arrays_.v[k] + first_ * kWidth, row.v);
     }
 
   private:

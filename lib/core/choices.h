@@ -40,8 +40,8 @@ enum class MaskMode { kIgnore, kTransparent };
 enum class AlphaMode { kTransparent, kMask };
 /// The precision in which frames read the residual of the appearance.
 enum class AppearanceStorage { kFp32, kFp16 };
-/// The precision of Adam's moments.
-enum class Moments { kFp32, kBf16 };
+/// The precision of Adam's moments of the residual.
+enum class AppearanceMoments { kFp32, kBf16 };
 /// The least important messages that are shown.
 enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };
 
@@ -60,7 +60,7 @@ template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::st
 template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
 template <> inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::string_view>({"transparent", "mask"});
 template <> inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});
-template <> inline constexpr auto kWordsOf<Moments> = std::to_array<std::string_view>({"fp32", "bf16"});
+template <> inline constexpr auto kWordsOf<AppearanceMoments> = std::to_array<std::string_view>({"fp32", "bf16"});
 template <>
 inline constexpr auto kWordsOf<LogLevel> = std::to_array<std::string_view>({"trace", "debug", "info", "warn", "error"});
 template <>

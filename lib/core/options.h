@@ -21,9 +21,10 @@ struct ModelOptionField {
 
 /// Where an option is stored; the alternative is its type.
 template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOptionField>;
-using OptionField = FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>,
-                            Background, ScheduleKind, GrowthBy, Recipe, Preset, SizeOf, Strategy, Device, PpispMode,
-                            VerifyImages, MaskMode, AlphaMode, AppearanceStorage, Moments, LogLevel, ColorActivation>;
+using OptionField =
+    FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>, Background,
+            ScheduleKind, GrowthBy, Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode,
+            AlphaMode, AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
 
 /// Returns the value that `field` names in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }

@@ -174,9 +174,6 @@ std::vector<Option> precision_options() {
         choice("appearance-moments", &O::appearance_moments,
                "on the GPU: precision of the optimizer's moments of the same parameters; bf16 takes a third of their "
                "training memory away"),
-        choice("geometry-moments", &O::geometry_moments,
-               "on the GPU: precision of the moments of all other parameters of a Gaussian; bf16 takes a third of "
-               "their training memory away"),
     };
 }
 

@@ -18,18 +18,15 @@ BackendOptions backend_options(const TrainOptions& options) {
             .min_alpha = kMinAlpha * options.alpha_cutoff,
             .min_transmittance = options.transmittance_cutoff,
             .half_residuals = options.appearance_storage == AppearanceStorage::kFp16,
-            .packed_moments = options.appearance_moments == Moments::kBf16,
-            .packed_geometry_moments = options.geometry_moments == Moments::kBf16};
+            .packed_moments = options.appearance_moments == AppearanceMoments::kBf16};
 }
 
 std::unique_ptr<Backend> make_backend(Device device, const AppearanceSpec& appearance, const BackendOptions& options) {
     const bool cuda = uses_cuda(device);
-    const char* gpu_only = options.half_residuals            ? "appearance-storage: fp16"
-                           : options.packed_moments          ? "appearance-moments: bf16"
-                           : options.packed_geometry_moments ? "geometry-moments: bf16"
-                                                             : nullptr;
-    if (!cuda && gpu_only)
-        throw UsageError(std::string("option ") + gpu_only + " needs a GPU; the CPU computes in fp32");
+    if (!cuda && (options.half_residuals || options.packed_moments))
+        throw UsageError(std::string("option ") +
+                         (options.half_residuals ? "appearance-storage: fp16" : "appearance-moments: bf16") +
+                         " needs a GPU; the CPU computes in fp32");
     return cuda ? make_cuda_backend(appearance, options) : make_cpu_backend(appearance, options);
 }
 
