@@ -21,6 +21,15 @@ __global__ void fill_identity(std::uint32_t n, std::uint32_t* indices) {
     if (i < n) indices[i] = i;
 }
 
+/// Returns the sum of `x` over the lanes up to this one.
+__device__ std::uint32_t inclusive_sum(std::uint32_t x) {
+    for (int d = 1; d < 32; d *= 2) {
+        const std::uint32_t other = __shfl_up_sync(~0u, x, d);
+        if (int(threadIdx.x & 31) >= d) x += other;
+    }
+    return x;
+}
+
 /// What writing instances reads and writes.
 template <class Key> struct InstanceLists {
     std::uint32_t n, capacity;
@@ -77,12 +86,7 @@ __global__ void __launch_bounds__(kWriteBlock)
 
     // Lanes have different numbers of instances: the warp lists them, and then each lane writes every 32nd.
     std::uint16_t* list = candidates[threadIdx.x / 32];
-    const std::uint32_t lane = threadIdx.x & 31, own = small ? count : 0;
-    std::uint32_t end = own;
-    for (int d = 1; d < 32; d *= 2) {
-        const std::uint32_t other = __shfl_up_sync(~0u, end, d);
-        if (int(lane) >= d) end += other;
-    }
+    const std::uint32_t lane = threadIdx.x & 31, own = small ? count : 0, end = inclusive_sum(own);
     std::uint32_t at = end - own;
     const std::uint32_t place_to_instance = start - at, total = __shfl_sync(~0u, end, 31);
     if (small)
@@ -91,12 +95,13 @@ __global__ void __launch_bounds__(kWriteBlock)
     __syncwarp();
     for (std::uint32_t place = lane; place - lane < total; place += 32) {
         const std::uint32_t word = place < total ? list[place] : 0, owner = word >> 5;
-        const TileSpan of{__shfl_sync(~0u, span.where, owner), 0};
+        const TileSpan tiles{__shfl_sync(~0u, span.where, owner), 0};
         const std::uint32_t g = __shfl_sync(~0u, gaussian, owner),
                             i = place + __shfl_sync(~0u, place_to_instance, owner);
         if (place >= total) continue;
-        const int candidate = word & 31, row = int((candidate + 0.5f) / of.width());  // far enough from whole numbers
-        lists.tile_keys[i] = Key((of.y0() + row) * tiles_x + of.x0() + candidate - row * of.width());
+        // The half keeps the quotient away from whole numbers, which the rounding could cross.
+        const int candidate = word & 31, row = int((candidate + 0.5f) / tiles.width());
+        lists.tile_keys[i] = Key((tiles.y0() + row) * tiles_x + tiles.x0() + candidate - row * tiles.width());
         lists.instances[i] = g;
     }
 }
@@ -180,11 +185,7 @@ __global__ void __launch_bounds__(kOrderThreads)
     if (threadIdx.x < 32) {  // exclusive scan by one warp, eight bins a lane
         std::uint32_t own[kLengths / 32], sum = 0;
         for (int k = 0; k < kLengths / 32; ++k) own[k] = place[threadIdx.x * (kLengths / 32) + k], sum += own[k];
-        std::uint32_t before = sum;
-        for (int d = 1; d < 32; d *= 2) {
-            const std::uint32_t other = __shfl_up_sync(~0u, before, d);
-            if (int(threadIdx.x) >= d) before += other;
-        }
+        std::uint32_t before = inclusive_sum(sum);
         if (threadIdx.x == 31) listed = before;
         before -= sum;
         for (int k = 0; k < kLengths / 32; ++k) place[threadIdx.x * (kLengths / 32) + k] = before, before += own[k];

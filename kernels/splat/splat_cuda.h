@@ -61,7 +61,7 @@ class EllipseRows {
   public:
     __device__ explicit EllipseRows(const Splat<float>& s)
         : my_(s.mean.y), inverse_a_(1 / s.a), slope_(-s.b * inverse_a_) {
-        // ac - b^2 cancels for needles, so that what the product b^2 rounds off must be added again.
+        // ac - b^2 cancels for needles, so what the rounding takes from b^2 is added again.
         const float b2 = __fmul_rn(s.b, s.b);
         curvature_ = (__fmaf_rn(s.a, s.c, -b2) + __fmaf_rn(-s.b, s.b, b2)) * inverse_a_;
         reach_ = 2 * touch_threshold(s);
