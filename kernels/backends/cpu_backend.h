@@ -302,7 +302,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         // which read and write a key of 8 bytes, and finds the tiles of a Gaussian by 8 bytes.
         const double geometry_bytes = 4 * 11, color_bytes = 4 * (values - 11);
         // The instructions are counted in the templates: fragment_alpha 17 (10 of them for exp2) + blend_fragment 10
-        // forward, fragment_alpha 17 + blend_fragment_backward 34 backward. A splat has 40 bytes, its sums 36.
+        // forward, fragment_alpha 17 + blend_fragment_backward 32 backward. A splat has 40 bytes, its sums 36.
         std::vector<StageCost> costs = {
             {"preprocess", s.preprocess, gaussians, "Gaussian",
              gaussians * (geometry_bytes + 4) + work_.visible * (color_bytes + 40 + 4 + 8) + work_.instances * 4,

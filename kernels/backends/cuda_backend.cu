@@ -215,8 +215,9 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     binning_.take_temporaries(c);
     if (!sizes.for_step) return;
     c.rewind(at);
-    blend_.take(c, sizes.capacity, tiles);
     sums_ = c.take<PackedSums>(sizes.n);
+    // In a fixed order sums are written, not added to.
+    blend_.take(c, sizes.capacity, tiles, sums_, options_.deterministic ? 0 : sizes.n);
     if (kernels_.shared.count > 0)
         shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
                                      std::size_t(kernels_.shared.count));
@@ -285,7 +286,7 @@ BlendImage CudaBackend::blend_image(const CameraParams<float>& camera, Vec3<floa
 }
 
 CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
-                                     bool for_backward, const std::function<void()>& fill) {
+                                     bool for_backward, const std::function<void()>& fill, std::int64_t most) {
     if (std::max(camera.width, camera.height) > kMaxSide)
         throw DeviceError("image of " + std::to_string(camera.width) + "x" + std::to_string(camera.height) +
                           " pixels: the CUDA backend takes up to " + std::to_string(kMaxSide) + " a side");
@@ -302,22 +303,24 @@ CudaBins CudaBackend::enqueue_splats(const CameraParams<float>& camera, std::int
     GS_CUDA(cudaMemsetAsync(control_.get(), 0, offsetof(StepControl, stopped), stream_));
     if (n > 0) fill();
     times_.end(CudaStage::kPreprocess, stream_);
-    const CudaBins bins = binning_.build(splats_, control_.get(), stream_);
+    const CudaBins bins = binning_.build(splats_, std::min(most, capacity_), control_.get(), stream_);
     times_.end(CudaStage::kSort, stream_);
     blend_.forward(bins, splats_, blend_image(camera, background), control_.get(), for_backward, stream_);
     times_.end(CudaStage::kBlend, stream_);
     return bins;
 }
 
-CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward) {
+CudaBins CudaBackend::enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward,
+                                      std::int64_t most) {
     const auto complete = [&] {
         args.shared = {model_.shared_prepared.get(), shared_sums_};
         args.separate = separate_;
     };
-    const CudaBins bins = enqueue_splats(args.camera, model_.count, background, for_backward, [&] {
+    const auto fill = [&] {
         complete();
         kernels_.preprocess(args, splats_, binning_.input(), control_.get(), stream_);
-    });
+    };
+    const CudaBins bins = enqueue_splats(args.camera, model_.count, background, for_backward, fill, most);
     complete();
     return bins;
 }
@@ -330,7 +333,7 @@ void CudaBackend::make_room(unsigned long long num_instances) {
                           "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg "
                           "or render at a lower --resolution");
     needed_ = std::max(needed_, std::int64_t(num_instances));
-    capacity_ = room_for(std::int64_t(num_instances));
+    if (std::int64_t(num_instances) > capacity_) capacity_ = room_for(std::int64_t(num_instances));
 }
 
 void CudaBackend::forget(const Step& s) {
@@ -468,6 +471,7 @@ void CudaBackend::launch(Step s, const TargetImage& target) {
     in_flight_.push_back(std::move(s));
     Step& step = in_flight_.back();
     step.slot = next_slot_;
+    step.view = target.id;
     step.request.target = {};
     try {
         step.target = images_.get(target, step.slot, stream_);
@@ -484,7 +488,7 @@ void CudaBackend::enqueue(const Step& s) {
     const StepRequest& r = s.request;
     StepControl* control = control_.get();
     PreprocessArgs args = preprocess_args(r.camera, RenderMode::kFull, s.lazy);
-    const CudaBins bins = enqueue_forward(args, r.background, true);
+    const CudaBins bins = enqueue_forward(args, r.background, true, forecast_.most(s.view));
     enqueue_loss(r, s.target);
     if (s.isp_step) ppisp_.step_parameters(r.isp_rate, s.isp_step, control, stream_);
     times_.end(CudaStage::kCorrectBackward, stream_);
@@ -507,7 +511,6 @@ void CudaBackend::enqueue_loss(const StepRequest& r, const DeviceTarget& target)
 }
 
 void CudaBackend::enqueue_sums(const StepRequest& r, std::int64_t n, const CudaBins& bins) {
-    if (!options_.deterministic) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
     const SlotMap slots = binning_.slots();
     const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
     blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control_.get(), stream_);
@@ -554,6 +557,7 @@ void CudaBackend::finish_oldest() {
     const Step& s = in_flight_.front();
     GS_CUDA(cudaEventSynchronize(done_[s.slot]));
     const StepStatus status = statuses_[s.slot];
+    forecast_.note(s.view, std::int64_t(status.num_instances));
     if (status.stopped) {
         // This step and all after it changed nothing.
         GS_CUDA(cudaStreamSynchronize(stream_));
@@ -720,11 +724,11 @@ ResidualScores CudaBackend::residual_scores(std::size_t num_views, const StepSou
         const SlotMap slots = binning_.slots();
         const BlendGradients gradients{dL_dimage_, sums_, n, options_.deterministic ? &slots : nullptr};
         const auto backward = [&] {
-            if (n > 0) GS_CUDA(cudaMemsetAsync(sums_, 0, n * sizeof(PackedSums), stream_));
             blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control_.get(), stream_);
         };
         backward();
         scores.keep_gradients(binning_.input().counts, sums_);
+        blend_.begin_again(stream_);
         write_weights(target, dL_dimage_, stream_);
         backward();
         scores.add(params(), binning_.input().counts, splats_, sums_);

@@ -8,8 +8,10 @@
 
 #include <deque>
 #include <functional>
+#include <limits>
 
 #include "kernels/backends/images_cuda.h"
+#include "kernels/backends/instance_forecast.h"
 #include "kernels/backends/model_kernels_cuda.h"
 #include "kernels/backends/rank_device_cuda.h"
 #include "kernels/backends/recent_most.h"
@@ -104,6 +106,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     struct Step {
         StepRequest request;  ///< its target holds no pointers; `target` does
         DeviceTarget target;
+        std::int64_t view = -1;            ///< id of the target
         std::int64_t adam_step = 0;        ///< Adam's step of the Gaussians; 0: they do not change
         std::int64_t isp_step = 0;         ///< step of PPISP's parameters; 0: they do not change
         std::int64_t controller_step = 0;  ///< step of a controller; 0: it does not change
@@ -127,11 +130,13 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     /// Puts a step in flight, where it stays if it could be enqueued.
     void launch(Step step, const TargetImage& target);
     /// Enqueues the forward pass of `n` splats, which fill() writes with all that binning reads, once their buffers are
-    /// laid out.
+    /// laid out. It stops where there are more than `most` instances.
     CudaBins enqueue_splats(const CameraParams<float>& camera, std::int64_t n, Vec3<float> background,
-                            bool for_backward, const std::function<void()>& fill);
+                            bool for_backward, const std::function<void()>& fill,
+                            std::int64_t most = std::numeric_limits<std::int64_t>::max());
     /// Enqueues the forward pass, and completes `args` with the buffers that it lays out.
-    CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward);
+    CudaBins enqueue_forward(PreprocessArgs& args, Vec3<float> background, bool for_backward,
+                             std::int64_t most = std::numeric_limits<std::int64_t>::max());
     /// Enqueues a view, making room until it fits, and waits.
     CudaBins forward_whole(const std::function<CudaBins()>& enqueue);
     CudaBins forward_whole(const RenderRequest& request, bool for_backward = false);
@@ -197,6 +202,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     Sizes sizes_;
     std::int64_t capacity_ = 0, needed_ = 0;  ///< number of instances that there is room for, and that were seen
     RecentMost recent_instances_;
+    InstanceForecast forecast_;
     int largest_width_ = 0, largest_height_ = 0;  ///< largest sides of any view so far
     PackedSplat* splats_ = nullptr;
     PackedSums* sums_ = nullptr;

@@ -184,6 +184,7 @@ void CudaBackend::residuals_of_splats(const SplatParts& splats, const StepReques
             sums.on_host(to);
         };
         download_sums(gradients);
+        blend_.begin_again(stream_);
         write_weights(target, dL_dimage_, stream_);
         download_sums(weights);
     }

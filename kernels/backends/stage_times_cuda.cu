@@ -11,7 +11,7 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
     // The bytes are those that each stage must at least read and write once. A splat has 48 bytes, its sums 36 of 48.
     // Radix sorts move key and value once a pass: three passes for the depth (8 bytes), two for the tile (6 bytes). The
     // instructions are counted in the templates: fragment_alpha 10 and blend_fragment 10 forward, and 120 that find the
-    // sub-tiles which an instance reaches; 10, fragment_gradient 16 and two stores backward.
+    // sub-tiles which an instance reaches; 10, fragment_gradient 14 and two stores backward.
     std::vector<StageCost> costs = {
         {"preprocess", seconds(CudaStage::kPreprocess), gaussians_, "Gaussian",
          gaussians_ * (44 + 8) + visible_ * (12 + 4 * residual_width + 48 + 8), visible_ * (260 + operations), "",
@@ -29,7 +29,7 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          "the separable filters read 27 values from shared memory per pixel and channel, beside the FMAs that the "
          "floor counts"},
         {"blend backward", seconds(CudaStage::kBlendBackward), pairs_, "pixel x Gaussian",
-         instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 28,
+         instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 26,
          "as blend; also, the values that the tensor cores add up pass through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian",
          gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),

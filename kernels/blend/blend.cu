@@ -93,14 +93,14 @@ __device__ void write_pixel(const BlendImage& image, int2 pixel, const PixelForw
 }
 
 /// Lists the chunks of a tile's first `processed` instances for the backward pass. All threads of the block take part.
-__device__ void list_chunks(BlockMemory& shared, int tile, std::uint32_t tile_begin, unsigned processed,
+__device__ void list_chunks(BlockMemory& shared, int tile, int2 corner, std::uint32_t tile_begin, unsigned processed,
                             const BlendTrail& trail, StepControl* control) {
     const unsigned count = (processed + kChunk - 1) / kChunk;
     if (threadIdx.x == 0 && count) shared.first_chunk = atomicAdd(&control->num_chunks, count);
     __syncthreads();
     for (std::uint32_t k = threadIdx.x; k < count; k += kCudaTilePixels)
-        trail.chunks[shared.first_chunk + k] = {std::uint32_t(tile), k * kChunk,
-                                                k ? first_checkpoint(tile_begin) + k - 1 : 0};
+        trail.chunks[shared.first_chunk + k] = {std::uint32_t(tile), tile_begin, k * kChunk,
+                                                std::uint32_t(corner.x | corner.y << 16)};
 }
 
 /// Lists the addresses of the splats that reach a warp's sub-tile, and behind them, kMostAtOnce times, that of a splat
@@ -167,8 +167,8 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     const float px = mine.pixel.x + 0.5f, py = mine.pixel.y + 0.5f;
     const auto save_state = [&](std::uint32_t before, const PixelForward<float>& so_far) {
         if (mine.slot == 0)
-            trail.checkpoints[std::size_t(first_checkpoint(begin) + before / kChunk - 1) * kCudaTilePixels +
-                              mine.in_tile] = make_float4(so_far.r, so_far.g, so_far.b, so_far.t);
+            trail.checkpoints[checkpoint_before(begin, before) * kCudaTilePixels + mine.in_tile] =
+                make_float4(so_far.r, so_far.g, so_far.b, so_far.t);
     };
     const auto gaussian = [&](std::uint32_t at) {
         if (at >= end) return 0u;
@@ -184,7 +184,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
         wait_for_splat();
         unsigned reached = 0, word = 0;
         if (at < end)
-            reached = reached_sub_tiles(stage(shared.splats[buffer][threadIdx.x]), corner, mine.offset,
+            reached = reached_sub_tiles(shared.splats[buffer][threadIdx.x].splat(), corner, mine.offset,
                                         {mine.kWidth, mine.kHeight});
 #pragma unroll
         for (int k = 0; k < kSubTiles; ++k) {
@@ -260,7 +260,7 @@ __device__ void blend_tile(BlockMemory& shared, const CudaBins& bins, int tile, 
     if (threadIdx.x == 0 && shared.pairs) atomicAdd(&control->num_pairs, (unsigned long long)shared.pairs);
     // One of four blocks knows only of its own pixels: it lists all chunks, of which some may be empty.
     if (kAbreast == 1 || quarter == 0)
-        list_chunks(shared, tile, begin, kAbreast == 1 ? shared.processed : end - begin, trail, control);
+        list_chunks(shared, tile, corner, begin, kAbreast == 1 ? shared.processed : end - begin, trail, control);
 }
 
 template <bool kForBackward>
@@ -268,6 +268,11 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
     blend_forward(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image,
                   StepControl* __restrict__ control, BlendTrail trail) {
     __shared__ BlockMemory shared;
+    if (kForBackward && blockIdx.x == 0 && threadIdx.x == 0) *trail.next_item = 0;
+    if (kForBackward)  // the writes end while the block blends, which leaves the memory idle
+        for (std::size_t k = blockIdx.x * kCudaTilePixels + threadIdx.x; k < trail.num_zeros;
+             k += gridDim.x * kCudaTilePixels)
+            trail.zeros[k] = {};
     const TileItem item = bins.longest_first[blockIdx.x];
     if (item.is_none()) return;
     if (item.is_whole())
@@ -278,8 +283,10 @@ __global__ void __launch_bounds__(kCudaTilePixels, 6)
 
 }  // namespace
 
-void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles) {
+void CudaBlend::take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums* sums, std::int64_t num_sums) {
     capacity_ = capacity;
+    trail_.zeros = reinterpret_cast<float4*>(sums);
+    trail_.num_zeros = std::size_t(num_sums) * (sizeof *sums / sizeof(float4));
     // A list of n instances has ceil(n / kChunk) chunks, and one checkpoint less.
     trail_.checkpoints = c.take<float4>(std::size_t(capacity / kChunk) * kCudaTilePixels);
     trail_.chunks = c.take<BlendChunk>(capacity / kChunk + num_tiles);

@@ -120,7 +120,7 @@ void blend_tile_backward(const TileInput<Real>& in, std::int64_t num_processed, 
             gb[p] = dL_dimage[i + 2 * plane];
             background[p] =
                 transmittance[i] * (gr[p] * in.background.x + gg[p] * in.background.y + gb[p] * in.background.z);
-            behind[p] = image[i] * gr[p] + image[i + plane] * gg[p] + image[i + 2 * plane] * gb[p] - background[p];
+            behind[p] = image[i] * gr[p] + image[i + plane] * gg[p] + image[i + 2 * plane] * gb[p];
         }
     for (std::int64_t k = 0; k < in.num_instances; ++k) {
         SplatSums<Real>& out = sums[in.instances[k].slot];

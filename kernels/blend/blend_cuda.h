@@ -31,9 +31,10 @@ struct alignas(16) PackedSums {
 };
 
 /// A part of a tile's list. Each of the tile's sub-tiles walks it with a warp of its own.
-struct BlendChunk {
-    std::uint32_t tile, first;  ///< instances first .. first+kChunk of the tile
-    std::uint32_t checkpoint;   ///< state before `first`; unused for the first chunk
+struct alignas(16) BlendChunk {
+    std::uint32_t tile, tile_begin;  ///< the tile, and the first instance of its list
+    std::uint32_t first;             ///< instances first .. first+kChunk of the tile
+    std::uint32_t corner;            ///< the tile's first pixel: x | y << 16
 };
 
 /// What the forward pass keeps for the backward pass.
@@ -43,6 +44,8 @@ struct BlendTrail {
     std::uint32_t* hits = nullptr;       ///< by 32 instances and sub-tile: which of them changed a pixel of it
     std::uint32_t* processed = nullptr;  ///< by tile and sub-tile: instances until all its pixels were finished
     unsigned* next_item = nullptr;       ///< the next chunk and sub-tile for a warp of the backward pass
+    float4* zeros = nullptr;             ///< what the forward pass sets to 0 beside its work
+    std::size_t num_zeros = 0;
 };
 
 /// Gradients that go into and come out of the backward pass.
@@ -50,7 +53,7 @@ struct BlendGradients {
     const float* dL_dimage;  ///< (3,H,W)
     PackedSums* sums;        ///< (n)
     std::int64_t n;
-    const SlotMap* slots;  ///< null: float atomics add to the sums, which the caller zeroed
+    const SlotMap* slots;  ///< null: float atomics add to the sums, which are 0 before
 };
 
 /// What a view is blended into.
@@ -63,8 +66,9 @@ struct BlendImage {
 
 class CudaBlend {
   public:
-    /// Takes the buffers that live from the forward to the backward pass.
-    void take(Carver& c, std::int64_t capacity, int num_tiles);
+    /// Takes the buffers that live from the forward to the backward pass. A forward pass for a backward pass sets the
+    /// first `num_sums` sums to 0.
+    void take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums* sums, std::int64_t num_sums);
     /// Takes the buffer that only the backward pass with a fixed order of sums uses.
     void take_partial_sums(Carver& c, std::int64_t capacity);
 
@@ -75,6 +79,8 @@ class CudaBlend {
     /// added up in the order of its instances; those of invisible Gaussians are left alone.
     void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
                   const BlendGradients& gradients, const StepControl* control, cudaStream_t stream);
+    /// Sets the sums to 0 for another backward pass of the same forward pass.
+    void begin_again(cudaStream_t stream);
 
   private:
     std::int64_t capacity_ = 0;

@@ -14,16 +14,6 @@ namespace gs {
 /// The largest score of one fragment. Larger ones come from colours that no image holds.
 inline constexpr double kLargestScore = 1e30;
 
-/// A splat with its conic scaled so that alpha = opacity * 2^(qa dx^2 + qb dx dy + qc dy^2).
-template <class P> struct FragmentShape {
-    P mx, my, qa, qb, qc, opacity;
-
-    template <class T> static GS_HD FragmentShape from(const Splat<T>& s) {
-        const T k = T(-0.5 * kLog2E);
-        return {P(s.mean.x), P(s.mean.y), P(k * s.a), P(T(2) * k * s.b), P(k * s.c), P(s.opacity)};
-    }
-};
-
 template <class P> struct FragmentAlpha {
     P dx, dy;  ///< splat mean - pixel centre
     P alpha;   ///< alpha before the comparison with the cutoff
@@ -71,8 +61,8 @@ GS_HD void pass_median(PixelForward<P>& s, P alpha, P cr, P cg, P cb, const Cuto
     s.t = blended.t;
 }
 
-/// The front-to-back state of a pixel in the backward pass. `behind` is dL/dpixel . (colour still to come), so one
-/// scalar replaces three; `background` is T_final dL/dpixel . bg.
+/// The front-to-back state of a pixel in the backward pass. `behind` is dL/dpixel . (light that is still to come), so
+/// one scalar replaces three; `background`, its part from the background, is T_final dL/dpixel . bg.
 template <class P> struct PixelBackward {
     P t, behind;
     P gr, gg, gb;  ///< dL/dpixel
@@ -82,25 +72,28 @@ template <class P> struct PixelBackward {
 /// The factors of one fragment's gradients: w = T alpha for the colour, h = -alpha dL/dalpha for the shape.
 template <class P> struct FragmentGradient { P w, h; };
 
-/// The weight w = T alpha and dL/dalpha of one fragment. Both are 0 where it is not blended.
-template <class P> struct FragmentSlope { P w, dL_dalpha; };
+/// A fragment as it was blended. All but `inverse` are 0 where it was not.
+template <class P> struct PassedFragment {
+    P alpha;
+    P w;        ///< T alpha
+    P color;    ///< w dL/dpixel . colour
+    P inverse;  ///< 1 / (1 - alpha)
+};
 
-/// Passes one fragment on the way from front to back, and returns its w and dL/dalpha. `t`, `behind` and `background`
-/// are those of PixelBackward; color_gradient is dL/dpixel . colour of the fragment.
+/// Passes one fragment on the way from front to back. `t`, `behind` and `background` are those of PixelBackward;
+/// color_gradient is dL/dpixel . colour of the fragment.
 template <class P, class T>
-GS_HD FragmentSlope<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
-                                     const Cutoffs<T>& cutoffs) {
-    const P zero(T(0)), one(T(1));
+GS_HD PassedFragment<P> pass_fragment(P& t, P& behind, P background, P alpha, P color_gradient,
+                                      const Cutoffs<T>& cutoffs) {
+    const P one(T(1));
     const auto active = at_least(alpha, P(cutoffs.alpha)) & at_least(t, P(cutoffs.transmittance));
-    const P w = select(active, t * alpha, zero);
-    const P t_after = t - w;
-    // Nothing lies behind the fragment that finishes a pixel. Setting `behind` to 0 there removes the one badly
-    // conditioned case: rounding noise times 1/(1-alpha), which is up to 1e6.
-    behind = select(at_least(t_after, P(cutoffs.transmittance)), behind - w * color_gradient, zero);
-    const P inverse = reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))));
-    const P dL_dalpha = t * color_gradient - (behind + background) * inverse;
-    t = t_after;
-    return {w, select(active, dL_dalpha, zero)};
+    alpha = select(active, alpha, P(T(0)));
+    const P w = t * alpha, color = w * color_gradient;
+    t = t - w;
+    // Nothing but the background lies behind the fragment that finishes a pixel. Setting `behind` to it removes the one
+    // badly conditioned case: rounding noise times 1/(1-alpha), which is up to 1e6.
+    behind = select(at_least(t, P(cutoffs.transmittance)), behind - color, background);
+    return {alpha, w, color, reciprocal(lane_max(one - alpha, P(T(kMinOneMinusAlpha))))};
 }
 
 /// Returns dL/dpixel . colour of a fragment.
@@ -111,8 +104,8 @@ template <class P> GS_HD P color_gradient(const PixelBackward<P>& s, P cr, P cg,
 template <class P, class T>
 GS_HD FragmentGradient<P> fragment_gradient(PixelBackward<P>& s, P alpha, P color_gradient,
                                             const Cutoffs<T>& cutoffs = {}) {
-    const FragmentSlope<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient, cutoffs);
-    return {f.w, -(alpha * f.dL_dalpha)};
+    const PassedFragment<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_gradient, cutoffs);
+    return {f.w, gs_fma(f.alpha * f.inverse, s.behind, -f.color)};
 }
 
 /// The front-to-back state of a pixel while its fragments are scored. It is the state of PixelBackward for L = I, the
@@ -132,9 +125,11 @@ template <class P> struct PixelScore {
 /// more than one that was never seen.
 template <class P, class T>
 GS_HD P fragment_score(PixelScore<P>& s, P alpha, P opacity, P color_sum, const Cutoffs<T>& cutoffs) {
-    const P slope = opacity * pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs).dL_dalpha,
-            square = slope * slope;
-    return select(at_least(P(T(kLargestScore)), square), square, P(T(0)));
+    const P t = s.t;
+    const PassedFragment<P> f = pass_fragment<P, T>(s.t, s.behind, s.background, alpha, color_sum, cutoffs);
+    const P slope = opacity * (t * color_sum - s.behind * f.inverse), square = slope * slope;
+    const auto blended = at_least(f.alpha, P(cutoffs.alpha));
+    return select(at_least(P(T(kLargestScore)), square) & blended, square, P(T(0)));
 }
 
 template <class P, class T>

@@ -12,13 +12,13 @@ namespace {
 template <bool kFixedOrder>
 __global__ void __launch_bounds__(kCudaTilePixels)
     score_tiles(CudaBins bins, const PackedSplat* __restrict__ splats, BlendImage image, float* __restrict__ out) {
-    __shared__ SplatBatch batches[kSubTiles];
+    __shared__ PackedSplat batches[kSubTiles][32];
     __shared__ std::uint32_t all_targets[kSubTiles][32];
     if (!bins.longest_first[blockIdx.x].is_first_of_tile()) return;
     const int tile = bins.longest_first[blockIdx.x].tile(), warp = threadIdx.x >> 5, lane = threadIdx.x & 31;
     const int2 sub_tile = sub_tile_corner(tile_corner(tile, bins.tiles_x), warp), pixel = pixel_of(sub_tile, lane);
     const std::uint32_t begin = bins.tile_offsets[tile], end = bins.tile_offsets[tile + 1];
-    SplatBatch& batch = batches[warp];
+    PackedSplat* batch = batches[warp];
     std::uint32_t* targets = all_targets[warp];
     PixelScore<float> p{};  // pixels outside of the image have no transmittance left
     if (pixel.x < image.width && pixel.y < image.height) {
@@ -30,23 +30,24 @@ __global__ void __launch_bounds__(kCudaTilePixels)
     const float px = pixel.x + 0.5f, py = pixel.y + 0.5f;
     for (std::uint32_t base = begin; base < end; base += 32) {
         if (__all_sync(~0u, p.t < image.cutoffs.transmittance)) break;
-        Splat<float> mine{};
+        PackedSplat mine{};
         std::uint32_t instance = 0;
         bool hit = false;
         if (base + lane < end) {
             instance = bins.instances[base + lane];
-            mine = splats[kFixedOrder ? bins.gaussians[instance] : instance].splat();
-            hit = reaches(mine, sub_tile);
+            mine = splats[kFixedOrder ? bins.gaussians[instance] : instance];
+            hit = reaches(mine.splat(), sub_tile);
         }
         const unsigned hits = __ballot_sync(~0u, hit);
         const int place = __popc(hits & ((1u << lane) - 1)), count = __popc(hits);
-        if (hit) batch.store(place, mine), targets[place] = instance;
+        if (hit) batch[place] = mine, targets[place] = instance;
         __syncwarp();
         float of_lane = 0;  // the sum of the lane-th splat
         for (int k = 0; k < count; ++k) {
-            const SplatBatch::Entry s = batch.load(k);
-            const float sum = warp_sum(fragment_score<float, float>(p, fragment_alpha(s.shape, px, py).alpha,
-                                                                    s.shape.opacity, s.r + s.g + s.b, image.cutoffs));
+            const FragmentShape<float> shape = batch[k].shape();
+            const Vec3<float> color = batch[k].color();
+            const float sum = warp_sum(fragment_score<float, float>(
+                p, fragment_alpha(shape, px, py).alpha, shape.opacity, color.x + color.y + color.z, image.cutoffs));
             if (lane == k) of_lane = sum;
         }
         if (lane < count) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Splats on their way through shared memory to the warps that blend them. Only the .cu files of this folder include it.
 //
-// A splat is copied as it is stored, without passing registers, and then its conic is scaled in its place. Warps list
-// the addresses of splats in shared memory: to compute them from numbers took five of 28 instructions a splat.
+// A splat is copied as it is stored, without passing registers. Warps of the forward pass list the addresses of splats
+// in shared memory: to compute them from numbers took five of 28 instructions a splat.
 #pragma once
 
 #include "kernels/blend/blend_device.h"
@@ -10,7 +10,7 @@
 
 namespace gs {
 
-/// A PackedSplat that stage() has readied. Shape and opacity are those of FragmentShape.
+/// What blending reads of a PackedSplat.
 struct StagedSplat {
     float mx, my, qa, qb;
     float qc, opacity, red, green, blue;
@@ -49,13 +49,5 @@ __device__ inline void begin_splat(PackedSplat& to, const PackedSplat& from) {
                      : "memory");
 }
 __device__ inline void wait_for_splat() { asm volatile("cp.async.wait_all;" ::: "memory"); }
-
-/// Scales the conic of a splat that has arrived, and returns the splat as it was.
-__device__ inline Splat<float> stage(PackedSplat& packed) {
-    const Splat<float> splat = packed.splat();
-    const FragmentShape<float> shape = FragmentShape<float>::from(splat);
-    packed.a.z = shape.qa, packed.a.w = shape.qb, packed.b.x = shape.qc;
-    return splat;
-}
 
 }  // namespace gs

@@ -2,6 +2,8 @@
 // The loss on the device in two kernels: one makes SSIM's derivative maps, the other the gradient. A block filters a
 // 32x32 tile of one channel with its 5-pixel border, first the rows, eight outputs a thread, then the columns, four
 // outputs a thread. So a value that is read once from shared memory serves several taps.
+#include <climits>
+
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/loss/loss_device.h"
 
@@ -18,66 +20,98 @@ struct LossArgs {
     CudaLossInput in;
     float l1_step, ssim_step;
 
-    __device__ bool inside(int x, int y) const {
-        return x >= 0 && y >= 0 && x < in.target.width && y < in.target.height;
-    }
-    __device__ std::size_t pixel(int x, int y) const { return std::size_t(y) * in.target.width + x; }
-    __device__ std::int64_t pixel_or_none(int x, int y) const { return inside(x, y) ? std::int64_t(pixel(x, y)) : -1; }
     __device__ std::size_t plane() const { return std::size_t(in.target.width) * in.target.height; }
 };
 
 __device__ float component(unsigned char x) { return x * (1.0f / 255.0f); }
 __device__ float component(float x) { return x; }
 
-/// Weights and photograph at some pixels, all of whose loads are on their way before the first is waited for. Pixels
-/// with a negative number are 0.
-template <int kCount> struct Targets {
-    float weight[kCount], value[kCount];  ///< of channel c
+/// A thread's pixels: kCount of one column, in every `step`-th row. Those outside of the image count as 0.
+template <int kCount> class Column {
+  public:
+    __device__ Column(const LossArgs& a, int x, int y, int step)
+        : first_(std::int64_t(y) * a.in.target.width + x),
+          stride_(std::int64_t(step) * a.in.target.width),
+          height_(a.in.target.height),
+          step_(step),
+          y_(x >= 0 && x < a.in.target.width ? y : INT_MIN / 2) {}
 
-    __device__ Targets(const LossArgs& a, int c, const std::int64_t (&pixels)[kCount]) {
-        if (a.in.target.u8)
-            load(a, a.in.target.u8, c, pixels);
-        else
-            load(a, a.in.target.f32, c, pixels);
+    __device__ std::int64_t pixel(int u) const { return first_ + u * stride_; }
+    __device__ bool has(int u) const { return unsigned(y_ + u * step_) < unsigned(height_); }
+    /// Calls fn(u, pixel) for each pixel that the image has.
+    template <class Fn> __device__ void for_each(Fn&& fn) const {
+#pragma unroll
+        for (int u = 0; u < kCount; ++u)
+            if (has(u)) fn(u, pixel(u));
     }
 
   private:
-    template <class Component>
-    __device__ void load(const LossArgs& a, const Component* stored, int c, const std::int64_t (&pixels)[kCount]) {
-        const TargetImage& t = a.in.target;
-        const bool with_alpha = t.channels != 3;
-        Component color[kCount] = {}, alpha[kCount] = {};
-        unsigned char mask[kCount] = {};
-#pragma unroll
-        for (int u = 0; u < kCount; ++u) {
-            if (pixels[u] < 0) continue;
-            color[u] = stored[pixels[u] * t.channels + c];
-            if (with_alpha) alpha[u] = stored[pixels[u] * t.channels + 3];
-            if (t.mask) mask[u] = t.mask[pixels[u]];
-        }
-        const float background = c == 0 ? a.in.background.x : c == 1 ? a.in.background.y : a.in.background.z;
-#pragma unroll
-        for (int u = 0; u < kCount; ++u) {
-            weight[u] = t.mask ? component(mask[u]) : 1.0f;
-            value[u] = component(color[u]);
-            if (with_alpha) {
-                const float x = component(alpha[u]);
-                value[u] = fminf(fmaxf(x * value[u] + (1.0f - x) * background, 0.0f), 1.0f);
-            }
-            if (pixels[u] < 0) weight[u] = value[u] = 0;
-        }
-    }
+    std::int64_t first_, stride_;
+    int height_, step_, y_;
 };
 
-/// The number of pixels of a tile with its border that a thread loads.
-constexpr int kLoads = (kHalo * kHalo + kThreads - 1) / kThreads;
+/// How photographs are stored: the type of a component, and whether there is a fourth, alpha.
+template <class Component, bool kAlpha> struct Stored {
+    static constexpr int kChannels = kAlpha ? 4 : 3;
 
-/// Calls fn(u, i, j) for the places of the tile that this thread loads: its u-th, in column i and row j.
-template <class Fn> __device__ void for_loads(Fn&& fn) {
+    /// Weights and photograph at some pixels, all of whose loads are on their way before the first is waited for.
+    template <int kCount> struct Targets {
+        float weight[kCount], value[kCount];  ///< of channel c
+
+        __device__ Targets(const LossArgs& a, int c, const Column<kCount>& column) {
+            const TargetImage& t = a.in.target;
+            const Component* stored;
+            if constexpr (std::is_same_v<Component, float>)
+                stored = t.f32;
+            else
+                stored = t.u8;
+            Component color[kCount] = {}, alpha[kCount] = {};
+            column.for_each([&](int u, std::int64_t pixel) {
+                color[u] = stored[pixel * kChannels + c];
+                if (kAlpha) alpha[u] = stored[pixel * kChannels + 3];
+            });
 #pragma unroll
-    for (int u = 0; u < kLoads; ++u)
-        if (const int k = threadIdx.x + u * kThreads; k < kHalo * kHalo) fn(u, k % kHalo, k / kHalo);
+            for (int u = 0; u < kCount; ++u) weight[u] = column.has(u) ? 1.0f : 0.0f;
+            if (t.mask) column.for_each([&](int u, std::int64_t pixel) { weight[u] = component(t.mask[pixel]); });
+            const float background = c == 0 ? a.in.background.x : c == 1 ? a.in.background.y : a.in.background.z;
+#pragma unroll
+            for (int u = 0; u < kCount; ++u) {
+                value[u] = component(color[u]);
+                if (kAlpha) {
+                    const float x = component(alpha[u]);
+                    value[u] = fminf(fmaxf(x * value[u] + (1.0f - x) * background, 0.0f), 1.0f);
+                }
+            }
+        }
+    };
+};
+
+/// Calls fn with how the target is stored.
+template <class Fn> void with_storage(const TargetImage& target, Fn&& fn) {
+    if (target.u8)
+        target.channels == 3 ? fn(Stored<unsigned char, false>{}) : fn(Stored<unsigned char, true>{});
+    else
+        target.channels == 3 ? fn(Stored<float, false>{}) : fn(Stored<float, true>{});
 }
+
+/// A tile with its border is loaded by columns. Some threads have none, but none has to divide by the width of a tile.
+constexpr int kColumns = 64, kRowStep = kThreads / kColumns, kLoads = (kHalo + kRowStep - 1) / kRowStep;
+
+/// What this thread loads of a block's tile.
+struct TilePart {
+    int i = threadIdx.x % kColumns, j = threadIdx.x / kColumns;  ///< its column, and its first row
+
+    __device__ Column<kLoads> pixels(const LossArgs& a, int x0, int y0) const {
+        return {a, i < kHalo ? x0 + i - kSsimRadius : -1, y0 + j - kSsimRadius, kRowStep};
+    }
+    /// Calls fn(u, row) for all of them.
+    template <class Fn> __device__ void for_rows(Fn&& fn) const {
+        if (i >= kHalo) return;
+#pragma unroll
+        for (int u = 0; u < kLoads; ++u)
+            if (u < kLoads - 1 || j + u * kRowStep < kHalo) fn(u, j + u * kRowStep);
+    }
+};
 
 /// Sets sums[o] to the filtered value at output o, from input(t) with t = 0 .. kOutputs + 9.
 template <int kOutputs, class Input> __device__ void filter(float (&sums)[kOutputs], Input input) {
@@ -106,6 +140,7 @@ __device__ float block_sum(float value) {
 
 __device__ unsigned block_number() { return blockIdx.x + gridDim.x * (blockIdx.y + gridDim.y * blockIdx.z); }
 
+template <class Storage>
 __global__ void __launch_bounds__(kThreads, 4)
     ssim_maps(LossArgs a, float* __restrict__ maps, float2* __restrict__ partials) {
     __shared__ float2 tile[kHalo][kHalo + 1];  // render, target; the odd stride puts rows into different banks
@@ -113,16 +148,13 @@ __global__ void __launch_bounds__(kThreads, 4)
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
     const std::size_t plane = a.plane();
     {
-        std::int64_t pixels[kLoads];
-        float render[kLoads];
-        for (std::int64_t& pixel : pixels) pixel = -1;  // a thread's last may lie behind the tile
-        for_loads([&](int u, int i, int j) {
-            pixels[u] = a.pixel_or_none(x0 + i - kSsimRadius, y0 + j - kSsimRadius);
-            render[u] = pixels[u] >= 0 ? a.in.image[c * plane + pixels[u]] : 0.0f;
-        });
-        const Targets<kLoads> targets(a, c, pixels);
-        for_loads([&](int u, int i, int j) {
-            tile[j][i] = make_float2(targets.weight[u] * render[u], targets.weight[u] * targets.value[u]);
+        const TilePart part;
+        const Column<kLoads> pixels = part.pixels(a, x0, y0);
+        float render[kLoads] = {};
+        pixels.for_each([&](int u, std::int64_t pixel) { render[u] = a.in.image[c * plane + pixel]; });
+        const typename Storage::template Targets<kLoads> targets(a, c, pixels);
+        part.for_rows([&](int u, int j) {
+            tile[j][part.i] = make_float2(targets.weight[u] * render[u], targets.weight[u] * targets.value[u]);
         });
     }
     __syncthreads();
@@ -152,18 +184,15 @@ __global__ void __launch_bounds__(kThreads, 4)
 #pragma unroll
     for (int m = 0; m < 5; ++m) filter<kDown>(s[m], [&](int t) { return rows[m][first + t][i]; });
     float sum = 0;
-#pragma unroll
-    for (int o = 0; o < kDown; ++o) {
-        const int x = x0 + i, y = y0 + first + o;
-        if (!a.inside(x, y)) continue;
+    Column<kDown>(a, x0 + i, y0 + first, 1).for_each([&](int o, std::int64_t pixel) {
         const SsimPixel<float> p = ssim_pixel(s[0][o], s[1][o], s[2][o], s[3][o], s[4][o]);
-        const std::size_t pixel = a.pixel(x, y), at = c * plane + pixel;
+        const std::size_t at = c * plane + pixel;
         const float w = a.in.target.mask ? component(a.in.target.mask[pixel]) : 1.0f, u = a.ssim_step * w;
         maps[at] = u * p.p;
         maps[at + 3 * plane] = u * p.q;
         maps[at + 6 * plane] = u * p.r;
         sum += w * p.ssim;
-    }
+    });
     sum = block_sum(sum);
     if (threadIdx.x == 0) partials[block_number()].y = sum;
 }
@@ -194,6 +223,7 @@ __device__ void finish_sums(const float2* partials, StepControl* control) {
     if (threadIdx.x == 0) control->l1 = parts[0][0], control->ssim = parts[1][0];
 }
 
+template <class Storage>
 __global__ void __launch_bounds__(kThreads, 4)
     loss_gradient(LossArgs a, const float* __restrict__ maps, float* __restrict__ dL_dimage,
                   float2* __restrict__ partials, StepControl* control) {
@@ -202,15 +232,15 @@ __global__ void __launch_bounds__(kThreads, 4)
     const int c = blockIdx.z, x0 = blockIdx.x * kTile, y0 = blockIdx.y * kTile;
     const std::size_t plane = a.plane();
     {
-        float v[3][kLoads];
-        for_loads([&](int u, int i, int j) {
-            const std::int64_t pixel = a.pixel_or_none(x0 + i - kSsimRadius, y0 + j - kSsimRadius);
+        const TilePart part;
+        float v[3][kLoads] = {};
+        part.pixels(a, x0, y0).for_each([&](int u, std::int64_t pixel) {
 #pragma unroll
-            for (int m = 0; m < 3; ++m) v[m][u] = pixel >= 0 ? maps[(c + 3 * m) * plane + pixel] : 0.0f;
+            for (int m = 0; m < 3; ++m) v[m][u] = maps[(c + 3 * m) * plane + pixel];
         });
-        for_loads([&](int u, int i, int j) {
+        part.for_rows([&](int u, int j) {
 #pragma unroll
-            for (int m = 0; m < 3; ++m) tile[m][j][i] = v[m][u];
+            for (int m = 0; m < 3; ++m) tile[m][j][part.i] = v[m][u];
         });
     }
     __syncthreads();
@@ -229,39 +259,34 @@ __global__ void __launch_bounds__(kThreads, 4)
     float f[3][kDown];
 #pragma unroll
     for (int m = 0; m < 3; ++m) filter<kDown>(f[m], [&](int t) { return rows[m][first + t][i]; });
-    std::int64_t pixels[kDown];
-    float render[kDown], sum = 0;
-#pragma unroll
-    for (int o = 0; o < kDown; ++o) {
-        pixels[o] = a.pixel_or_none(x0 + i, y0 + first + o);
-        render[o] = pixels[o] >= 0 ? a.in.image[c * plane + pixels[o]] : 0.0f;
-    }
-    const Targets<kDown> targets(a, c, pixels);
-#pragma unroll
-    for (int o = 0; o < kDown; ++o) {
-        if (pixels[o] < 0) continue;
+    const Column<kDown> pixels(a, x0 + i, y0 + first, 1);
+    float render[kDown] = {}, sum = 0;
+    pixels.for_each([&](int o, std::int64_t pixel) { render[o] = a.in.image[c * plane + pixel]; });
+    const typename Storage::template Targets<kDown> targets(a, c, pixels);
+    pixels.for_each([&](int o, std::int64_t pixel) {
         const float w = targets.weight[o], p = w * render[o], t = w * targets.value[o], d = p - t;
         const float sign = d > 0 ? 1.0f : (d < 0 ? -1.0f : 0.0f);
         sum += d * sign;
-        dL_dimage[c * plane + pixels[o]] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
-    }
+        dL_dimage[c * plane + pixel] = w * (a.l1_step * sign + f[0][o] + 2.0f * p * f[1][o] + t * f[2][o]);
+    });
     sum = block_sum(sum);
     if (threadIdx.x == 0) partials[block_number()].x = sum;
     finish_sums(partials, control);
 }
 
 /// With a thread per pixel of a row and channel. Without an image it writes the weights alone. `error` may be null.
+template <class Storage>
 __global__ void __launch_bounds__(kThreads) error_of_pixels(LossArgs a, float* __restrict__ out, double* error) {
     const int c = blockIdx.z;
-    const std::int64_t pixels[] = {a.pixel_or_none(blockIdx.x * kThreads + threadIdx.x, blockIdx.y)};
+    const Column<1> pixels(a, blockIdx.x * kThreads + threadIdx.x, blockIdx.y, 1);
+    const typename Storage::template Targets<1> target(a, c, pixels);
     float squared = 0;
-    if (pixels[0] >= 0) {
-        const Targets<1> target(a, c, pixels);
-        const std::size_t at = c * a.plane() + pixels[0];
+    pixels.for_each([&](int, std::int64_t pixel) {
+        const std::size_t at = c * a.plane() + pixel;
         const float weight = target.weight[0], difference = a.in.image ? a.in.image[at] - target.value[0] : 1.0f;
         out[at] = weight * difference;
         squared = 0.5f * weight * difference * difference;
-    }
+    });
     if (!error) return;
     const float sum = block_sum(squared);
     if (threadIdx.x == 0) atomicAdd(error, double(sum));
@@ -273,7 +298,9 @@ dim3 grid_of(int width, int height) { return {num_blocks(width, kTile), num_bloc
 
 void write_error(const CudaLossInput& in, float* out, double* error, cudaStream_t stream) {
     const dim3 grid(num_blocks(in.target.width, kThreads), in.target.height, 3);
-    error_of_pixels<<<grid, kThreads, 0, stream>>>({in, 0, 0}, out, error);
+    with_storage(in.target, [&](auto storage) {
+        error_of_pixels<decltype(storage)><<<grid, kThreads, 0, stream>>>({in, 0, 0}, out, error);
+    });
     GS_CUDA_LAUNCHED("error_of_pixels");
 }
 
@@ -304,10 +331,12 @@ void CudaLoss::compute(const CudaLossInput& in, float* dL_dimage, StepControl* c
     const LossArgs args{in, float((1 - in.lambda_dssim) / (3 * in.weight_sum)),
                         float(-in.lambda_dssim / (3 * in.weight_sum))};
     const dim3 grid = grid_of(in.target.width, in.target.height);
-    ssim_maps<<<grid, kThreads, 0, stream>>>(args, maps_, partials_);
-    GS_CUDA_LAUNCHED("ssim_maps");
-    loss_gradient<<<grid, kThreads, 0, stream>>>(args, maps_, dL_dimage, partials_, control);
-    GS_CUDA_LAUNCHED("loss_gradient");
+    with_storage(in.target, [&](auto storage) {
+        ssim_maps<decltype(storage)><<<grid, kThreads, 0, stream>>>(args, maps_, partials_);
+        GS_CUDA_LAUNCHED("ssim_maps");
+        loss_gradient<decltype(storage)><<<grid, kThreads, 0, stream>>>(args, maps_, dL_dimage, partials_, control);
+        GS_CUDA_LAUNCHED("loss_gradient");
+    });
 }
 
 }  // namespace gs

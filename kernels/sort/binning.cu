@@ -252,20 +252,14 @@ void CudaBinning::take_temporaries(Carver& c) {
 }
 
 template <class Key>
-void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
+void CudaBinning::sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control,
+                                 cudaStream_t stream) {
     Key *keys = reinterpret_cast<Key*>(tile_keys_), *sorted_keys = reinterpret_cast<Key*>(sorted_tile_keys_);
-    const InstanceLists<Key> lists{std::uint32_t(n_),
-                                   std::uint32_t(capacity_),
-                                   order_,
-                                   input_.counts,
-                                   input_.spans,
-                                   keys,
-                                   unsorted_,
-                                   ends_,
-                                   large_};
+    const InstanceLists<Key> lists{
+        std::uint32_t(n_), std::uint32_t(room), order_, input_.counts, input_.spans, keys, unsorted_, ends_, large_};
     // At least so many blocks that what lies behind the last instance is not left to a few.
     const unsigned scanned = num_blocks(n_, kWriteBlock),
-                   blocks = std::max(scanned, std::min(num_blocks(capacity_ + 1, kWriteBlock), kManyBlocks));
+                   blocks = std::max(scanned, std::min(num_blocks(room + 1, kWriteBlock), kManyBlocks));
     ScanState sums;
     GS_CUDA(sums.Init(int(scanned), workspace_, workspace_bytes_));
     if (n_ > 0) {
@@ -280,16 +274,16 @@ void CudaBinning::sort_instances(const PackedSplat* splats, StepControl* control
     }
     std::size_t bytes = workspace_bytes_;
     GS_CUDA(cub::DeviceRadixSort::SortPairs(workspace_, bytes, keys, sorted_keys,
-                                            keep_slots_ ? identity_.get() : unsorted_, sorted_, int(capacity_), 0,
+                                            keep_slots_ ? identity_.get() : unsorted_, sorted_, int(room), 0,
                                             tile_bits(), stream));
-    find_tile_offsets<Key><<<num_blocks(capacity_ + 1, kBlock * kKeysOfThread), kBlock, 0, stream>>>(
-        std::uint32_t(capacity_), sorted_keys, bins_.num_tiles(), tile_offsets_);
+    find_tile_offsets<Key><<<num_blocks(room + 1, kBlock * kKeysOfThread), kBlock, 0, stream>>>(
+        std::uint32_t(room), sorted_keys, bins_.num_tiles(), tile_offsets_);
     GS_CUDA_LAUNCHED("find_tile_offsets");
     order_tiles<<<1, kOrderThreads, 0, stream>>>(bins_.num_tiles(), bins_.num_items(), tile_offsets_, longest_first_);
     GS_CUDA_LAUNCHED("order_tiles");
 }
 
-CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cudaStream_t stream) {
+CudaBins CudaBinning::build(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream) {
     const std::size_t identities = std::max(n_, keep_slots_ ? capacity_ : 0);
     if (identities > identity_.capacity()) {
         identity_.reserve(identities);
@@ -305,9 +299,9 @@ CudaBins CudaBinning::build(const PackedSplat* splats, StepControl* control, cud
                                                 order_, int(n_), 0, kDepthKeyBits, stream));
     }
     if (tile_bits() <= 16)
-        sort_instances<std::uint16_t>(splats, control, stream);
+        sort_instances<std::uint16_t>(splats, room, control, stream);
     else
-        sort_instances<std::uint32_t>(splats, control, stream);
+        sort_instances<std::uint32_t>(splats, room, control, stream);
     bins_.instances = sorted_;
     bins_.gaussians = keep_slots_ ? gaussians_ : nullptr;
     bins_.tile_offsets = tile_offsets_;

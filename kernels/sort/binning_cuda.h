@@ -26,15 +26,17 @@ class CudaBinning {
     void take_temporaries(Carver& c);
 
     const CudaBinningInput& input() const { return input_; }
-    /// Sorts at most `capacity` instances. If there are more, it writes none and sets control->stopped.
-    CudaBins build(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
+    /// Sorts at most `room` instances, which is at most the capacity: so many are sorted, whether they exist or not. If
+    /// there are more, it writes none and sets control->stopped.
+    CudaBins build(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream);
     /// Returns the order of the last build().
     const CudaBins& bins() const { return bins_; }
     SlotMap slots() const { return {order_, ends_}; }
     std::int64_t bytes() const { return identity_.bytes(); }
 
   private:
-    template <class Key> void sort_instances(const PackedSplat* splats, StepControl* control, cudaStream_t stream);
+    template <class Key>
+    void sort_instances(const PackedSplat* splats, std::int64_t room, StepControl* control, cudaStream_t stream);
     int tile_bits() const;
 
     std::int64_t n_ = 0, capacity_ = 0;

@@ -10,19 +10,27 @@ namespace gs {
 /// A tile of the CUDA blend has 16x12 pixels, which six warps of 8x4 pixels share.
 inline constexpr int kCudaTileX = 16, kCudaTileY = 12, kCudaTilePixels = kCudaTileX * kCudaTileY;
 
-/// A splat in three 16-byte pieces, so that three instructions read it and it shares no sector needlessly.
+/// A splat in three 16-byte pieces, so that three instructions read it and it shares no sector needlessly. Its conic is
+/// scaled once for all pixels, as FragmentShape has it.
 struct alignas(16) PackedSplat {
-    float4 a;  ///< mean x, mean y, conic a, conic b
-    float4 b;  ///< conic c, opacity, threshold, red
+    float4 a;  ///< mean x, mean y, qa, qb
+    float4 b;  ///< qc, opacity, threshold, red
     float4 c;  ///< green, blue, and the pixel bounds: x_min | x_max << 16, y_min | y_max << 16
 
     static __device__ PackedSplat of(const Splat<float>& s, const PixelBounds& p) {
-        return {make_float4(s.mean.x, s.mean.y, s.a, s.b), make_float4(s.c, s.opacity, s.threshold, s.color.x),
+        const FragmentShape<float> f = FragmentShape<float>::from(s);
+        return {make_float4(f.mx, f.my, f.qa, f.qb), make_float4(f.qc, f.opacity, s.threshold, s.color.x),
                 make_float4(s.color.y, s.color.z, __uint_as_float(p.x_min | p.x_max << 16),
                             __uint_as_float(p.y_min | p.y_max << 16))};
     }
+    __device__ FragmentShape<float> shape() const { return {a.x, a.y, a.z, a.w, b.x, b.y}; }
+    __device__ Vec3<float> color() const { return {b.w, c.x, c.y}; }
     __device__ void set_color(const Vec3<float>& color) { b.w = color.x, c.x = color.y, c.y = color.z; }
-    __device__ Splat<float> splat() const { return {{a.x, a.y}, a.z, a.w, b.x, b.y, {b.w, c.x, c.y}, b.z}; }
+    /// Returns the splat with its conic as it was, but for rounding.
+    __device__ Splat<float> splat() const {
+        constexpr float kUnscale = float(-2 / kLog2E);
+        return {{a.x, a.y}, kUnscale * a.z, 0.5f * kUnscale * a.w, kUnscale * b.x, b.y, color(), b.z};
+    }
     __device__ PixelBounds bounds() const {
         const unsigned x = __float_as_uint(c.z), y = __float_as_uint(c.w);
         return {int(x & 0xffff), int(x >> 16), int(y & 0xffff), int(y >> 16)};
@@ -71,6 +79,7 @@ class EllipseRows {
     }
     struct Reach {
         float left, right;
+        __device__ bool meets(float from, float to) const { return right >= from && left <= to; }
     };
     /// Returns the least and the largest x of the ellipse between two rows, from its mean on; left > right if it has no
     /// part there.

@@ -4,6 +4,7 @@
 
 #include "kernels/core/lanes.h"
 #include "kernels/core/vec.h"
+#include "kernels/splat/raster_config.h"
 
 namespace gs {
 
@@ -14,6 +15,16 @@ template <class T> struct Splat {
     T opacity;      ///< activated
     Vec3<T> color;  ///< after the colour activation
     T threshold;    ///< ln(opacity / cutoff) >= 0: the power at which alpha falls to the cutoff, 1/255
+};
+
+/// A splat with its conic scaled so that alpha = opacity * 2^(qa dx^2 + qb dx dy + qc dy^2).
+template <class P> struct FragmentShape {
+    P mx, my, qa, qb, qc, opacity;
+
+    template <class T> static GS_HD FragmentShape from(const Splat<T>& s) {
+        const T k = T(-0.5 * kLog2E);
+        return {P(s.mean.x), P(s.mean.y), P(k * s.a), P(T(2) * k * s.b), P(k * s.c), P(s.opacity)};
+    }
 };
 
 /// Returns the threshold of a splat with this opacity.

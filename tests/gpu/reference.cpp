@@ -383,8 +383,7 @@ template <class Model> class Sample {
         const Noisy t = transmittance_[at];
         p.background = t * (p.gr * scene_.background.x + p.gg * scene_.background.y + p.gb * scene_.background.z);
         // Channel by channel, as where a list begins at a saved state.
-        p.behind = (rgb_[at] - t * scene_.background.x) * p.gr + (rgb_[at + plane] - t * scene_.background.y) * p.gg +
-                   (rgb_[at + 2 * plane] - t * scene_.background.z) * p.gb;
+        p.behind = rgb_[at] * p.gr + rgb_[at + plane] * p.gg + rgb_[at + 2 * plane] * p.gb;
         for (std::size_t k = 0; k < list.size(); ++k) {
             if (p.t.v < kMinTransmittance) break;
             const Splat<Noisy>& s = scene_.splats[list[k]];

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// The number of instances that a view will have, from what it and others had before.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <unordered_map>
+
+namespace gs {
+
+/// Foresees how many instances a view has. All of the room for instances is sorted, and views differ: room for the
+/// largest is twice what a mean view of a photographed room needs.
+///
+/// A view's number is taken as a factor of its own times a level that all views share, which follows the training.
+class InstanceForecast {
+  public:
+    /// Returns a number that the view's instances hardly exceed, or the largest if the view is unknown.
+    std::int64_t most(std::int64_t view) const {
+        const auto found = factors_.find(view);
+        if (found == factors_.end()) return std::numeric_limits<std::int64_t>::max();
+        return std::int64_t(kMargin * found->second * level_) + kLeast;
+    }
+    /// Takes what a view had. Views below 0 are unknown ones.
+    void note(std::int64_t view, std::int64_t num_instances) {
+        if (view < 0) return;
+        const double n = double(std::max<std::int64_t>(num_instances, 1));
+        if (level_ == 0) level_ = n;
+        const auto [found, is_new] = factors_.try_emplace(view, n / level_);
+        if (is_new) return;
+        level_ += kFollow * (n / found->second - level_);
+        found->second = n / level_;
+    }
+
+  private:
+    static constexpr double kMargin = 1.25, kFollow = 0.2;
+    static constexpr std::int64_t kLeast = 1 << 14;
+    double level_ = 0;
+    std::unordered_map<std::int64_t, double> factors_;
+};
+
+}  // namespace gs
