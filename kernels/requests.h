@@ -75,7 +75,8 @@ struct StepRequest {
     std::uint64_t seed = 0;
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
-    double rates[kNumGroups] = {};       ///< learning rate of this step per group
+    bool only_visible = false;      ///< whether Gaussians that touch no tile keep parameters and moments as they are
+    double rates[kNumGroups] = {};  ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
     /// A mean farther than `extent` from `center`, both in frame units, has a rate that is higher by the power

@@ -234,8 +234,10 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
                     gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
                                              sums[v].data()[at[v]++], static_cast<GaussianGradient<float>&>(one),
                                              one.residual, dL_dshared);
-                    finite = drop_nonfinite(one, one.residual, used) && finite;
-                    add_gradient_statistic(arrays, views[v].camera.width, views[v].camera.height, i, one);
+                    if (drop_nonfinite(one, one.residual, used))
+                        add_gradient_statistic(arrays, views[v].camera.width, views[v].camera.height, i, one);
+                    else
+                        finite = false;
                     total.add(one, mean, used);
                 }
                 return finite;
@@ -450,7 +452,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared) {
                 raster_.gaussian_gradient(params, i, gradient, dL_dshared);
                 const bool finite = drop_nonfinite(gradient, gradient.residual, i < params.num_residuals ? width : 0);
-                add_gradient_statistic(arrays, r.camera.width, r.camera.height, i, gradient);
+                if (finite) add_gradient_statistic(arrays, r.camera.width, r.camera.height, i, gradient);
                 return finite;
             };
         });
@@ -484,7 +486,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
                 if (!gradient_of(i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>)) ++nonfinite_[part];
                 update_gaussian(arrays, args, i, gradient);
-                if (i < num_residuals) update_residual(arrays, args, i, gradient.residual);
+                if (i < num_residuals && args.moves(gradient)) update_residual(arrays, args, i, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;

@@ -216,7 +216,7 @@ void CudaBackend::take(Carver& c, const Sizes& sizes) {
     if (!sizes.for_step) return;
     c.rewind(at);
     sums_ = c.take<PackedSums>(sizes.n);
-    // In a fixed order sums are written, not added to.
+    // In a fixed order sums are written, not added to, and nobody reads those of invisible Gaussians.
     blend_.take(c, sizes.capacity, tiles, sums_, options_.deterministic ? 0 : sizes.n);
     if (kernels_.shared.count > 0)
         shared_sums_ = c.take<float>(std::size_t(num_blocks(sizes.n, kernels_.shared.gaussians_per_sum)) *
@@ -333,6 +333,7 @@ void CudaBackend::make_room(unsigned long long num_instances) {
                           "); likely cause: many Gaussians larger than the image. Lower --cap-max, raise --scale-reg "
                           "or render at a lower --resolution");
     needed_ = std::max(needed_, std::int64_t(num_instances));
+    // There may be room that the forecast did not grant the view.
     if (std::int64_t(num_instances) > capacity_) capacity_ = room_for(std::int64_t(num_instances));
 }
 
@@ -433,7 +434,7 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 
 void CudaBackend::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
-    const bool lazily = r.residual_rates.empty();
+    const bool lazily = r.residual_rates.empty() && !r.only_visible;
     if (lazily != lazily_ || lazy_.due(meta_.step + 1)) {  // only once no step in flight has to be repeated
         settle();
         lazy_.reset(meta_.step);
@@ -548,7 +549,7 @@ void CudaBackend::adapt_room(std::int64_t num_instances) {
     // Room is made ahead of need.
     if (num_instances > capacity_ / 10 * 9)
         capacity_ = std::min(capacity_ + capacity_ / 4, std::int64_t(kMaxInstances));
-    // What was not needed for a while is given up: all of the room is sorted.
+    // What was not needed for a while is given up: new views sort all of the room.
     const auto recent = recent_instances_.add(num_instances);
     if (recent && capacity_ > *recent / 2 * 3) capacity_ = room_for(*recent);
 }

@@ -2,8 +2,8 @@
 // The CUDA backend: one stream of steps, with the host running ahead of it. Only .cu files include this header.
 //
 // The host never waits inside a step. A capacity bounds the sizes that it cannot know (the number of instances of a
-// view). A step that does not fit changes nothing, and neither do those after it. Up to three steps later the host
-// reads this in the step's status, makes room and repeats them.
+// view), and a forecast what of it a view is likely to need. A step that does not fit changes nothing, and neither do
+// those after it. Up to three steps later the host reads this in the step's status, makes room and repeats them.
 #pragma once
 
 #include <deque>

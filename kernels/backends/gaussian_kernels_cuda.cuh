@@ -300,12 +300,14 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
 }
 
 /// Takes the step of this lane's Gaussian except for its residual. All lanes of a warp whose Gaussians exist call it.
+/// If some do not move, their rows are written as they were, since a warp writes whole sectors.
 __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const ModelArrays& arrays,
                                                const UpdateArgs& update, std::int64_t i,
                                                GaussianGradient<float>& gradient) {
     const std::int64_t first = i - (threadIdx.x & 31);
     const WarpRowWriter write_warp(arrays, first);
     const bool whole = first + 32 <= a.params.count;
+    if (!__any_sync(whole ? ~0u : (1u << (a.params.count - first)) - 1, update.moves(gradient))) return;
     update_gaussian(arrays, update, i, gradient, [&](const auto& row) {
         if (whole)
             write_warp(row);
@@ -371,7 +373,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (with_residual) {
-        rows = !a.lazy.last_step || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, owns) : seen;
+        const bool all = !update.only_visible && (!a.lazy.last_step || __popc(seen) >= kManyVisible);
+        rows = all ? __ballot_sync(~0u, owns) : seen;
         const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
         if (rows) {
             stale = space.memory.load(a, i - lane, rows, lag);
@@ -397,10 +400,11 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
             if (!(kFused && shown)) color_gradient(a, i, residual, s, gradient.base);
             geometry_backward(a.params.geometry(i), a.camera, s, gradient);
             gradient.geometry.mean += dL_dmean;
-            if (!drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
+            if (drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
+                add_gradient_statistic(arrays, update.width, update.height, i, gradient);
+            else
                 atomicAdd(&control->num_nonfinite, 1u);
         }
-        add_gradient_statistic(arrays, update.width, update.height, i, gradient);
         update_gaussian_of_warp(a, arrays, update, i, gradient);
     }
     if (rows)
@@ -467,8 +471,10 @@ __global__ void __launch_bounds__(views_block<Model>())
             if (!shown) color_gradient(a, i, {0, 0, 0}, s, gradient.base);
             geometry_backward(a.params.geometry(i), view.camera, s, gradient);
             gradient.geometry.mean += dL_dmean;
-            finite &= drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0);
-            add_gradient_statistic(arrays, view.camera.width, view.camera.height, i, gradient);
+            if (drop_nonfinite(gradient, gradients + lane * width, shown ? width : 0))
+                add_gradient_statistic(arrays, view.camera.width, view.camera.height, i, gradient);
+            else
+                finite = false;
             mean.add(gradient, share);
         }
         __syncwarp();
@@ -478,8 +484,9 @@ __global__ void __launch_bounds__(views_block<Model>())
     }
     if (!finite) atomicAdd(num_nonfinite, 1u);
     if (valid) update_gaussian_of_warp(a, arrays, update, i, mean);
-    if (rows)
-        update_residuals_of_warp<Model>(rows, 0, space, total, i - lane, mix_bits(step), arrays, update, column_steps);
+    if (const unsigned moving = __ballot_sync(~0u, owns && update.moves(mean)))
+        update_residuals_of_warp<Model>(moving, 0, space, total, i - lane, mix_bits(step), arrays, update,
+                                        column_steps);
     if constexpr (kShared > 0) {
         if (with_residual)
             store_shared_sums<Model, kBlock>(appearance, any, warps,

@@ -19,22 +19,23 @@ class InstanceForecast {
     std::int64_t most(std::int64_t view) const {
         const auto found = factors_.find(view);
         if (found == factors_.end()) return std::numeric_limits<std::int64_t>::max();
-        return std::int64_t(kMargin * found->second * level_) + kLeast;
+        return std::int64_t(std::min(kMargin * found->second * level_, kMost)) + kLeast;
     }
     /// Takes what a view had. Views below 0 are unknown ones.
     void note(std::int64_t view, std::int64_t num_instances) {
         if (view < 0) return;
-        const double n = double(std::max<std::int64_t>(num_instances, 1));
+        const double n = double(std::max(num_instances, kLeast));
         if (level_ == 0) level_ = n;
         const auto [found, is_new] = factors_.try_emplace(view, n / level_);
         if (is_new) return;
-        level_ += kFollow * (n / found->second - level_);
+        // What changes more than this does so for reasons of its own.
+        level_ += kFollow * (std::clamp(n / found->second, level_ / 2, 2 * level_) - level_);
         found->second = n / level_;
     }
 
   private:
-    static constexpr double kMargin = 1.25, kFollow = 0.2;
-    static constexpr std::int64_t kLeast = 1 << 14;
+    static constexpr double kMargin = 1.25, kFollow = 0.2, kMost = 1e12;
+    static constexpr std::int64_t kLeast = 1 << 14;  ///< what is not worth counting
     double level_ = 0;
     std::unordered_map<std::int64_t, double> factors_;
 };

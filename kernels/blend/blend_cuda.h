@@ -67,7 +67,7 @@ struct BlendImage {
 class CudaBlend {
   public:
     /// Takes the buffers that live from the forward to the backward pass. A forward pass for a backward pass sets the
-    /// first `num_sums` sums to 0.
+    /// first `num_sums` of `sums`, which stay where they are until then, to 0.
     void take(Carver& c, std::int64_t capacity, int num_tiles, PackedSums* sums, std::int64_t num_sums);
     /// Takes the buffer that only the backward pass with a fixed order of sums uses.
     void take_partial_sums(Carver& c, std::int64_t capacity);
@@ -79,7 +79,7 @@ class CudaBlend {
     /// added up in the order of its instances; those of invisible Gaussians are left alone.
     void backward(const CudaBins& bins, const PackedSplat* splats, const BlendImage& image,
                   const BlendGradients& gradients, const StepControl* control, cudaStream_t stream);
-    /// Sets the sums to 0 for another backward pass of the same forward pass.
+    /// Makes ready for another backward pass of the same forward pass: sums and work done are 0 again.
     void begin_again(cudaStream_t stream);
 
   private:

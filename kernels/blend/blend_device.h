@@ -116,7 +116,7 @@ template <class P> struct PixelScore {
     /// Returns the first state of a pixel with this colour and final transmittance.
     template <class T> static GS_HD PixelScore of(const Vec3<T>& color, T transmittance, const Vec3<T>& bg) {
         const T background = transmittance * (bg.x + bg.y + bg.z);
-        return {P(T(1)), P(color.x + color.y + color.z - background), P(background)};
+        return {P(T(1)), P(color.x + color.y + color.z), P(background)};
     }
 };
 

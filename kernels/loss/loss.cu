@@ -3,6 +3,7 @@
 // 32x32 tile of one channel with its 5-pixel border, first the rows, eight outputs a thread, then the columns, four
 // outputs a thread. So a value that is read once from shared memory serves several taps.
 #include <climits>
+#include <type_traits>
 
 #include "kernels/loss/loss_cuda.h"
 #include "kernels/loss/loss_device.h"

@@ -28,6 +28,10 @@ struct UpdateArgs {
     float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
     int width, height;  ///< size of the view, for the ADC statistic
+    bool only_visible;  ///< as in StepRequest
+
+    /// Returns whether a Gaussian with this gradient takes the step.
+    GS_HD bool moves(const GaussianGradient<float>& g) const { return g.visible || !only_visible; }
 };
 
 /// One row of a group with its moments.
@@ -65,10 +69,12 @@ GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual
     return s == 0;
 }
 
-/// Zeroes a gradient that is not finite, and then returns false. One such value would stay in the moments for ever.
+/// Zeroes a gradient that is not finite, and then returns false. One such value would stay in the moments for ever. The
+/// Gaussian stays visible.
 GS_HD bool drop_nonfinite(GaussianGradient<float>& g, float* dL_dresidual, int residual_width) {
     if (!g.visible || is_finite(g, dL_dresidual, residual_width)) return true;
     g = GaussianGradient<float>{};
+    g.visible = true;
     for (int k = 0; k < residual_width; ++k) dL_dresidual[k] = 0;
     return false;
 }
@@ -84,7 +90,7 @@ GS_HD AdamStep<float> mean_step(const UpdateArgs& u, const float (&p)[3]) {
     return step;
 }
 
-/// Adds the gradient of one view to the statistic of ADC. `g` is finite, or zero.
+/// Adds the gradient of one view, which is finite, to the statistic of ADC.
 GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, std::int64_t i,
                                   const GaussianGradient<float>& g) {
     if (!g.visible || !a.gradient_sum) return;
@@ -93,17 +99,18 @@ GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, s
     a.gradient_count[i] += 1.0f;
 }
 
-/// Takes one step of Gaussian i except for its residual. `g` is its data gradient (finite; zero where invisible). It
-/// calls write(row) for each group's row at the end.
+/// Takes one step of Gaussian i except for its residual, if it moves. `g` is its data gradient (finite; zero where
+/// invisible). It calls write(row) for each group's row at the end.
 template <class Write>
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g,
                            Write&& write) {
-    // The regularisers are means over all Gaussians, visible or not.
-    if (u.opacity_gradient > 0) {
+    const bool moves = u.moves(g);
+    // The regularisers are means over all Gaussians, visible or not, and act on those that move.
+    if (moves && u.opacity_gradient > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
         g.geometry.raw_opacity += u.opacity_gradient * o * (1 - o);
     }
-    if (u.scale_gradient > 0) {
+    if (moves && u.scale_gradient > 0) {
         const float* s = a.param[int(Group::kScale)] + 3 * i;
         const auto gradient = [&](float x) { return u.scale_gradient * gs_exp(gs_min(x, float(kMaxLogScale))); };
         g.geometry.log_scale += Vec3<float>{gradient(s[0]), gradient(s[1]), gradient(s[2])};
@@ -113,13 +120,15 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
     Row<1> opacity(a, Group::kOpacity, i);
-    mean.step(u, mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
-    scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
-    rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
-    opacity.step(u, {q.raw_opacity});
-    opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]);  // NaN stays NaN, so that pruning finds it
-    base.step(u, {g.base.x, g.base.y, g.base.z});
-    if (u.noise > 0) {
+    if (moves) {
+        mean.step(u, mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
+        scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
+        rotation.step(u, {q.rotation.x, q.rotation.y, q.rotation.z, q.rotation.w});
+        opacity.step(u, {q.raw_opacity});
+        opacity.p[0] = gs_min(float(kMaxRawOpacity), opacity.p[0]);  // NaN stays NaN, so that pruning finds it
+        base.step(u, {g.base.x, g.base.y, g.base.z});
+    }
+    if (moves && u.noise > 0) {
         const GaussianGeometry<float> now{{mean.p[0], mean.p[1], mean.p[2]},
                                           {scale.p[0], scale.p[1], scale.p[2]},
                                           {rotation.p[0], rotation.p[1], rotation.p[2], rotation.p[3]},
@@ -130,7 +139,7 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     write(mean), write(scale), write(rotation), write(opacity), write(base);
 }
 GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
-    update_gaussian(a, u, i, g, [&](const auto& row) { row.write(a, i); });
+    if (u.moves(g)) update_gaussian(a, u, i, g, [&](const auto& row) { row.write(a, i); });
 }
 
 /// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
@@ -161,6 +170,7 @@ inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t
     u.gains = AdamGains<float>::of(views), u.shared_gains = AdamGains<float>::of(views, kAdamBeta2Shared);
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
+    u.only_visible = r.only_visible;
     u.per_column = !r.residual_rates.empty();
     for (std::size_t c = 0; c < r.residual_rates.size(); ++c)
         u.residual_steps[c] = AdamStep<float>::at(r.residual_rates[c], t);

@@ -32,12 +32,12 @@ __device__ std::uint32_t inclusive_sum(std::uint32_t x) {
 
 /// What writing instances reads and writes.
 template <class Key> struct InstanceLists {
-    std::uint32_t n, capacity;
+    std::uint32_t n, room;
     const std::uint32_t* order;   ///< visible Gaussians, front to back
     const std::uint32_t* counts;  ///< (n)
     const TileSpan* spans;        ///< (n)
-    Key* tile_keys;               ///< (capacity)
-    std::uint32_t* instances;     ///< (capacity): the Gaussian of each
+    Key* tile_keys;               ///< (room)
+    std::uint32_t* instances;     ///< (room): the Gaussian of each
     std::uint32_t* ends;          ///< (n) or null: in depth order, the end of each one's instances
     uint2* large;                 ///< (n): Gaussians with more than 32 candidate tiles, and the first instance of each
 };
@@ -55,9 +55,9 @@ __global__ void __launch_bounds__(kWriteBlock)
     __shared__ typename Prefix::TempStorage prefix;
     __shared__ std::uint16_t candidates[kWriteBlock / 32][32 * 32];  // lane and candidate tile of a warp's instances
     const std::uint32_t k = blockIdx.x * kWriteBlock + threadIdx.x, num_visible = control->num_visible;
-    const bool fits = control->num_instances <= lists.capacity;
-    // All of the capacity is sorted: behind the last instance come keys beyond every tile.
-    for (std::uint32_t i = (fits ? std::uint32_t(control->num_instances) : 0) + k; i < lists.capacity;
+    const bool fits = control->num_instances <= lists.room;
+    // All of the room is sorted: behind the last instance come keys beyond every tile.
+    for (std::uint32_t i = (fits ? std::uint32_t(control->num_instances) : 0) + k; i < lists.room;
          i += gridDim.x * kWriteBlock)
         lists.tile_keys[i] = Key(~Key(0)), lists.instances[i] = 0;
     if (!fits) {
@@ -111,7 +111,7 @@ template <class Key>
 __global__ void __launch_bounds__(kBlock)
     write_large_instances(InstanceLists<Key> lists, const PackedSplat* __restrict__ splats, int tiles_x,
                           const StepControl* __restrict__ control) {
-    if (control->num_instances > lists.capacity) return;
+    if (control->num_instances > lists.room) return;
     const std::uint32_t lane = threadIdx.x & 31;
     for (std::uint32_t item = (blockIdx.x * kBlock + threadIdx.x) / 32; item < control->num_large;
          item += gridDim.x * kBlock / 32) {
@@ -138,19 +138,17 @@ __global__ void __launch_bounds__(kBlock)
 constexpr int kKeysOfThread = 8;
 template <class Key>
 __global__ void __launch_bounds__(kBlock)
-    find_tile_offsets(std::uint32_t capacity, const Key* __restrict__ tiles, std::uint32_t num_tiles,
+    find_tile_offsets(std::uint32_t room, const Key* __restrict__ tiles, std::uint32_t num_tiles,
                       std::uint32_t* __restrict__ offsets) {
     const std::uint32_t first = (blockIdx.x * kBlock + threadIdx.x) * kKeysOfThread;
-    if (first > capacity) return;
-    const auto tile = [&](std::uint32_t i) {
-        return i < capacity ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles;
-    };
+    if (first > room) return;
+    const auto tile = [&](std::uint32_t i) { return i < room ? min(std::uint32_t(tiles[i]), num_tiles) : num_tiles; };
     std::uint32_t found[kKeysOfThread], next = first > 0 ? tile(first - 1) + 1 : 0;
 #pragma unroll
     for (int u = 0; u < kKeysOfThread; ++u) found[u] = tile(first + u);
 #pragma unroll
     for (int u = 0; u < kKeysOfThread; ++u)
-        for (; next <= found[u]; ++next) offsets[next] = min(first + u, capacity);
+        for (; next <= found[u]; ++next) offsets[next] = min(first + u, room);
 }
 
 /// Lists the work on tiles by the time that it takes, in steps of 16 instances, with a counting sort in one block.

@@ -42,6 +42,8 @@ enum class AlphaMode { kTransparent, kMask };
 enum class AppearanceStorage { kFp32, kFp16 };
 /// The precision of Adam's moments of the residual.
 enum class AppearanceMoments { kFp32, kBf16 };
+/// The Gaussians that take a step of the optimizer; kVisible: those that its view shows.
+enum class Movers { kAll, kVisible };
 /// The least important messages that are shown.
 enum class LogLevel { kTrace, kDebug, kInfo, kWarn, kError };
 
@@ -60,6 +62,7 @@ template <> inline constexpr auto kWordsOf<VerifyImages> = std::to_array<std::st
 template <> inline constexpr auto kWordsOf<MaskMode> = std::to_array<std::string_view>({"ignore", "transparent"});
 template <> inline constexpr auto kWordsOf<AlphaMode> = std::to_array<std::string_view>({"transparent", "mask"});
 template <> inline constexpr auto kWordsOf<AppearanceStorage> = std::to_array<std::string_view>({"fp32", "fp16"});
+template <> inline constexpr auto kWordsOf<Movers> = std::to_array<std::string_view>({"all", "visible"});
 template <> inline constexpr auto kWordsOf<AppearanceMoments> = std::to_array<std::string_view>({"fp32", "bf16"});
 template <>
 inline constexpr auto kWordsOf<LogLevel> = std::to_array<std::string_view>({"trace", "debug", "info", "warn", "error"});

@@ -24,7 +24,7 @@ template <class... T> using FieldOf = std::variant<T TrainOptions::*..., ModelOp
 using OptionField =
     FieldOf<std::string, bool, int, std::int64_t, std::uint64_t, double, std::vector<std::int64_t>, Background,
             ScheduleKind, GrowthBy, Recipe, Preset, SizeOf, Strategy, Device, PpispMode, VerifyImages, MaskMode,
-            AlphaMode, AppearanceStorage, AppearanceMoments, LogLevel, ColorActivation>;
+            AlphaMode, AppearanceStorage, AppearanceMoments, Movers, LogLevel, ColorActivation>;
 
 /// Returns the value that `field` names in `options`.
 template <class T> const T& option_value(const TrainOptions& options, T TrainOptions::*field) { return options.*field; }

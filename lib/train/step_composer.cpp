@@ -51,6 +51,7 @@ StepRequest StepComposer::compose(const StepView& view, const Moment& moment, co
     request.opacity_reg = mcmc ? float(options_.opacity_reg) : 0.0f;
     request.scale_reg = mcmc ? float(options_.scale_reg) : 0.0f;
     request.gather_gradient_stats = options_.strategy == Strategy::kAdc && !window_.until.reached(moment);
+    request.only_visible = options_.adam == Movers::kVisible;
     rates_.apply(rate_moment, request);
     if (photometric_) {
         photometric_->apply(view.index, moment, request);

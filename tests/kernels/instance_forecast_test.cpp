@@ -55,6 +55,22 @@ TEST(InstanceForecast, FollowsAResetWithFewSteps) {
     EXPECT_LE(too_many, 30);
 }
 
+// One view fills up, and disturbs no other.
+TEST(InstanceForecast, OneViewThatChangesDoesNotMoveTheOthers) {
+    InstanceForecast f;
+    for (int view = 0; view < 40; ++view) f.note(view, view == 0 ? 0 : 1'000'000);
+    for (int step = 0; step < 400; ++step) {
+        const int view = step * 7 % 40;
+        if (view) {
+            EXPECT_GE(f.most(view), 1'000'000) << step;
+            EXPECT_LE(f.most(view), 2'000'000) << step;
+        }
+        f.note(view, 1'000'000);
+    }
+    EXPECT_GE(f.most(0), 1'000'000);
+    EXPECT_LE(f.most(0), 2'000'000);
+}
+
 TEST(InstanceForecast, TakesViewsWithoutInstances) {
     InstanceForecast f;
     for (int k = 0; k < 100; ++k) f.note(k % 2, k % 2 ? 1'000'000 : 0);

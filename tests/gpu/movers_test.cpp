@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Steps that only visible Gaussians take, on the device and on ranks of it.
+#include "tests/kernels/movers.h"
+
+#include "tests/gpu/gpu_test.h"
+#include "tests/kernels/rank_threads.h"
+
+namespace gs::test {
+namespace {
+
+class GpuMovers : public Gpu {};
+
+TEST_F(GpuMovers, AreThoseThatTheViewShows) {
+    for (const std::int64_t rows : {kRows, std::int64_t(3000)})  // with and without whole warps out of view
+        for (const char* model : {"sh", "neural", "none"}) {
+            SCOPED_TRACE(model);
+            const RankViews views(appearance_model(model), rows, rows / 3);
+            BackendOptions options;
+            options.deterministic = true;
+            const auto backend = make_cuda_backend(views.model.appearance, options);
+            expect_that_only_visible_move(*backend, views, true);
+        }
+}
+
+TEST_F(GpuMovers, AreTheSameOnAnyNumberOfRanks) {
+    const RankViews views(appearance_model("sh"), kRows, 60);
+    Gaussians one;
+    for (const int ranks : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(
+            ranks, kViews, views.targets(),
+            [&](RankedBackend& backend) {
+                Gaussians after = train_visible(views, backend);
+                if (ranks == 1) one = after;
+                for_arrays(one, after, [](const auto& x, const auto& y, const std::string& what) {
+                    if (what != "PPISP") expect_close(x, y, 1e-4, what);
+                });
+            },
+            [&] {
+                BackendOptions options;
+                options.deterministic = true;
+                return make_cuda_backend(views.model.appearance, options);
+            });
+    }
+}
+
+}  // namespace
+}  // namespace gs::test
