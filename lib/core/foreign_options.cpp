@@ -147,7 +147,7 @@ ForeignProgram gsplat() {
          missing("--batch_size", "a step takes one view", "1"),
          ignored_switch("--packed", speed),
          ignored_switch("--sparse_grad", speed),
-         sets("--visible_adam", "adam", "visible", "opacity-reg is three times as high unless it is given"),
+         sets("--visible_adam", "adam", "visible"),
          ignored_switch("--disable_viewer", kNoViewer),
          ignored("--port", kNoServer),
          ignored_switch("--disable_video", "no video is made; `gsapp render` makes pictures"),

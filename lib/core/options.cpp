@@ -128,7 +128,6 @@ struct RecipeValue {
     double TrainOptions::*field;
     double value;
 };
-constexpr double kFrontierOpacityReg = 0.005;
 constexpr RecipeValue kFrontier[] = {
     {"position-lr-init", &TrainOptions::position_lr_init, 2.24e-4},
     {"position-lr-final", &TrainOptions::position_lr_final, 2.24e-6},
@@ -138,17 +137,13 @@ constexpr RecipeValue kFrontier[] = {
     {"far-rate", &TrainOptions::far_rate, 1},
     {"residual-rate", &TrainOptions::residual_rate, 3},
     {"final-rate", &TrainOptions::final_rate, 0.1},
-    {"opacity-reg", &TrainOptions::opacity_reg, kFrontierOpacityReg},
+    {"opacity-reg", &TrainOptions::opacity_reg, 0.005},
     {"scale-reg", &TrainOptions::scale_reg, 0.003},
     {"coarse-until", &TrainOptions::coarse_until, 0.2},
 };
 
 /// final-rate of runs in which Gaussians lose their residuals.
 constexpr double kMixedFinalRate = 0.1;
-
-/// The factor on opacity-reg where only what a view shows takes a step: the regulariser then acts less often
-/// (docs/results.md#steps-of-what-a-view-shows).
-constexpr double kVisibleOpacityReg = 3;
 
 /// Decides what `auto` stands for, and puts the values of recipe frontier in place of what was not named.
 void apply_recipe(TrainOptions& options) {
@@ -157,18 +152,15 @@ void apply_recipe(TrainOptions& options) {
                              !options.frame_limit.empty() || options.target_psnr > 0;
         options.recipe = limited || options.preset != Preset::kNone ? Recipe::kFrontier : Recipe::kPaper;
     }
-    if (options.recipe == Recipe::kFrontier) {
-        for (const RecipeValue& entry : kFrontier)
-            if (!options.named.contains(entry.key)) options.*entry.field = entry.value;
-        if (!options.named.contains("growth-by")) options.growth_by = GrowthBy::kGradient;
-    } else {
+    if (options.recipe != Recipe::kFrontier) {
         // Where Gaussians lose their residuals, the rest of the run is fine tuning.
         if (takes_residuals_away(options) && !options.named.contains("final-rate"))
             options.final_rate = kMixedFinalRate;
+        return;
     }
-    const double usual = options.recipe == Recipe::kFrontier ? kFrontierOpacityReg : TrainOptions{}.opacity_reg;
-    if (options.adam == Movers::kVisible && !options.named.contains("opacity-reg") && options.opacity_reg == usual)
-        options.opacity_reg *= kVisibleOpacityReg;
+    for (const RecipeValue& entry : kFrontier)
+        if (!options.named.contains(entry.key)) options.*entry.field = entry.value;
+    if (!options.named.contains("growth-by")) options.growth_by = GrowthBy::kGradient;
 }
 
 }  // namespace
@@ -199,7 +191,7 @@ std::vector<std::string> kept_from_recipe(const TrainOptions& options) {
     std::vector<std::string> kept;
     if (options.recipe != Recipe::kFrontier) return kept;
     for (const RecipeValue& entry : kFrontier)
-        if (options.named.contains(entry.key) && options.*entry.field != entry.value)
+        if (options.*entry.field != entry.value)
             kept.push_back(fmt::format("{} {}", entry.key, number_text(options.*entry.field)));
     if (options.growth_by != GrowthBy::kGradient) kept.push_back("growth-by " + word(options.growth_by));
     return kept;

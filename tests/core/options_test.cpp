@@ -240,21 +240,6 @@ TEST(Options, ARecipeLeavesNamedOptionsAlone) {
     EXPECT_TRUE(kept_from_recipe(paper).empty());
 }
 
-TEST(Options, StepsOfWhatAViewShowsRaiseTheRegulariser) {
-    const auto opacity_reg = [](Movers adam, Recipe recipe, bool named) {
-        TrainOptions options = with_source();
-        options.adam = adam, options.recipe = recipe;
-        if (named) options.opacity_reg = 0.02, options.named = {"opacity-reg"};
-        validate(options);
-        validate(options);  // a run that goes on is asked again
-        return options.opacity_reg;
-    };
-    EXPECT_EQ(opacity_reg(Movers::kAll, Recipe::kPaper, false), 0.01);
-    EXPECT_EQ(opacity_reg(Movers::kVisible, Recipe::kPaper, false), 0.03);
-    EXPECT_EQ(opacity_reg(Movers::kVisible, Recipe::kFrontier, false), 0.015);
-    EXPECT_EQ(opacity_reg(Movers::kVisible, Recipe::kPaper, true), 0.02);
-}
-
 TEST(Options, RatesFallWhereGaussiansLoseTheirResiduals) {
     const auto final_rate = [](double share, double bytes, bool named) {
         TrainOptions options = with_source();
