@@ -140,7 +140,8 @@ __device__ void flush(WarpMemory& memory, const MomentWeights& weights, std::uin
     __syncwarp();
 }
 
-/// The part of a splat that one of two lanes fetches: half of its shape and opacity, and green or blue.
+/// The part of a splat that one of two lanes fetches: a or b, which lie behind each other in memory, and green or blue,
+/// which do, too.
 struct HalfSplat {
     float4 shape{};
     float color = 0;
