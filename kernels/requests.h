@@ -69,8 +69,8 @@ struct StepRequest {
     TargetImage target;
     std::int64_t iteration = 0;  ///< 0-based
     float lambda_dssim = 0.2f;
-    float opacity_reg = 0.01f;  ///< weight of mean(opacity)
-    float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale))
+    float opacity_reg = 0.01f;  ///< weight of mean(opacity), over those that take the step
+    float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale)), over the same
     float noise = 0;            ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.

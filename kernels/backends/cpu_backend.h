@@ -214,22 +214,25 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     const std::vector<RankArray<SplatSums<float>>>& sums, const std::vector<float>& shares,
                      RankArray<float>& shared_gradient) override {
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
         const float mean = 1 / float(num_views);
-        const UpdateArgs args = update_args(views[0], state_.step + num_views, num_gaussians, num_views);
+        const UpdateArgs args = update_args(views[0], state_.step + num_views, num_views);
         update_all(args, views[0].gather_gradient_stats, [&](std::int64_t part, const ModelArrays& arrays) {
             std::vector<std::size_t> at(views.size()), end(views.size());  // splats of the part's rows not yet taken
             for (std::size_t v = 0; v < views.size(); ++v)
                 at[v] = part > 0 ? projected[v].part_ends[part - 1] : 0, end[v] = projected[v].part_ends[part];
-            return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
+            return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared, float& share) mutable {
                 total = {};
+                share = 0;
                 const int used = i < params.num_residuals ? width : 0;
                 bool finite = true;
                 for (std::size_t v = 0; v < views.size(); ++v) {
-                    if (at[v] == end[v] || projected[v].rows.data()[at[v]] != i) continue;
+                    const bool visible = at[v] < end[v] && projected[v].rows.data()[at[v]] == i;
+                    if (visible || !args.only_visible) share += shares[v];
+                    if (!visible) continue;
                     Gradient one{};
                     gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
                                              sums[v].data()[at[v]++], static_cast<GaussianGradient<float>&>(one),
@@ -256,7 +259,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         if (const int row = int(shared_row(shared.size())); row > 0)
             for (std::size_t k = 0; k < shared.size(); ++k)
                 shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
-        common_left_out_ += step_shared(update_args(views[0], state_.step, 1, num_views), shared);
+        common_left_out_ += step_shared(update_args(views[0], state_.step, num_views), shared);
         if (!learns_correction(views)) return;
         const StageTimer timer(correction_seconds_);
         if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++common_left_out_;
@@ -447,10 +450,11 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
 
     void update(const StepRequest& r, const ParameterView<float>& params) {
         const int width = state_[Group::kResidual].width;
-        const UpdateArgs args = update_args(r, state_.step, state_.count);
+        const UpdateArgs args = update_args(r, state_.step);
         update_all(args, r.gather_gradient_stats, [&](std::int64_t, const ModelArrays& arrays) {
-            return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared) {
+            return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared, float& share) {
                 raster_.gaussian_gradient(params, i, gradient, dL_dshared);
+                share = args.share(raster_.is_visible(i), state_.count, raster_.num_visible());
                 const bool finite = drop_nonfinite(gradient, gradient.residual, i < params.num_residuals ? width : 0);
                 if (finite) add_gradient_statistic(arrays, r.camera.width, r.camera.height, i, gradient);
                 return finite;
@@ -460,8 +464,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     /// Takes the step of all rows. gradients_of(part, arrays) returns the function that computes the gradient of each
-    /// row of that part in turn, adds that of the shared weights, and returns false if it had to drop one that was not
-    /// finite.
+    /// row of that part in turn, adds that of the shared weights, says the row's share (UpdateArgs::share), and returns
+    /// false if it had to drop a gradient that was not finite.
     template <class GradientsOf>
     void update_all(const UpdateArgs& args, bool gather_stats, GradientsOf&& gradients_of) {
         const StageTimer timer(update_seconds_);
@@ -483,10 +487,12 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         parallel_for(parts, [&](std::int64_t part) {
             auto gradient_of = gradients_of(part, arrays);
             Gradient gradient;
+            float share = 0;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
-                if (!gradient_of(i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>)) ++nonfinite_[part];
-                update_gaussian(arrays, args, i, gradient);
-                if (i < num_residuals && args.moves(gradient)) update_residual(arrays, args, i, gradient.residual);
+                if (!gradient_of(i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>, share))
+                    ++nonfinite_[part];
+                update_gaussian(arrays, args, i, share, gradient);
+                if (i < num_residuals && share > 0) update_residual(arrays, args, i, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;

@@ -137,12 +137,15 @@ template <class Real, class Model> class CpuRasterizer {
         }
     };
 
+    /// Returns whether Gaussian i touches a tile in the last forward().
+    bool is_visible(std::int64_t i) const { return bins_.count[i] > 0; }
+
     /// Computes the gradients of Gaussian i, and adds those of shared weights. `params` are those of forward().
     /// Thread-safe.
     void gaussian_gradient(const ParameterView<Real>& params, std::int64_t i, FullGradient& out,
                            Real* dL_dshared) const {
         out = {};
-        if (bins_.count[i] == 0) return;
+        if (!is_visible(i)) return;
         gaussian_backward<Model>(params, i, camera_, params.degree(i, degree_), sums(i),
                                  static_cast<GaussianGradient<Real>&>(out), out.residual, dL_dshared);
     }

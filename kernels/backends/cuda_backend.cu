@@ -538,7 +538,7 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
         const ModelArrays arrays = arrays_of_step(r.gather_gradient_stats);
-        kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
+        kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step), control, stream_);
     }
     times_.end(CudaStage::kUpdate, stream_);
 }

@@ -85,7 +85,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     std::vector<Vec3<float>> colors_without_residual() override;
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
     void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
+                     const std::vector<RankArray<SplatSums<float>>>& sums, const std::vector<float>& shares,
                      RankArray<float>& shared_gradient) override;
     void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
                        std::vector<float>& isp_gradient) override;

@@ -299,16 +299,16 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
                                                         a.shared.sums + std::int64_t(blockIdx.x) * kShared);
 }
 
-/// Takes the step of this lane's Gaussian except for its residual. All lanes of a warp whose Gaussians exist call it.
+/// Does what update_gaussian() says for this lane's Gaussian. All lanes of a warp whose Gaussians exist call it.
 /// If some do not move, their rows are written as they were, since a warp writes whole sectors.
 __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const ModelArrays& arrays,
-                                               const UpdateArgs& update, std::int64_t i,
+                                               const UpdateArgs& update, std::int64_t i, float share,
                                                GaussianGradient<float>& gradient) {
     const std::int64_t first = i - (threadIdx.x & 31);
     const WarpRowWriter write_warp(arrays, first);
     const bool whole = first + 32 <= a.params.count;
-    if (!__any_sync(whole ? ~0u : (1u << (a.params.count - first)) - 1, update.moves(gradient))) return;
-    update_gaussian(arrays, update, i, gradient, [&](const auto& row) {
+    if (!__any_sync(whole ? ~0u : (1u << (a.params.count - first)) - 1, share > 0)) return;
+    update_gaussian(arrays, update, i, share, gradient, [&](const auto& row) {
         if (whole)
             write_warp(row);
         else
@@ -405,7 +405,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
             else
                 atomicAdd(&control->num_nonfinite, 1u);
         }
-        update_gaussian_of_warp(a, arrays, update, i, gradient);
+        const float share = update.share(visible, a.params.count, control->num_visible);
+        update_gaussian_of_warp(a, arrays, update, i, share, gradient);
     }
     if (rows)
         update_residuals_of_warp<Model>(rows, stale, space, gradients, i - lane, mix_bits(a.lazy.step), arrays, update,
@@ -442,7 +443,7 @@ __global__ void __launch_bounds__(views_block<Model>())
     const bool with_residual = Model::kMaxResidual > 0 && a.degree > 0;
     const bool owns = with_residual && i < a.params.num_residuals;
     const int width = with_residual ? arrays.width[int(Group::kResidual)] : 0;
-    const float share = 1 / float(num_views);
+    const float view_weight = 1 / float(num_views);
     WarpSpace<Model>& space = warps[warp].space();
     float *gradients = space.gradients, *total = totals[warp];
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
@@ -450,12 +451,14 @@ __global__ void __launch_bounds__(views_block<Model>())
     if (rows) space.memory.load(a, i - lane, rows, 0);
     for (int k = lane; k < 32 * width; k += 32) total[k] = 0;
     GaussianGradient<float> mean{};
+    float share = 0;
     bool any = false, finite = true;
     for (int v = 0; v < num_views; ++v) {
         const StepView& view = views[v];
         const std::uint32_t place = valid ? view.places[i] : StepView::kNowhere;
         const bool visible = place != StepView::kNowhere, shown = owns && visible;
         const unsigned seen = __ballot_sync(~0u, shown);
+        if (visible || !update.only_visible) share += view.share;
         const auto sums = [&] { return view.sums[place]; };
         GaussianGradient<float> gradient{};
         Vec3<float> dL_dmean{0, 0, 0};
@@ -475,16 +478,16 @@ __global__ void __launch_bounds__(views_block<Model>())
                 add_gradient_statistic(arrays, view.camera.width, view.camera.height, i, gradient);
             else
                 finite = false;
-            mean.add(gradient, share);
+            mean.add(gradient, view_weight);
         }
         __syncwarp();
         if (seen)
-            for (int k = lane; k < 32 * width; k += 32) total[k] += share * gradients[k];
+            for (int k = lane; k < 32 * width; k += 32) total[k] += view_weight * gradients[k];
         __syncwarp();
     }
     if (!finite) atomicAdd(num_nonfinite, 1u);
-    if (valid) update_gaussian_of_warp(a, arrays, update, i, mean);
-    if (const unsigned moving = __ballot_sync(~0u, owns && update.moves(mean)))
+    if (valid) update_gaussian_of_warp(a, arrays, update, i, share, mean);
+    if (const unsigned moving = __ballot_sync(~0u, owns && share > 0))
         update_residuals_of_warp<Model>(moving, 0, space, total, i - lane, mix_bits(step), arrays, update,
                                         column_steps);
     if constexpr (kShared > 0) {

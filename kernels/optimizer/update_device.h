@@ -21,17 +21,20 @@ struct UpdateArgs {
     AdamStep<float> residual_steps[kMaxResidualColumns];
     AdamStep<float> shared_step;  ///< step of the shared weights
     AdamGains<float> gains, shared_gains;
-    float opacity_gradient;  ///< lambda_o / N
-    float scale_gradient;    ///< lambda_s / 3N
-    Vec3<float> center;      ///< mean of the cameras; with the next two as in StepRequest
+    float opacity_weight, scale_weight;  ///< of the regularisers, which are means: lambda_o and lambda_s / 3
+    Vec3<float> center;                  ///< mean of the cameras; with the next two as in StepRequest
     float extent, far_rate;
     float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
     int width, height;  ///< size of the view, for the ADC statistic
     bool only_visible;  ///< as in StepRequest
 
-    /// Returns whether a Gaussian with this gradient takes the step.
-    GS_HD bool moves(const GaussianGradient<float>& g) const { return g.visible || !only_visible; }
+    /// Returns the weight of a Gaussian in the means of the regularisers, which run over those that take the step; 0 if
+    /// it takes none. The view shows `num_visible` of `count`.
+    GS_HD float share(bool visible, std::int64_t count, std::int64_t num_visible) const {
+        if (!only_visible) return 1 / float(count);
+        return visible ? 1 / float(num_visible) : 0.0f;
+    }
 };
 
 /// One row of a group with its moments.
@@ -62,11 +65,12 @@ GS_HD bool is_finite(const GaussianGradient<float>& g, const float* dL_dresidual
     // x - x is 0 for finite x and NaN otherwise. NaN survives the sum.
     const auto& q = g.geometry;
     const auto zero = [](float x) { return x - x; };
-    float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) +
-              zero(q.log_scale.z) + zero(q.raw_opacity) + zero(q.rotation.x) + zero(q.rotation.y) + zero(q.rotation.z) +
-              zero(q.rotation.w) + zero(g.base.x) + zero(g.base.y) + zero(g.base.z);
-    for (int k = 0; k < residual_width; ++k) s += zero(dL_dresidual[k]);
-    return s == 0;
+    const float s = zero(q.mean.x) + zero(q.mean.y) + zero(q.mean.z) + zero(q.log_scale.x) + zero(q.log_scale.y) +
+                    zero(q.log_scale.z) + zero(q.raw_opacity) + zero(q.rotation.x) + zero(q.rotation.y) +
+                    zero(q.rotation.z) + zero(q.rotation.w) + zero(g.base.x) + zero(g.base.y) + zero(g.base.z);
+    int broken = s != 0;  // not summed: the fixed order of a sum prevents vectorization
+    for (int k = 0; k < residual_width; ++k) broken |= !gs_isfinite(dL_dresidual[k]);
+    return broken == 0;
 }
 
 /// Zeroes a gradient that is not finite, and then returns false. One such value would stay in the moments for ever. The
@@ -99,20 +103,20 @@ GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, s
     a.gradient_count[i] += 1.0f;
 }
 
-/// Takes one step of Gaussian i except for its residual, if it moves. `g` is its data gradient (finite; zero where
-/// invisible). It calls write(row) for each group's row at the end.
+/// Takes one step of Gaussian i except for its residual, if `share`, as of UpdateArgs::share, is above 0. `g` is its
+/// data gradient (finite; zero where invisible). It calls write(row) for each group's row at the end.
 template <class Write>
-GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g,
-                           Write&& write) {
-    const bool moves = u.moves(g);
-    // The regularisers are means over all Gaussians, visible or not, and act on those that move.
-    if (moves && u.opacity_gradient > 0) {
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float share,
+                           GaussianGradient<float>& g, Write&& write) {
+    const bool moves = share > 0;
+    if (moves && u.opacity_weight > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
-        g.geometry.raw_opacity += u.opacity_gradient * o * (1 - o);
+        g.geometry.raw_opacity += u.opacity_weight * share * o * (1 - o);
     }
-    if (moves && u.scale_gradient > 0) {
+    if (moves && u.scale_weight > 0) {
         const float* s = a.param[int(Group::kScale)] + 3 * i;
-        const auto gradient = [&](float x) { return u.scale_gradient * gs_exp(gs_min(x, float(kMaxLogScale))); };
+        const float weight = u.scale_weight * share;
+        const auto gradient = [&](float x) { return weight * gs_exp(gs_min(x, float(kMaxLogScale))); };
         g.geometry.log_scale += Vec3<float>{gradient(s[0]), gradient(s[1]), gradient(s[2])};
     }
     // All rows are read before any is written. Writes in between would make each read wait for the one before it.
@@ -138,8 +142,9 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     }
     write(mean), write(scale), write(rotation), write(opacity), write(base);
 }
-GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, GaussianGradient<float>& g) {
-    if (u.moves(g)) update_gaussian(a, u, i, g, [&](const auto& row) { row.write(a, i); });
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float share,
+                           GaussianGradient<float>& g) {
+    if (share > 0) update_gaussian(a, u, i, share, g, [&](const auto& row) { row.write(a, i); });
 }
 
 /// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
@@ -160,11 +165,10 @@ GS_HD float sum_of_rows(const float* rows, int num_rows, int width, int k) {
 }
 
 /// Returns the arguments of Adam's step `t` for a request, of which `views` are taken in one step.
-inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians, int views = 1) {
+inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, int views = 1) {
     UpdateArgs u{};
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);
-    u.opacity_gradient = r.opacity_reg / float(num_gaussians);
-    u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
+    u.opacity_weight = r.opacity_reg, u.scale_weight = r.scale_reg / 3;
     u.center = r.center, u.extent = r.extent, u.far_rate = r.far_rate;
     u.shared_step = AdamStep<float>::at(r.shared_rate, t, kAdamBeta2Shared);
     u.gains = AdamGains<float>::of(views), u.shared_gains = AdamGains<float>::of(views, kAdamBeta2Shared);

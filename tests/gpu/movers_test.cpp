@@ -22,6 +22,24 @@ TEST_F(GpuMovers, AreThoseThatTheViewShows) {
         }
 }
 
+TEST_F(GpuMovers, ShareTheRegularisers) {
+    for (const std::int64_t rows : {kRows, std::int64_t(3000)}) {
+        const RankViews views(appearance_model("sh"), rows, rows / 3);
+        expect_means_over_visible(*make_cuda_backend(views.model.appearance, {.deterministic = true}), views);
+    }
+}
+
+TEST_F(GpuMovers, ShareTheRegularisersOfSeveralViews) {
+    const RankViews views(appearance_model("sh"), kRows, 60);
+    for (const int ranks : {1, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(
+            ranks, kViews, views.targets(),
+            [&](RankedBackend& backend) { expect_mean_over_views(views, backend, 1e-3); },
+            [&] { return make_cuda_backend(views.model.appearance); });
+    }
+}
+
 TEST_F(GpuMovers, AreTheSameOnAnyNumberOfRanks) {
     const RankViews views(appearance_model("sh"), kRows, 60);
     Gaussians one;

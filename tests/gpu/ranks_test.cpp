@@ -182,6 +182,13 @@ TEST_F(GpuRanksOfOneModel, SkipAStepWhoseLossIsNotFinite) {
         on_device(ranks, views, [&](RankedBackend& backend) { expect_skipped_step(views, backend); });
 }
 
+TEST_F(GpuRanksOfOneModel, CountTheGradientsThatTheyLeaveOut) {
+    RankViews views(info);
+    const auto broken = hide_broken_rows(views);
+    for (const int ranks : {1, 3})
+        on_device(ranks, views, [&](RankedBackend& backend) { expect_left_out_gradients(views, broken, backend); });
+}
+
 TEST_F(GpuRanksOfOneModel, StepOnViewsThatSomeDoNotRenderAndSomeDoNotShow) {
     // More ranks than views and than rows: some project nothing, and some render nothing.
     const RankViews views(info, 2, 1);

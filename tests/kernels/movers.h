@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "kernels/backend.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/ranks/ranked_backend.h"
 #include "tests/kernels/rank_views.h"
 
@@ -30,25 +31,32 @@ inline bool same_row(const Gaussians& a, const Gaussians& b, std::int64_t i, boo
     return true;
 }
 
-/// Returns a step on a view that shows a part of the Gaussians, with regularisers, noise and the statistic of ADC.
-inline StepRequest narrow_step(const RankViews& views) {
+/// Returns a step on a view that shows a part of the Gaussians, with the statistic of ADC.
+inline StepRequest narrow_step(const RankViews& views, bool only_visible) {
     StepRequest r = views.step(0);
     r.camera.fx *= 6, r.camera.fy *= 6;
     r.gather_gradient_stats = true;
-    r.noise = 100;
+    r.only_visible = only_visible;
     return r;
 }
 
-/// Expects that a step for visible Gaussians leaves all others as they are, and moves the visible ones as a step for
-/// all does. The backend repeats itself to the bit; `rounded` as in same_row.
-inline void expect_that_only_visible_move(Backend& backend, const RankViews& views, bool rounded = false) {
+/// Returns the model after two steps, so that all Gaussians have moments. Its statistic of ADC is 0.
+inline Gaussians stepped_model(Backend& backend, const RankViews& views) {
     backend.upload(views.model);
-    for (int k = 0; k < 2; ++k) backend.step(views.step(0));  // so that all have moments
-    Gaussians before = backend.download(true);
-    before.gradient_sum.assign(before.count, 0.0f), before.gradient_count.assign(before.count, 0.0f);
+    for (int k = 0; k < 2; ++k) backend.step(views.step(0));
+    Gaussians model = backend.download(true);
+    model.gradient_sum.assign(model.count, 0.0f), model.gradient_count.assign(model.count, 0.0f);
+    return model;
+}
+
+/// Expects that a step for visible Gaussians leaves all others as they are, and moves the visible ones as a step for
+/// all does, but for the regularisers. The backend repeats itself to the bit; `rounded` as in same_row.
+inline void expect_that_only_visible_move(Backend& backend, const RankViews& views, bool rounded = false) {
+    const Gaussians before = stepped_model(backend, views);
     const auto after_step = [&](bool only_visible) {
-        StepRequest r = narrow_step(views);
-        r.only_visible = only_visible;
+        StepRequest r = narrow_step(views, only_visible);
+        r.opacity_reg = r.scale_reg = 0;
+        r.noise = 100;
         backend.upload(before);
         backend.step(r);
         return backend.download(true);
@@ -68,15 +76,79 @@ inline void expect_that_only_visible_move(Backend& backend, const RankViews& vie
     EXPECT_EQ(visible.step, all.step);
 }
 
+/// Expects that the regularisers of a step for visible Gaussians are means over these: their moments are those of a
+/// step for all N, with weights that are higher by N over the number of visible ones.
+inline void expect_means_over_visible(Backend& backend, const RankViews& views) {
+    const Gaussians before = stepped_model(backend, views);
+    const auto after_step = [&](bool only_visible, float weight) {
+        StepRequest r = narrow_step(views, only_visible);
+        r.opacity_reg = r.scale_reg = weight;
+        backend.upload(before);
+        backend.step(r);
+        return backend.download(true);
+    };
+    const Gaussians visible = after_step(true, 0.5f);
+    const auto num_visible = std::count(visible.gradient_count.begin(), visible.gradient_count.end(), 1.0f);
+    const float factor = float(before.count) / float(num_visible);
+    const Gaussians all = after_step(false, 0.5f * factor), unscaled = after_step(false, 0.5f);
+    for (const Group group : {Group::kScale, Group::kOpacity}) {
+        SCOPED_TRACE(kGroupNames[int(group)]);
+        const auto of_visible = [&](const Gaussians& model) {
+            const auto& g = model[group];
+            std::vector<float> out;
+            for (std::size_t k = 0; k < g.m.size(); ++k)
+                if (visible.gradient_count[k / std::size_t(g.width)] > 0) out.push_back(g.m[k]);
+            return out;
+        };
+        expect_close(of_visible(all), of_visible(visible), 1e-5, "first moment");
+        EXPECT_GT(largest_difference(of_visible(unscaled), of_visible(visible)), 1e-3) << "the weight shows";
+    }
+}
+
+/// Returns steps on all views, narrow ones, for visible Gaussians.
+inline std::vector<StepRequest> narrow_steps(const RankViews& views) {
+    auto steps = views.steps();
+    for (StepRequest& r : steps) {
+        r.camera.fx *= 6, r.camera.fy *= 6;
+        r.only_visible = true;
+        r.opacity_reg = r.scale_reg = 0.5f;
+    }
+    return steps;
+}
+
+/// Expects that a step for visible Gaussians on several views has the mean of what each view gives, regularisers
+/// included.
+inline void expect_mean_over_views(const RankViews& views, RankedBackend& backend, double tolerance = 1e-5) {
+    const auto steps = narrow_steps(views);
+    // One plain step on each view: the first moments are the gradients.
+    std::vector<float> mean[kNumGroups];
+    for (const StepRequest& step : steps) {
+        const auto plain = make_cpu_backend(views.model.appearance);
+        plain->upload(views.model);
+        plain->step(step);
+        const Gaussians one = plain->download(true);
+        for (const Group group : {Group::kScale, Group::kOpacity}) {
+            auto& sum = mean[int(group)];
+            sum.resize(one[group].m.size());
+            for (std::size_t i = 0; i < sum.size(); ++i)
+                sum[i] += one[group].m[i] / float(1 - kAdamBeta1) / float(steps.size());
+        }
+    }
+    backend.upload(views.model);
+    backend.step_on(steps);
+    const Gaussians after = backend.download(true);
+    for (const Group group : {Group::kScale, Group::kOpacity}) {
+        std::vector<float> gradient = after[group].m;
+        for (float& m : gradient) m /= float(1 - std::pow(kAdamBeta1, double(steps.size())));
+        expect_close(mean[int(group)], gradient, tolerance, kGroupNames[int(group)]);
+    }
+}
+
 /// Takes three steps for visible Gaussians on narrow views, and expects that those which no view ever showed stayed.
 inline Gaussians train_visible(const RankViews& views, RankedBackend& backend) {
     backend.upload(views.model);
     for (int k = 0; k < 3; ++k) {
-        auto steps = views.steps();
-        for (StepRequest& r : steps) {
-            r.camera.fx *= 6, r.camera.fy *= 6;
-            r.only_visible = true;
-        }
+        auto steps = narrow_steps(views);
         steps[0].gather_gradient_stats = true;
         backend.step_on(steps);
     }

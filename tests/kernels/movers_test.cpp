@@ -17,6 +17,43 @@ TEST(Movers, AreThoseThatTheViewShows) {
         }
 }
 
+TEST(Movers, ShareTheRegularisers) {
+    for (const std::int64_t rows : {kRows, std::int64_t(3000)}) {
+        const RankViews views(appearance_model("sh"), rows, rows / 3);
+        expect_means_over_visible(*make_cpu_backend(views.model.appearance), views);
+    }
+}
+
+TEST(Movers, ShareTheRegularisersOfAllRanks) {
+    // A step of ranks on one view is that of one backend.
+    const RankViews views(appearance_model("sh"), kRows, 60);
+    StepRequest step = narrow_step(views, true);
+    step.opacity_reg = step.scale_reg = 0.5f;
+    const auto plain = make_cpu_backend(views.model.appearance);
+    plain->upload(views.model);
+    plain->step(step);
+    Gaussians one = plain->download(true);
+    for (const int ranks : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            backend.upload(views.model);
+            backend.step_on({step});
+            Gaussians after = backend.download(true);
+            for (const Group group : {Group::kScale, Group::kOpacity})
+                expect_close(one[group].m, after[group].m, 1e-5, kGroupNames[int(group)]);
+        });
+    }
+}
+
+TEST(Movers, ShareTheRegularisersOfSeveralViews) {
+    const RankViews views(appearance_model("sh"), kRows, 60);
+    for (const int ranks : {1, 3}) {
+        SCOPED_TRACE(std::to_string(ranks) + " ranks");
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
+                            [&](RankedBackend& backend) { expect_mean_over_views(views, backend); });
+    }
+}
+
 TEST(Movers, AreTheSameOnAnyNumberOfRanks) {
     const RankViews views(appearance_model("sh"), kRows, 60);
     Gaussians one;

@@ -70,7 +70,7 @@ TEST(Opacity, ComesBackFromWhereItsSlopeIsZero) {
     OneGaussian gaussian;
     gaussian[Group::kOpacity][0] = 50;
     GaussianGradient<float> gradient{};
-    update_gaussian(gaussian.arrays, UpdateArgs{}, 0, gradient);
+    update_gaussian(gaussian.arrays, UpdateArgs{}, 0, 1, gradient);
     EXPECT_EQ(gaussian[Group::kOpacity][0], float(kMaxRawOpacity));
     EXPECT_GT(1 - sigmoid(gaussian[Group::kOpacity][0]), 0);
 }
@@ -85,7 +85,7 @@ float step_of_mean(float x, float far_rate) {
     request.rates[int(Group::kMean)] = 0.5;
     request.center = {1, 0, 0}, request.extent = 2, request.far_rate = far_rate;
     request.opacity_reg = request.scale_reg = 0;
-    update_gaussian(gaussian.arrays, update_args(request, 1, 1), 0, gradient);
+    update_gaussian(gaussian.arrays, update_args(request, 1), 0, 1, gradient);
     return gaussian[Group::kMean][1] / 0.5f;
 }
 

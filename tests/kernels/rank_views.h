@@ -4,6 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
 #include "kernels/ranks/rank_worker.h"
@@ -88,21 +92,62 @@ template <class Fn> void for_arrays(Gaussians& a, Gaussians& b, Fn&& fn) {
     fn(a.gradient_count, b.gradient_count, "views of the gradient statistic");
 }
 
-inline void expect_close(const std::vector<float>& a, const std::vector<float>& b, double tolerance,
-                         const std::string& what) {
-    ASSERT_EQ(a.size(), b.size()) << what;
+/// Returns the largest difference of two arrays of one size, as a share of the largest value of `a`.
+inline double largest_difference(const std::vector<float>& a, const std::vector<float>& b) {
     double largest = 0, difference = 0;
     for (std::size_t k = 0; k < a.size(); ++k) {
         largest = std::max(largest, double(std::abs(a[k])));
         difference = std::max(difference, double(std::abs(a[k] - b[k])));
     }
-    EXPECT_LE(difference, tolerance * largest) << what;
+    return difference > 0 ? difference / largest : 0;
+}
+
+inline void expect_close(const std::vector<float>& a, const std::vector<float>& b, double tolerance,
+                         const std::string& what) {
+    ASSERT_EQ(a.size(), b.size()) << what;
+    EXPECT_LE(largest_difference(a, b), tolerance) << what;
 }
 
 inline void expect_equal(Gaussians& a, Gaussians& b) {
     EXPECT_EQ(a.count, b.count);
     EXPECT_EQ(a.step, b.step);
     for_arrays(a, b, [](const auto& x, const auto& y, const std::string& what) { EXPECT_EQ(x, y) << what; });
+}
+
+/// Puts three opaque Gaussians before all cameras, and behind them as many whose colours are not finite, which no pixel
+/// reaches. Returns the rows of the latter.
+inline std::vector<std::int64_t> hide_broken_rows(RankViews& views) {
+    const auto& camera = views.cameras[0];
+    const std::vector<std::int64_t> broken{5, views.model.count / 2, views.model.count - 1};
+    const auto place = [&](std::int64_t row, float depth, float log_scale) {
+        const Vec3<float> mean = camera.position + camera.rotation.r2 * depth;
+        float* const p = views.model[Group::kMean].param.data() + 3 * row;
+        p[0] = mean.x, p[1] = mean.y, p[2] = mean.z;
+        for (int k = 0; k < 3; ++k) views.model[Group::kScale].param[std::size_t(3 * row + k)] = log_scale;
+        views.model[Group::kOpacity].param[std::size_t(row)] = 10;
+    };
+    for (std::int64_t wall = 0; wall < 3; ++wall) place(wall, 1, 2);
+    for (const std::int64_t row : broken) {
+        place(row, 6, -1);
+        views.model[Group::kBase].param[std::size_t(3 * row)] = std::numeric_limits<float>::quiet_NaN();
+    }
+    return broken;
+}
+
+/// Takes two steps on all views of a model with hidden broken rows, and expects that the gradients of these are counted
+/// and left out.
+inline void expect_left_out_gradients(const RankViews& views, const std::vector<std::int64_t>& broken,
+                                      RankedBackend& backend) {
+    backend.upload(views.model);
+    for (int k = 0; k < 2; ++k) backend.step_on(views.steps());
+    backend.synchronize();
+    const StepStats stats = backend.take_stats();
+    EXPECT_EQ(stats.consecutive_skips, 0);
+    EXPECT_EQ(stats.num_nonfinite_gradients, 2 * std::int64_t(broken.size()));
+    EXPECT_EQ(backend.take_stats().num_nonfinite_gradients, 0) << "they are counted once";
+    const Gaussians after = backend.download(true);
+    for (int g = 0; g < kNumGroups; ++g)
+        for (const float m : after.groups[g].m) ASSERT_TRUE(std::isfinite(m)) << kGroupNames[g];
 }
 
 /// Takes a step on views of which one has a loss that is not finite, and expects that it changes no parameter.
