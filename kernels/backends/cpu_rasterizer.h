@@ -153,7 +153,7 @@ template <class Real, class Model> class CpuRasterizer {
     /// Returns the sums over pixels of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
     SplatSums<Real> sums(std::int64_t i) const {
         SplatSums<Real> sum{};
-        if (bins_.count[i] == 0) return sum;
+        if (!is_visible(i)) return sum;
         const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) {
             sum.h += s[k].h, sum.hx += s[k].hx, sum.hy += s[k].hy, sum.hxx += s[k].hxx, sum.hxy += s[k].hxy,
@@ -166,7 +166,7 @@ template <class Real, class Model> class CpuRasterizer {
     /// Returns the sums over pixels of dL/dcolour of Gaussian i after backward(); 0 if no tile has it. Thread-safe.
     Vec3<Real> color_gradient(std::int64_t i) const {
         Vec3<Real> out{0, 0, 0};
-        if (bins_.count[i] == 0) return out;
+        if (!is_visible(i)) return out;
         const SplatSums<Real>* s = &sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
         for (std::uint32_t k = 0; k < bins_.count[i]; ++k) out += Vec3<Real>{s[k].r, s[k].g, s[k].b};
         return out;
@@ -182,7 +182,7 @@ template <class Real, class Model> class CpuRasterizer {
                        transmittance, score_sums_.data());
         });
         parallel_for_rows(std::int64_t(scores.size()), [&](std::int64_t i) {
-            if (bins_.count[i] == 0) return;
+            if (!is_visible(i)) return;
             const Real* s = &score_sums_[binning_.part_slots()[i / kPartSize] + bins_.first[i]];
             for (std::uint32_t k = 0; k < bins_.count[i]; ++k) scores[i] += s[k];
         });
@@ -265,7 +265,7 @@ template <class Real, class Model> class CpuRasterizer {
     bool add_instances(std::int64_t i, const PixelBounds& bounds, Real depth, BinningInput::Part& bin) {
         bins_.first[i] = static_cast<std::uint32_t>(bin.tiles.size());
         bins_.count[i] = add_tiles(splats_[i], bounds, tiles_x_, bin.tiles);
-        if (bins_.count[i] == 0) return false;
+        if (!is_visible(i)) return false;
         bin.depth_keys.push_back(std::uint64_t(depth_key_(float(depth))) << 32 | std::uint32_t(i));
         return true;
     }

@@ -8,7 +8,6 @@
 #include <cmath>
 
 #include "kernels/backend.h"
-#include "kernels/model/adam_device.h"
 #include "kernels/ranks/ranked_backend.h"
 #include "tests/kernels/rank_views.h"
 
@@ -32,8 +31,8 @@ inline bool same_row(const Gaussians& a, const Gaussians& b, std::int64_t i, boo
 }
 
 /// Returns a step on a view that shows a part of the Gaussians, with the statistic of ADC.
-inline StepRequest narrow_step(const RankViews& views, bool only_visible) {
-    StepRequest r = views.step(0);
+inline StepRequest narrow_step(const RankViews& views, bool only_visible, std::size_t view = 0) {
+    StepRequest r = views.step(view);
     r.camera.fx *= 6, r.camera.fy *= 6;
     r.gather_gradient_stats = true;
     r.only_visible = only_visible;
@@ -107,11 +106,10 @@ inline void expect_means_over_visible(Backend& backend, const RankViews& views) 
 
 /// Returns steps on all views, narrow ones, for visible Gaussians.
 inline std::vector<StepRequest> narrow_steps(const RankViews& views) {
-    auto steps = views.steps();
-    for (StepRequest& r : steps) {
-        r.camera.fx *= 6, r.camera.fy *= 6;
-        r.only_visible = true;
-        r.opacity_reg = r.scale_reg = 0.5f;
+    std::vector<StepRequest> steps;
+    for (std::size_t k = 0; k < kViews; ++k) {
+        steps.push_back(narrow_step(views, true, k));
+        steps.back().opacity_reg = steps.back().scale_reg = 0.5f;
     }
     return steps;
 }
@@ -120,27 +118,15 @@ inline std::vector<StepRequest> narrow_steps(const RankViews& views) {
 /// included.
 inline void expect_mean_over_views(const RankViews& views, RankedBackend& backend, double tolerance = 1e-5) {
     const auto steps = narrow_steps(views);
-    // One plain step on each view: the first moments are the gradients.
-    std::vector<float> mean[kNumGroups];
-    for (const StepRequest& step : steps) {
-        const auto plain = make_cpu_backend(views.model.appearance);
-        plain->upload(views.model);
-        plain->step(step);
-        const Gaussians one = plain->download(true);
-        for (const Group group : {Group::kScale, Group::kOpacity}) {
-            auto& sum = mean[int(group)];
-            sum.resize(one[group].m.size());
-            for (std::size_t i = 0; i < sum.size(); ++i)
-                sum[i] += one[group].m[i] / float(1 - kAdamBeta1) / float(steps.size());
-        }
-    }
+    const Gaussians sum = sum_of_steps(views.model, steps);
     backend.upload(views.model);
     backend.step_on(steps);
     const Gaussians after = backend.download(true);
     for (const Group group : {Group::kScale, Group::kOpacity}) {
-        std::vector<float> gradient = after[group].m;
-        for (float& m : gradient) m /= float(1 - std::pow(kAdamBeta1, double(steps.size())));
-        expect_close(mean[int(group)], gradient, tolerance, kGroupNames[int(group)]);
+        std::vector<float> a = sum[group].m, b = after[group].m;
+        for (float& m : a) m *= mean_of_moments(steps.size());
+        for (float& m : b) m *= gradient_of_moment(steps.size());
+        expect_close(a, b, tolerance, kGroupNames[int(group)]);
     }
 }
 
@@ -148,9 +134,7 @@ inline void expect_mean_over_views(const RankViews& views, RankedBackend& backen
 inline Gaussians train_visible(const RankViews& views, RankedBackend& backend) {
     backend.upload(views.model);
     for (int k = 0; k < 3; ++k) {
-        auto steps = narrow_steps(views);
-        steps[0].gather_gradient_stats = true;
-        backend.step_on(steps);
+        backend.step_on(narrow_steps(views));
     }
     const Gaussians after = backend.download(true);
     int unseen = 0;

@@ -10,6 +10,7 @@
 
 #include "appearance/model_info.h"
 #include "kernels/backend.h"
+#include "kernels/model/adam_device.h"
 #include "kernels/ranks/rank_worker.h"
 #include "kernels/ranks/ranked_backend.h"
 #include "tests/kernels/random_scene.h"
@@ -107,6 +108,31 @@ inline void expect_close(const std::vector<float>& a, const std::vector<float>& 
     ASSERT_EQ(a.size(), b.size()) << what;
     EXPECT_LE(largest_difference(a, b), tolerance) << what;
 }
+
+/// Returns the sum of what one plain step on each view makes of a model without moments.
+inline Gaussians sum_of_steps(const Gaussians& model, const std::vector<StepRequest>& steps) {
+    Gaussians sum;
+    for (std::size_t k = 0; k < steps.size(); ++k) {
+        const auto backend = make_cpu_backend(model.appearance);
+        backend->upload(model);
+        backend->step(steps[k]);
+        Gaussians one = backend->download(true);
+        if (k == 0) {
+            sum = one;
+            continue;
+        }
+        for_arrays(sum, one, [](auto& total, const auto& x, const std::string&) {
+            for (std::size_t i = 0; i < total.size(); ++i) total[i] += x[i];
+        });
+    }
+    return sum;
+}
+
+/// Returns the factor from summed first moments of plain steps on `views` views to their mean gradient.
+inline float mean_of_moments(std::size_t views) { return 1 / float(1 - kAdamBeta1) / float(views); }
+
+/// Returns the factor from the first moment after one step on `views` views to the gradient of that step.
+inline float gradient_of_moment(std::size_t views) { return 1 / float(1 - std::pow(kAdamBeta1, double(views))); }
 
 inline void expect_equal(Gaussians& a, Gaussians& b) {
     EXPECT_EQ(a.count, b.count);

@@ -7,7 +7,6 @@
 
 #include "appearance/model_info.h"
 #include "kernels/core/error.h"
-#include "kernels/model/adam_device.h"
 #include "kernels/ranks/messages.h"
 #include "tests/kernels/rank_threads.h"
 #include "tests/kernels/rank_views.h"
@@ -22,24 +21,9 @@ class EveryModelOnRanks : public ::testing::TestWithParam<std::string> {
 
 TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
     const RankViews views(info);
-    // One plain step on each view: the first moments are the gradients.
-    Gaussians mean;
-    for (std::size_t k = 0; k < kViews; ++k) {
-        const auto backend = make_cpu_backend(views.model.appearance);
-        backend->upload(views.model);
-        StepRequest step = views.step(k);
-        step.opacity_reg = step.scale_reg = 0;
-        backend->step(step);
-        Gaussians one = backend->download(true);
-        if (k == 0) {
-            mean = one;
-            continue;
-        }
-        for_arrays(mean, one, [](auto& sum, const auto& x, const std::string&) {
-            for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += x[i];
-        });
-    }
-    const float to_gradient = 1 / float(1 - kAdamBeta1) / kViews;
+    auto plain = views.steps();
+    for (StepRequest& step : plain) step.opacity_reg = step.scale_reg = 0;
+    Gaussians sum = sum_of_steps(views.model, plain);
     for (const int ranks : {1, 2, 3, 4}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         Gaussians after;
@@ -61,13 +45,12 @@ TEST_P(EveryModelOnRanks, TakeTheMeanGradientOfTheViews) {
             after = backend.download(true);
         });
         EXPECT_EQ(after.step, kViews);
-        const float from_moment = 1 / float(1 - std::pow(kAdamBeta1, kViews));
-        for_arrays(mean, after, [&](const auto& x, const auto& y, const std::string& what) {
+        for_arrays(sum, after, [&](const auto& x, const auto& y, const std::string& what) {
             if (what.find("first") == std::string::npos) return;
             std::vector<float> a = x, b = y;
             // The regulariser of PPISP is in every step, and so has the same mean.
-            for (float& value : a) value *= to_gradient;
-            for (float& value : b) value *= from_moment;
+            for (float& value : a) value *= mean_of_moments(kViews);
+            for (float& value : b) value *= gradient_of_moment(kViews);
             expect_close(a, b, 1e-5, what);
         });
     }
