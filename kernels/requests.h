@@ -69,14 +69,14 @@ struct StepRequest {
     TargetImage target;
     std::int64_t iteration = 0;  ///< 0-based
     float lambda_dssim = 0.2f;
-    float opacity_reg = 0.01f;  ///< weight of mean(opacity), over those that take the step
-    float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale)), over the same
+    float opacity_reg = 0.01f;  ///< weight of mean(opacity)
+    float scale_reg = 0.01f;    ///< weight of mean(exp(raw_scale))
     float noise = 0;            ///< SGLD factor 5e5*lr_means; 0 = no noise
     std::uint64_t seed = 0;
     /// Whether to add up the norm of the 2-D mean gradient for ADC, for Gaussians that touch a tile.
     bool gather_gradient_stats = false;
-    bool only_visible = false;      ///< whether Gaussians that touch no tile keep parameters and moments as they are
-    double rates[kNumGroups] = {};  ///< learning rate of this step per group
+    bool only_visible = false;           ///< whether Gaussians that touch no tile wait (GaussianState::last_step)
+    double rates[kNumGroups] = {};       ///< learning rate of this step per group
     std::vector<double> residual_rates;  ///< learning rate per residual column, where the model has several; else empty
     double shared_rate = 0;              ///< learning rate of the shared weights
     /// A mean farther than `extent` from `center`, both in frame units, has a rate that is higher by the power

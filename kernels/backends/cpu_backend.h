@@ -69,6 +69,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     void step(const StepRequest& r) override {
+        keep_last_steps(r);
         const bool corrected = is_corrected(state_.ppisp, r.isp), corrects = corrected && r.isp_rate > 0;
         const LossValues loss = view_loss(r, corrected);
         ++state_.step;  // skipped steps count too, because a device learns of those too late to leave them out
@@ -80,7 +81,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             const StageTimer timer(correction_seconds_);
             if (!correction_.step_parameters(state_.ppisp, r.isp_rate)) ++stats_.num_nonfinite_gradients;
         }
-        count_work(transmittance_.size());
+        count_work(r);
     }
 
     void distill(const StepRequest& r) override { distill(r, nullptr); }
@@ -178,7 +179,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         } else {
             write_sums(splats, sums, [](std::int64_t, SplatSums<float>& out) { out = {}; });
         }
-        count_work(transmittance_.size());
+        count_work(r);
         return {loss.loss, loss.l1, loss.ssim, raster_.num_instances()};
     }
     void distill_splats(const SplatParts& splats, const StepRequest& r) override { distill(r, &splats); }
@@ -214,25 +215,23 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     }
 
     void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                     const std::vector<RankArray<SplatSums<float>>>& sums, const std::vector<float>& shares,
+                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                      RankArray<float>& shared_gradient) override {
+        keep_last_steps(views[0]);
         const auto params = ParameterView<float>::of(state_);
         const int num_views = int(views.size()), width = state_[Group::kResidual].width;
         const float mean = 1 / float(num_views);
-        const UpdateArgs args = update_args(views[0], state_.step + num_views, num_views);
-        update_all(args, views[0].gather_gradient_stats, [&](std::int64_t part, const ModelArrays& arrays) {
+        const UpdateArgs args = update_args(views[0], state_.step + num_views, num_gaussians, num_views);
+        update_all(views[0], args, [&](std::int64_t part, const ModelArrays& arrays) {
             std::vector<std::size_t> at(views.size()), end(views.size());  // splats of the part's rows not yet taken
             for (std::size_t v = 0; v < views.size(); ++v)
                 at[v] = part > 0 ? projected[v].part_ends[part - 1] : 0, end[v] = projected[v].part_ends[part];
-            return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared, float& share) mutable {
+            return [&, arrays, at, end](std::int64_t i, Gradient& total, float* dL_dshared) mutable {
                 total = {};
-                share = 0;
                 const int used = i < params.num_residuals ? width : 0;
                 bool finite = true;
                 for (std::size_t v = 0; v < views.size(); ++v) {
-                    const bool visible = at[v] < end[v] && projected[v].rows.data()[at[v]] == i;
-                    if (visible || !args.only_visible) share += shares[v];
-                    if (!visible) continue;
+                    if (at[v] == end[v] || projected[v].rows.data()[at[v]] != i) continue;
                     Gradient one{};
                     gaussian_backward<Model>(params, i, views[v].camera, params.degree(i, state_.active_degree),
                                              sums[v].data()[at[v]++], static_cast<GaussianGradient<float>&>(one),
@@ -259,12 +258,13 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         if (const int row = int(shared_row(shared.size())); row > 0)
             for (std::size_t k = 0; k < shared.size(); ++k)
                 shared[k] = sum_of_rows(shared_gradients.data(), int(shared_gradients.size()) / row, row, int(k));
-        common_left_out_ += step_shared(update_args(views[0], state_.step, num_views), shared);
+        common_left_out_ += step_shared(update_args(views[0], state_.step, 1, num_views), shared);
         if (!learns_correction(views)) return;
         const StageTimer timer(correction_seconds_);
         if (!step_ppisp(state_.ppisp, isp_gradient, views[0].isp_rate, num_views)) ++common_left_out_;
     }
     void count_step(const std::vector<StepRequest>& views) override {
+        keep_last_steps(views[0]);
         state_.step += std::int64_t(views.size());
         if (learns_correction(views)) state_.ppisp.step += std::int64_t(views.size());
     }
@@ -325,8 +325,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             {"blend backward", s.blend_backward, pairs, "pixel x Gaussian",
              work_.instances * (8 + 40 + 2 + 36) + work_.pixels * 28, pairs * 51, ""},
             {"Gaussian backward + Adam", update_seconds_, gaussians, "Gaussian",
-             gaussians * 24 * values + work_.instances * 36,
-             work_.visible * (500 + operations_backward) + gaussians * 10 * values,
+             work_.moving * 24 * values + work_.instances * 36,
+             work_.visible * (500 + operations_backward) + work_.moving * 10 * values,
              "one Gaussian at a time in scalar code; the floor assumes full vectors", true}};
         // A pixel takes 235 instructions forward (six powers of 25 each), and these again and 300 backward.
         if (work_.corrected_pixels > 0)
@@ -440,9 +440,11 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         return finite;
     }
 
-    void count_work(std::size_t pixels) {
+    void count_work(const StepRequest& r) {
+        const std::size_t pixels = transmittance_.size();
         work_.gaussians += double(state_.count);
         work_.visible += double(raster_.num_visible());
+        work_.moving += double(r.only_visible ? raster_.num_visible() : state_.count);
         work_.instances += double(raster_.num_instances());
         work_.pixels += double(pixels);
         work_.pairs += double(kLanes) * double(raster_.num_lane_operations());
@@ -450,11 +452,10 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
 
     void update(const StepRequest& r, const ParameterView<float>& params) {
         const int width = state_[Group::kResidual].width;
-        const UpdateArgs args = update_args(r, state_.step);
-        update_all(args, r.gather_gradient_stats, [&](std::int64_t, const ModelArrays& arrays) {
-            return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared, float& share) {
+        const UpdateArgs args = update_args(r, state_.step, state_.count);
+        update_all(r, args, [&](std::int64_t, const ModelArrays& arrays) {
+            return [&, arrays](std::int64_t i, Gradient& gradient, float* dL_dshared) {
                 raster_.gaussian_gradient(params, i, gradient, dL_dshared);
-                share = args.share(raster_.is_visible(i), state_.count, raster_.num_visible());
                 const bool finite = drop_nonfinite(gradient, gradient.residual, i < params.num_residuals ? width : 0);
                 if (finite) add_gradient_statistic(arrays, r.camera.width, r.camera.height, i, gradient);
                 return finite;
@@ -463,13 +464,21 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         stats_.num_nonfinite_gradients += step_shared(args, sum_shared());
     }
 
+    /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
+    void keep_last_steps(const StepRequest& r) {
+        if (!r.only_visible)
+            state_.last_step.clear();
+        else if (state_.last_step.empty())
+            state_.last_step.assign(state_.count, float(state_.step));
+    }
+
     /// Takes the step of all rows. gradients_of(part, arrays) returns the function that computes the gradient of each
-    /// row of that part in turn, adds that of the shared weights, says the row's share (UpdateArgs::share), and returns
-    /// false if it had to drop a gradient that was not finite.
+    /// row of that part in turn, adds that of the shared weights, and returns false if it had to drop one that was not
+    /// finite.
     template <class GradientsOf>
-    void update_all(const UpdateArgs& args, bool gather_stats, GradientsOf&& gradients_of) {
+    void update_all(const StepRequest& r, const UpdateArgs& args, GradientsOf&& gradients_of) {
         const StageTimer timer(update_seconds_);
-        if (gather_stats) {
+        if (r.gather_gradient_stats) {
             state_.gradient_sum.resize(state_.count, 0.0f);
             state_.gradient_count.resize(state_.count, 0.0f);
         }
@@ -479,7 +488,8 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
             arrays.param[g] = group.param.data(), arrays.m[g] = group.m.data(), arrays.v[g] = group.v.data(),
             arrays.width[g] = group.width;
         }
-        if (gather_stats)
+        if (r.only_visible) arrays.last_step = state_.last_step.data();
+        if (r.gather_gradient_stats)
             arrays.gradient_sum = state_.gradient_sum.data(), arrays.gradient_count = state_.gradient_count.data();
         const std::int64_t parts = num_parts(state_.count), num_residuals = state_.num_residuals();
         nonfinite_.assign(parts, 0);
@@ -487,12 +497,11 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         parallel_for(parts, [&](std::int64_t part) {
             auto gradient_of = gradients_of(part, arrays);
             Gradient gradient;
-            float share = 0;
             for (std::int64_t i = part * kPartSize, end = std::min(state_.count, i + kPartSize); i < end; ++i) {
-                if (!gradient_of(i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>, share))
-                    ++nonfinite_[part];
-                update_gaussian(arrays, args, i, share, gradient);
-                if (i < num_residuals && share > 0) update_residual(arrays, args, i, gradient.residual);
+                if (!gradient_of(i, gradient, dL_dshared_.data() + part * kNumSharedOf<Model>)) ++nonfinite_[part];
+                const float turns = args.turns(arrays, i, gradient.visible);
+                update_gaussian(arrays, args, i, turns, gradient);
+                if (i < num_residuals && turns > 0) update_residual(arrays, args, i, turns, gradient.residual);
             }
         });
         for (std::int64_t n : nonfinite_) stats_.num_nonfinite_gradients += n;
@@ -519,10 +528,16 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
         return num_nonfinite;
     }
 
-    /// Takes one step of the residual of Gaussian i.
-    static void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, const float* dL_dresidual) {
+    /// Takes one step of the residual of Gaussian i; `turns` as in update_gaussian.
+    static void update_residual(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float turns,
+                                const float* dL_dresidual) {
         const int k = int(Group::kResidual), width = a.width[k];
         float *p = a.param[k] + i * width, *m = a.m[k] + i * width, *v = a.v[k] + i * width;
+        if (turns > 1) {
+            const float decay = u.decay(turns);
+#pragma omp simd
+            for (int c = 0; c < width; ++c) v[c] *= decay;
+        }
         if (u.per_column) {
             for (int c = 0; c < width; ++c)
                 adam_update(p[c], m[c], v[c], dL_dresidual[c], u.residual_steps[c], u.gains);
@@ -551,7 +566,7 @@ template <class Model> class CpuBackend : public Backend, public Shard, private 
     std::int64_t common_left_out_ = 0;  ///< steps of shared weights and of PPISP, since take_nonfinite()
     double loss_seconds_ = 0, update_seconds_ = 0, correction_seconds_ = 0;
     struct {
-        double gaussians = 0, visible = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
+        double gaussians = 0, visible = 0, moving = 0, instances = 0, pixels = 0, pairs = 0, corrected_pixels = 0;
     } work_;  ///< work of the steps since the last take_stage_costs
 };
 

@@ -21,8 +21,8 @@ namespace {
 constexpr unsigned long long kMaxInstances = 0x7fffffff;
 /// The largest side of an image in pixels. Pixel bounds have 16 bits and are padded to whole tiles.
 constexpr int kMaxSide = 65535 - 2 * kCudaTileX;
-/// The threads of a block that rounds parameters.
-constexpr int kHalfBlock = 256;
+/// The threads of a block that works on single values.
+constexpr int kBlock = 256;
 
 std::uint32_t bits_of(float x) {
     std::uint32_t bits;
@@ -66,8 +66,13 @@ template <class Group> void unpack(Group& group) {
 }
 
 __global__ void round_to_half(std::size_t n, const float* values, __half* out) {
-    const std::size_t i = std::size_t(blockIdx.x) * kHalfBlock + threadIdx.x;
+    const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
     if (i < n) out[i] = __float2half_rn(gs_clamp(values[i], -float(kLargestHalf), float(kLargestHalf)));
+}
+
+__global__ void fill_values(std::int64_t n, float value, float* out) {
+    const std::int64_t i = std::int64_t(blockIdx.x) * kBlock + threadIdx.x;
+    if (i < n) out[i] = value;
 }
 
 /// Where the splats of a view need more room than there is, this many times as much is made.
@@ -147,6 +152,9 @@ void CudaBackend::upload(const Gaussians& state) {
     model_.has_statistic = !state.gradient_sum.empty();
     model_.gradient_sum.upload(state.gradient_sum);
     model_.gradient_count.upload(state.gradient_count);
+    model_.has_last_step = !state.last_step.empty();
+    if (model_.has_last_step) model_.last_step.reserve(model_.row_capacity());
+    model_.last_step.upload(state.last_step);
     ppisp_.upload(state.ppisp);
     sizes_ = {};  // PPISP takes some of the scratch block
     model_.count = state.count;
@@ -181,6 +189,7 @@ Gaussians CudaBackend::download(bool with_moments) {
         out.gradient_sum = model_.gradient_sum.download(model_.count);
         out.gradient_count = model_.gradient_count.download(model_.count);
     }
+    if (with_moments && model_.has_last_step) out.last_step = model_.last_step.download(model_.count);
     return out;
 }
 
@@ -272,8 +281,8 @@ PreprocessArgs CudaBackend::frame_args(const RenderRequest& r) {
     if (!options_.half_residuals || model_.floats(int(Group::kResidual)) == 0) return args;
     if (!half_residuals_current_) {
         const std::size_t n = model_.floats(int(Group::kResidual));
-        round_to_half<<<num_blocks(n, kHalfBlock), kHalfBlock, 0, stream_>>>(
-            n, model_.param[int(Group::kResidual)].get(), half_residuals_.reserve(n));
+        round_to_half<<<num_blocks(n, kBlock), kBlock, 0, stream_>>>(n, model_.param[int(Group::kResidual)].get(),
+                                                                     half_residuals_.reserve(n));
         GS_CUDA_LAUNCHED("round_to_half");
         half_residuals_current_ = true;
     }
@@ -435,11 +444,13 @@ double CudaBackend::time_frames(const std::vector<RenderRequest>& views, int rep
 void CudaBackend::step(const StepRequest& r) {
     while (in_flight_.size() >= kInFlight) finish_oldest();
     const bool lazily = r.residual_rates.empty() && !r.only_visible;
-    if (lazily != lazily_ || lazy_.due(meta_.step + 1)) {  // only once no step in flight has to be repeated
+    const bool changes = lazily != lazily_ || r.only_visible != model_.has_last_step;
+    if (changes || lazy_.due(meta_.step + 1)) {  // only once no step in flight has to be repeated
         settle();
         lazy_.reset(meta_.step);
     }
     lazily_ = lazily;
+    keep_last_steps(r);
     Step s;
     s.request = r;
     s.adam_step = ++meta_.step;
@@ -517,9 +528,19 @@ void CudaBackend::enqueue_sums(const StepRequest& r, std::int64_t n, const CudaB
     blend_.backward(bins, splats_, blend_image(r.camera, r.background), gradients, control_.get(), stream_);
 }
 
-ModelArrays CudaBackend::arrays_of_step(bool gather_gradient_stats) {
+void CudaBackend::keep_last_steps(const StepRequest& r) {
+    if (r.only_visible && !model_.has_last_step && model_.count > 0) {
+        fill_values<<<num_blocks(model_.count, kBlock), kBlock, 0, stream_>>>(
+            model_.count, float(meta_.step), model_.last_step.reserve(model_.row_capacity()));
+        GS_CUDA_LAUNCHED("fill_values");
+    }
+    model_.has_last_step = r.only_visible;
+}
+
+ModelArrays CudaBackend::arrays_of_step(const StepRequest& r) {
     ModelArrays arrays = model_.arrays();
-    if (!gather_gradient_stats) return arrays;
+    if (r.only_visible) arrays.last_step = model_.last_step.get();
+    if (!r.gather_gradient_stats) return arrays;
     const std::int64_t n = model_.count;
     if (!model_.has_statistic) {  // this is the first step of a statistic
         GS_CUDA(cudaMemsetAsync(model_.gradient_sum.reserve(n), 0, n * sizeof(float), stream_));
@@ -537,8 +558,8 @@ void CudaBackend::enqueue_gaussians(const Step& s, const PreprocessArgs& args, c
     enqueue_sums(r, n, bins);
     times_.end(CudaStage::kBlendBackward, stream_);
     if (n > 0) {
-        const ModelArrays arrays = arrays_of_step(r.gather_gradient_stats);
-        kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step), control, stream_);
+        const ModelArrays arrays = arrays_of_step(r);
+        kernels_.update(args, binning_.input().counts, sums_, arrays, update_args(r, s.adam_step, n), control, stream_);
     }
     times_.end(CudaStage::kUpdate, stream_);
 }
@@ -575,7 +596,9 @@ void CudaBackend::finish_oldest() {
     note_loss(loss_of(status, s.request, s.target.weight_sum));
     stats_.num_nonfinite_gradients += status.num_nonfinite;
     if (times_.on)
-        times_.count(double(model_.count), status.num_visible, double(status.num_instances), double(status.num_pairs),
+        times_.count(double(model_.count), status.num_visible,
+                     s.request.only_visible ? double(status.num_visible) : double(model_.count),
+                     double(status.num_instances), double(status.num_pairs),
                      double(s.request.camera.width) * s.request.camera.height, ppisp_.corrects(s.request.isp));
     in_flight_.pop_front();
 }

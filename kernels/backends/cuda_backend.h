@@ -85,7 +85,7 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     std::vector<Vec3<float>> colors_without_residual() override;
     ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) override;
     void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                     const std::vector<RankArray<SplatSums<float>>>& sums, const std::vector<float>& shares,
+                     const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                      RankArray<float>& shared_gradient) override;
     void update_common(const std::vector<StepRequest>& views, const RankArray<float>& shared_gradients,
                        std::vector<float>& isp_gradient) override;
@@ -163,8 +163,10 @@ class CudaBackend final : public Backend, public Shard, private BackendTimer {
     ViewLoss loss_of(const StepStatus& status, const StepRequest& r, double weight_sum) const;
     /// Notes the loss of a step in stats_.
     void note_loss(const ViewLoss& loss);
-    /// Returns the arrays of the model, with those of ADC's statistic if there is one, or is to be.
-    ModelArrays arrays_of_step(bool gather_gradient_stats);
+    /// Begins or ends keeping the step that each Gaussian took last. All are up to date where it begins.
+    void keep_last_steps(const StepRequest& r);
+    /// Returns the arrays of the model that a step uses.
+    ModelArrays arrays_of_step(const StepRequest& r);
     /// Waits, and returns what has become of the work in the stream.
     const StepStatus& read_status();
     void gather_scores(const std::vector<RenderRequest>& views, CudaScores& scores);

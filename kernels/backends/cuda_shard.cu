@@ -206,7 +206,7 @@ ResidualScores CudaBackend::residual_scores_of_rows(const std::vector<ResidualSu
 }
 
 void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                              const std::vector<RankArray<SplatSums<float>>>& sums, const std::vector<float>& shares,
+                              const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                               RankArray<float>& shared_gradient) {
     synchronize();
     const std::int64_t n = model_.count, num_residuals = meta_.active_degree > 0 ? model_.num_residuals() : 0;
@@ -222,7 +222,7 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     std::vector<StepView>& step_views = wire_.host_views;
     step_views.clear();
     for (std::size_t v = 0; v < views.size(); ++v) {
-        step_views.push_back({views[v].camera, places + std::int64_t(v) * n, sums[v].data(), shares[v]});
+        step_views.push_back({views[v].camera, places + std::int64_t(v) * n, sums[v].data()});
         note_places(projected[v].rows.data(), std::int64_t(projected[v].rows.size()), n, places + std::int64_t(v) * n,
                     stream_);
     }
@@ -231,8 +231,10 @@ void CudaBackend::update_rows(const std::vector<StepRequest>& views, const std::
     PreprocessArgs args = preprocess_args(views[0].camera, RenderMode::kFull, {});
     args.shared = {model_.shared_prepared.get(), shared_sums_};
     const std::int64_t t = meta_.step + num_views;
-    kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0].gather_gradient_stats),
-                           update_args(views[0], t, num_views), std::uint32_t(t), wire_.left_out.get(), stream_);
+    keep_last_steps(views[0]);
+    kernels_.step_on_views(args, on_device, num_views, arrays_of_step(views[0]),
+                           update_args(views[0], t, num_gaussians, num_views), std::uint32_t(t), wire_.left_out.get(),
+                           stream_);
     half_residuals_current_ = false;
     wire_.is_updating = true;
     // Without a residual that is shown the weights have no gradient.
@@ -255,7 +257,7 @@ void CudaBackend::update_common(const std::vector<StepRequest>& views, const Ran
     const int num_views = int(views.size());
     count_step(views);
     if (const int n = kernels_.shared.count; n > 0) {
-        const UpdateArgs args = update_args(views[0], meta_.step, num_views);
+        const UpdateArgs args = update_args(views[0], meta_.step, 1, num_views);
         const int row = int(shared_row(std::size_t(n))), num_ranks = int(shared_gradients.size()) / row;
         step_shared_weights<<<num_blocks(n, kSharedBlock), kSharedBlock, 0, stream_>>>(
             shared_gradients.data(), num_ranks, row, n, model_.shared_param.get(), model_.shared_m.get(),
@@ -273,6 +275,7 @@ void CudaBackend::update_common(const std::vector<StepRequest>& views, const Ran
 }
 
 void CudaBackend::count_step(const std::vector<StepRequest>& views) {
+    keep_last_steps(views[0]);
     meta_.step += std::int64_t(views.size());
     if (learns_correction(ppisp_, views))
         for (std::size_t v = 0; v < views.size(); ++v) ppisp_.begin_step();

@@ -302,18 +302,28 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
 /// Does what update_gaussian() says for this lane's Gaussian. All lanes of a warp whose Gaussians exist call it.
 /// If some do not move, their rows are written as they were, since a warp writes whole sectors.
 __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const ModelArrays& arrays,
-                                               const UpdateArgs& update, std::int64_t i, float share,
+                                               const UpdateArgs& update, std::int64_t i, float turns,
                                                GaussianGradient<float>& gradient) {
     const std::int64_t first = i - (threadIdx.x & 31);
     const WarpRowWriter write_warp(arrays, first);
     const bool whole = first + 32 <= a.params.count;
-    if (!__any_sync(whole ? ~0u : (1u << (a.params.count - first)) - 1, share > 0)) return;
-    update_gaussian(arrays, update, i, share, gradient, [&](const auto& row) {
+    if (!__any_sync(whole ? ~0u : (1u << (a.params.count - first)) - 1, turns > 0)) return;
+    update_gaussian(arrays, update, i, turns, gradient, [&](const auto& row) {
         if (whole)
             write_warp(row);
         else
             row.write(arrays, i);
     });
+}
+
+/// Writes the factors of this lane's moments before it takes `turns` steps at once, and returns the lanes that missed
+/// some. All lanes must call it.
+template <class Model>
+__device__ unsigned decay_moments(float turns, const UpdateArgs& update, WarpSpace<Model>& space) {
+    const unsigned stale = __ballot_sync(~0u, turns > 1);
+    if (!stale) return 0;
+    space.decays[0][threadIdx.x & 31] = 1, space.decays[1][threadIdx.x & 31] = turns > 1 ? update.decay(turns) : 1.0f;
+    return stale;
 }
 
 /// Takes the step of the residuals of a warp's Gaussians in `rows`, of which some are `stale`. Their parameters and
@@ -368,12 +378,13 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     WarpSpace<Model>& space = warps[warp].space();
     float *gradients = space.gradients, *decay_m = space.decays[0], *decay_v = space.decays[1];
     const unsigned seen = with_residual ? __ballot_sync(~0u, shown) : 0;
+    const float turns = valid ? update.turns(arrays, i, visible) : 0;
     unsigned rows = 0, stale = 0;
     GaussianGradient<float> gradient{};
     Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (with_residual) {
-        const bool all = !update.only_visible && (!a.lazy.last_step || __popc(seen) >= kManyVisible);
+        const bool all = !arrays.last_step && (!a.lazy.last_step || __popc(seen) >= kManyVisible);
         rows = all ? __ballot_sync(~0u, owns) : seen;
         const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
         if (rows) {
@@ -381,6 +392,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
             for (int k = lane; k < 32 * width; k += 32) gradients[k] = 0;
         }
         if (stale) decay_m[lane] = first_moment_decay(lag), decay_v[lane] = second_moment_decay(lag);
+        if (arrays.last_step) stale = decay_moments(turns, update, space);
         __syncwarp();
         if (a.lazy.last_step && (rows >> lane & 1)) a.lazy.last_step[i] = a.lazy.step;
         if (seen) {
@@ -405,8 +417,7 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
             else
                 atomicAdd(&control->num_nonfinite, 1u);
         }
-        const float share = update.share(visible, a.params.count, control->num_visible);
-        update_gaussian_of_warp(a, arrays, update, i, share, gradient);
+        update_gaussian_of_warp(a, arrays, update, i, turns, gradient);
     }
     if (rows)
         update_residuals_of_warp<Model>(rows, stale, space, gradients, i - lane, mix_bits(a.lazy.step), arrays, update,
@@ -451,14 +462,13 @@ __global__ void __launch_bounds__(views_block<Model>())
     if (rows) space.memory.load(a, i - lane, rows, 0);
     for (int k = lane; k < 32 * width; k += 32) total[k] = 0;
     GaussianGradient<float> mean{};
-    float share = 0;
-    bool any = false, finite = true;
+    bool moves = valid && !arrays.last_step, any = false, finite = true;
     for (int v = 0; v < num_views; ++v) {
         const StepView& view = views[v];
         const std::uint32_t place = valid ? view.places[i] : StepView::kNowhere;
         const bool visible = place != StepView::kNowhere, shown = owns && visible;
         const unsigned seen = __ballot_sync(~0u, shown);
-        if (visible || !update.only_visible) share += view.share;
+        moves |= visible;
         const auto sums = [&] { return view.sums[place]; };
         GaussianGradient<float> gradient{};
         Vec3<float> dL_dmean{0, 0, 0};
@@ -486,10 +496,13 @@ __global__ void __launch_bounds__(views_block<Model>())
         __syncwarp();
     }
     if (!finite) atomicAdd(num_nonfinite, 1u);
-    if (valid) update_gaussian_of_warp(a, arrays, update, i, share, mean);
-    if (const unsigned moving = __ballot_sync(~0u, owns && share > 0))
-        update_residuals_of_warp<Model>(moving, 0, space, total, i - lane, mix_bits(step), arrays, update,
+    const float turns = valid ? update.turns(arrays, i, moves) : 0;
+    if (valid) update_gaussian_of_warp(a, arrays, update, i, turns, mean);
+    if (const unsigned moving = __ballot_sync(~0u, owns && moves)) {
+        const unsigned stale = decay_moments(turns, update, space);
+        update_residuals_of_warp<Model>(moving, stale, space, total, i - lane, mix_bits(step), arrays, update,
                                         column_steps);
+    }
     if constexpr (kShared > 0) {
         if (with_residual)
             store_shared_sums<Model, kBlock>(appearance, any, warps,

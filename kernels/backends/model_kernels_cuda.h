@@ -47,7 +47,6 @@ struct StepView {
     CameraParams<float> camera;
     const std::uint32_t* places;  ///< (n) of each Gaussian in `sums`; kNowhere if it was not visible
     const SplatSums<float>* sums;
-    float share;  ///< what the view adds to the share (UpdateArgs::share) of a Gaussian, as in Shard::update_rows
 };
 
 /// The kernels of one model.

@@ -32,8 +32,8 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
          instances_ * (4 + 48 + 1 + 16) + visible_ * 48 + pixels_ * 28, pairs_ * 26,
          "as blend; also, the values that the tensor cores add up pass through shared memory first"},
         {"Gaussian backward + Adam", seconds(CudaStage::kUpdate), gaussians_, "Gaussian",
-         gaussians_ * (24 * 14 + 4) + visible_ * (24 * residual_width + 48),
-         visible_ * (500 + operations_backward + 10 * residual_width) + gaussians_ * 140, "", true}};
+         gaussians_ * 4 + moving_ * 24 * 14 + visible_ * (24 * residual_width + 48),
+         visible_ * (500 + operations_backward + 10 * residual_width) + moving_ * 140, "", true}};
     // A pixel takes as many instructions as on the CPU. Each of the four powers is a logarithm and an exponential of
     // its own.
     if (corrected_pixels_ > 0)
@@ -41,7 +41,7 @@ std::vector<StageCost> StageTimes::take(double residual_width, double operations
                          corrected_pixels_, "pixel", corrected_pixels_ * 3 * 4 * 5, corrected_pixels_ * 770,
                          "five small kernels in a row, three of them of a single block"});
     std::fill(seconds_, seconds_ + kNumCudaStages, 0);
-    gaussians_ = visible_ = instances_ = pairs_ = pixels_ = corrected_pixels_ = 0;
+    gaussians_ = visible_ = moving_ = instances_ = pairs_ = pixels_ = corrected_pixels_ = 0;
     return costs;
 }
 

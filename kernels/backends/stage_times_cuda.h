@@ -33,9 +33,11 @@ class StageTimes {
             seconds_[k] += 1e-3 * ms;
         }
     }
-    /// Adds the work of that step. A pair is one pixel and one Gaussian.
-    void count(double gaussians, double visible, double instances, double pairs, double pixels, bool corrected) {
-        gaussians_ += gaussians, visible_ += visible, instances_ += instances, pairs_ += pairs, pixels_ += pixels;
+    /// Adds the work of that step, which `moving` Gaussians took. A pair is one pixel and one Gaussian.
+    void count(double gaussians, double visible, double moving, double instances, double pairs, double pixels,
+               bool corrected) {
+        gaussians_ += gaussians, visible_ += visible, moving_ += moving;
+        instances_ += instances, pairs_ += pairs, pixels_ += pixels;
         if (corrected) corrected_pixels_ += pixels;
     }
     /// Returns the costs since the last call, for a model with `residual_width` active residual parameters whose
@@ -48,8 +50,8 @@ class StageTimes {
         GS_CUDA(cudaEventRecord(marks_[mark], stream));
     }
     cudaEvent_t marks_[kNumCudaStages + 1] = {};
-    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, instances_ = 0, pairs_ = 0, pixels_ = 0,
-           corrected_pixels_ = 0;
+    double seconds_[kNumCudaStages] = {}, gaussians_ = 0, visible_ = 0, moving_ = 0, instances_ = 0, pairs_ = 0,
+           pixels_ = 0, corrected_pixels_ = 0;
 };
 
 }  // namespace gs

@@ -17,6 +17,8 @@ struct CudaModel {
     bool packed_moments = false;  ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
     bool has_statistic = false;   ///< gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
+    bool has_last_step = false;  ///< last_step holds `count` values, and has room for as many rows as all groups
+    DeviceBuffer<float> last_step;
     /// In the place of the residuals and their moments while rows of a mixed model move (residual_handles_cuda.h).
     DeviceBuffer<float> handles[3];
     bool rows_moved = false;  ///< whether rows moved since the handles took their place
@@ -32,6 +34,8 @@ struct CudaModel {
         if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
         return {&m[group], &v[group]};
     }
+    /// Returns the number of rows that all groups but the residuals have room for.
+    std::size_t row_capacity() const { return param[int(Group::kOpacity)].capacity(); }
     ModelArrays arrays() const {
         ModelArrays a{};
         for (int g = 0; g < kNumGroups; ++g)
@@ -45,19 +49,21 @@ struct CudaModel {
             param[g].grow(std::size_t(n) * width[g], floats(g));
             for (auto* moment : moments(g)) moment->grow(std::size_t(n) * width[g], floats(g));
         }
+        if (has_last_step) last_step.grow(std::size_t(n), std::size_t(count));
     }
     /// Gives back the memory of rows that are gone, where it is more than an eighth.
     void shrink_rows() {
+        const auto shrink = [](DeviceBuffer<float>& buffer, std::size_t n) {
+            if (buffer.capacity() > n + n / 8) buffer.shrink(n);
+        };
         for (int g = 0; g < kNumGroups; ++g) {
-            const auto shrink = [n = floats(g)](DeviceBuffer<float>& buffer) {
-                if (buffer.capacity() > n + n / 8) buffer.shrink(n);
-            };
-            shrink(param[g]);
-            for (auto* moment : moments(g)) shrink(*moment);
+            shrink(param[g], floats(g));
+            for (auto* moment : moments(g)) shrink(*moment, floats(g));
         }
+        if (has_last_step) shrink(last_step, std::size_t(count));
     }
     std::int64_t bytes() const {
-        std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes();
+        std::int64_t sum = gradient_sum.bytes() + gradient_count.bytes() + last_step.bytes();
         for (int g = 0; g < kNumGroups; ++g) sum += param[g].bytes() + m[g].bytes() + v[g].bytes();
         for (const auto& buffer : handles) sum += buffer.bytes();
         for (const auto* buffer : {&shared_param, &shared_m, &shared_v}) sum += buffer->bytes();

@@ -17,6 +17,7 @@ void append_copy(Gaussians& s, std::int64_t parent) {
         group.m.resize(group.m.size() + group.width, 0.0f);
         group.v.resize(group.v.size() + group.width, 0.0f);
     }
+    if (!s.last_step.empty()) s.last_step.push_back(s.last_step[parent]);
     ++s.count;
 }
 

@@ -106,6 +106,9 @@ void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const R
         copy_rows<<<blocks, kRowBlock, 0, stream>>>(num_rows, to, n, space.from, width, model.param[g].get());
         GS_CUDA_LAUNCHED("copy_rows");
     }
+    if (!model.has_last_step) return;
+    copy_rows<<<blocks, kRowBlock, 0, stream>>>(num_rows, to, n, space.from, 1, model.last_step.get());
+    GS_CUDA_LAUNCHED("copy_rows");
 }
 
 }  // namespace

@@ -32,6 +32,7 @@ void fill_rows(Gaussians& s, const std::vector<std::uint64_t>& prefix_sums, cons
         for (std::size_t k = 0; k < to.size(); ++k)
             std::copy_n(group.param.begin() + std::ptrdiff_t(from[k]) * group.width, group.width,
                         group.param.begin() + std::ptrdiff_t(to[k]) * group.width);
+    for (std::size_t k = 0; k < to.size() && !s.last_step.empty(); ++k) s.last_step[to[k]] = s.last_step[from[k]];
 }
 
 }  // namespace
@@ -66,6 +67,7 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
                 data->reserve(std::size_t(params.cap) * group.width);  // only once, so that growth never copies
                 data->resize(std::size_t(target) * group.width, 0.0f);
             }
+        if (!s.last_step.empty()) s.last_step.resize(std::size_t(target));
         s.count = target;
         to.resize(target - n);
         std::iota(to.begin(), to.end(), static_cast<std::uint32_t>(n));

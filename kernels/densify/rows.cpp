@@ -43,6 +43,7 @@ void gather_rows(Gaussians& state, const std::vector<std::uint32_t>& order) {
     }
     gather(state.gradient_sum, 1, order);
     gather(state.gradient_count, 1, order);
+    gather(state.last_step, 1, order);
     state.count = static_cast<std::int64_t>(order.size());
     residuals.resolve();
 }

@@ -91,6 +91,7 @@ void gather_rows(CudaModel& model, const std::uint32_t* order, std::int64_t kept
         gather_array(model.gradient_sum.get(), 1, InOrder{order}, kept, slice, stream);
         gather_array(model.gradient_count.get(), 1, InOrder{order}, kept, slice, stream);
     }
+    if (model.has_last_step) gather_array(model.last_step.get(), 1, InOrder{order}, total, slice, stream);
     model.count = total;
 }
 

@@ -37,6 +37,9 @@ template <class T> struct AdamGains {
     GS_HD static AdamGains of_one() { return {T(1 - kAdamBeta1), T(1 - kAdamBeta2)}; }
 };
 
+/// Returns the factor of the second moment after `missed` steps without a gradient.
+GS_HD float second_moment_decay(float missed) { return ::exp2f(missed * -0.0014434168696687186f); }  // log2 0.999
+
 /// The limit that gradients are clamped to. Squares of larger ones leave float's range, and an infinite second moment
 /// makes the next step NaN.
 inline constexpr double kLargestGradient = 1e18;

@@ -39,6 +39,9 @@ template <class Real> struct GaussianState {
     /// The ADC statistic since the last densification, one value per Gaussian: the summed norm of the screen-space mean
     /// gradient, and the number of views in which it was seen. Both are empty where nothing gathers them.
     std::vector<Real> gradient_sum, gradient_count;
+    /// The step that each Gaussian took last, where only visible ones take steps; else empty. Whole numbers, which are
+    /// exact up to 2^24.
+    std::vector<Real> last_step;
     PpispState ppisp;  ///< photometric differences between the training images; inactive where a scene needs none
 
     /// Returns K, the number of Gaussians with a residual: the first ones. The arrays of that group have only their

@@ -38,13 +38,15 @@ __global__ void catch_up_all(std::int64_t n, int width, LazyArgs lazy, float* __
 
 void CudaLazyResiduals::reset(std::int64_t step) {
     step_ = caught_up_ = step;
-    const std::int64_t n = model_.num_residuals();
-    if (n == 0 || model_.width[int(Group::kResidual)] == 0) return;
-    fill<<<num_blocks(n, kBlock), kBlock, 0, stream_>>>(n, std::uint32_t(step), last_step_.reserve(n));
-    GS_CUDA_LAUNCHED("fill");
+    filled_ = false;
 }
 
 LazyArgs CudaLazyResiduals::begin_step(std::int64_t step, bool lazy, double rate) {
+    if (const std::int64_t n = model_.num_residuals(); lazy && !filled_ && n > 0) {
+        fill<<<num_blocks(n, kBlock), kBlock, 0, stream_>>>(n, std::uint32_t(step - 1), last_step_.reserve(n));
+        GS_CUDA_LAUNCHED("fill");
+        filled_ = true;
+    }
     LazyArgs args{};
     args.step = std::uint32_t(step);
     args.last_step = last_step_.get();

@@ -62,7 +62,7 @@ GS_HD float catch_up_parameter(float p, float m, float v, float sum, float epsil
 }
 
 /// The factors of the moments after `lag` missed steps.
-GS_HD float first_moment_decay(int lag) { return ::exp2f(float(lag) * -0.15200309344504995f); }     // log2 0.9
-GS_HD float second_moment_decay(int lag) { return ::exp2f(float(lag) * -0.0014434168696687186f); }  // log2 0.999
+GS_HD float first_moment_decay(int lag) { return ::exp2f(float(lag) * -0.15200309344504995f); }  // log2 0.9
+GS_HD float second_moment_decay(int lag) { return second_moment_decay(float(lag)); }
 
 }  // namespace gs

@@ -18,8 +18,8 @@ class CudaLazyResiduals {
     void reset(std::int64_t step);
     /// Returns whether catch_up() must come before this step.
     bool due(std::int64_t step) const { return step - caught_up_ > kMaxLag; }
-    /// Returns the arguments of the next step. Without `lazy` no row falls behind: columns with rates of their own
-    /// forbid that, and steps of visible Gaussians alone do not need it.
+    /// Returns the arguments of the next step. Without `lazy` no row falls behind, and no array is kept: columns with
+    /// rates of their own forbid that, and where only visible Gaussians take steps nothing is missed.
     LazyArgs begin_step(std::int64_t step, bool lazy, double rate);
     /// Takes back the steps after `step`, which were begun but never took place.
     void rewind(std::int64_t step) { step_ = step, caught_up_ = std::min(caught_up_, step); }
@@ -33,6 +33,7 @@ class CudaLazyResiduals {
     cudaStream_t stream_;
     DeviceBuffer<std::uint32_t> last_step_;
     LazySchedule schedule_;
+    bool filled_ = false;         ///< whether last_step_ holds a step of each row
     std::int64_t step_ = 0;       ///< last step that was begun
     std::int64_t caught_up_ = 0;  ///< step to which all rows are at least up to date
 };

@@ -14,6 +14,10 @@ namespace gs {
 /// The largest number of columns with rates of their own. It is bounded so that a kernel takes them as a parameter.
 inline constexpr int kMaxResidualColumns = 96;
 
+/// The largest number of missed views that a Gaussian makes up for. Without a bound it could leap: its second moments
+/// vanish, while what it has of its first stays.
+inline constexpr float kMostMissed = 1000;
+
 /// The values that all Gaussians share in one step. They are plain data, passed to kernels by value.
 struct UpdateArgs {
     AdamStep<float> steps[kNumGroups];
@@ -21,20 +25,24 @@ struct UpdateArgs {
     AdamStep<float> residual_steps[kMaxResidualColumns];
     AdamStep<float> shared_step;  ///< step of the shared weights
     AdamGains<float> gains, shared_gains;
-    float opacity_weight, scale_weight;  ///< of the regularisers, which are means: lambda_o and lambda_s / 3
-    Vec3<float> center;                  ///< mean of the cameras; with the next two as in StepRequest
+    float opacity_gradient;  ///< lambda_o / N
+    float scale_gradient;    ///< lambda_s / 3N
+    Vec3<float> center;      ///< mean of the cameras; with the next two as in StepRequest
     float extent, far_rate;
     float noise;  ///< SGLD factor, 0 = none
     std::uint64_t seed, iteration;
     int width, height;  ///< size of the view, for the ADC statistic
-    bool only_visible;  ///< as in StepRequest
+    float step, views;  ///< Adam's step, of which `views` are taken at once
 
-    /// Returns the weight of a Gaussian in the means of the regularisers, which run over those that take the step; 0 if
-    /// it takes none. The view shows `num_visible` of `count`.
-    GS_HD float share(bool visible, std::int64_t count, std::int64_t num_visible) const {
-        if (!only_visible) return 1 / float(count);
-        return visible ? 1 / float(num_visible) : 0.0f;
+    /// Returns the number of steps that Gaussian i takes now, or 0: this one, and where only visible ones take steps
+    /// those that it missed.
+    GS_HD float turns(const ModelArrays& a, std::int64_t i, bool visible) const {
+        if (!a.last_step) return 1;
+        return visible ? 1 + gs_min(step - views - a.last_step[i], kMostMissed) / views : 0.0f;
     }
+    /// Returns the factor of a Gaussian's second moments before it takes so many steps at once. First moments stay:
+    /// what they had to give was not given yet.
+    GS_HD float decay(float turns) const { return second_moment_decay((turns - 1) * views); }
 };
 
 /// One row of a group with its moments.
@@ -47,6 +55,10 @@ template <int kWidth> struct Row {
         const int k = int(group);
         GS_UNROLL
         for (int c = 0; c < kWidth; ++c) p[c] = a.param[k][at + c], m[c] = a.m[k][at + c], v[c] = a.v[k][at + c];
+    }
+    GS_HD void age(float decay) {
+        GS_UNROLL
+        for (int c = 0; c < kWidth; ++c) v[c] *= decay;
     }
     GS_HD void step(const UpdateArgs& u, const float (&gradient)[kWidth]) { step(u, u.steps[int(group)], gradient); }
     GS_HD void step(const UpdateArgs& u, const AdamStep<float>& t, const float (&gradient)[kWidth]) {
@@ -103,19 +115,20 @@ GS_HD void add_gradient_statistic(const ModelArrays& a, int width, int height, s
     a.gradient_count[i] += 1.0f;
 }
 
-/// Takes one step of Gaussian i except for its residual, if `share`, as of UpdateArgs::share, is above 0. `g` is its
-/// data gradient (finite; zero where invisible). It calls write(row) for each group's row at the end.
+/// Takes one step of Gaussian i except for its residual, if `turns`, as of UpdateArgs::turns, is above 0. Second
+/// moments, regularisers and noise get what all of these steps give them. `g` is its data gradient (finite; zero where
+/// invisible). It calls write(row) for each group's row at the end.
 template <class Write>
-GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float share,
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float turns,
                            GaussianGradient<float>& g, Write&& write) {
-    const bool moves = share > 0;
-    if (moves && u.opacity_weight > 0) {
+    const bool moves = turns > 0;
+    if (moves && u.opacity_gradient > 0) {
         const float o = sigmoid(a.param[int(Group::kOpacity)][i]);
-        g.geometry.raw_opacity += u.opacity_weight * share * o * (1 - o);
+        g.geometry.raw_opacity += u.opacity_gradient * turns * o * (1 - o);
     }
-    if (moves && u.scale_weight > 0) {
+    if (moves && u.scale_gradient > 0) {
         const float* s = a.param[int(Group::kScale)] + 3 * i;
-        const float weight = u.scale_weight * share;
+        const float weight = u.scale_gradient * turns;
         const auto gradient = [&](float x) { return weight * gs_exp(gs_min(x, float(kMaxLogScale))); };
         g.geometry.log_scale += Vec3<float>{gradient(s[0]), gradient(s[1]), gradient(s[2])};
     }
@@ -124,6 +137,10 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
     Row<3> mean(a, Group::kMean, i), scale(a, Group::kScale, i), base(a, Group::kBase, i);
     Row<4> rotation(a, Group::kRotation, i);
     Row<1> opacity(a, Group::kOpacity, i);
+    if (turns > 1) {
+        const float decay = u.decay(turns);
+        mean.age(decay), scale.age(decay), rotation.age(decay), opacity.age(decay), base.age(decay);
+    }
     if (moves) {
         mean.step(u, mean_step(u, mean.p), {q.mean.x, q.mean.y, q.mean.z});
         scale.step(u, {q.log_scale.x, q.log_scale.y, q.log_scale.z});
@@ -137,14 +154,15 @@ GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64
                                           {scale.p[0], scale.p[1], scale.p[2]},
                                           {rotation.p[0], rotation.p[1], rotation.p[2], rotation.p[3]},
                                           opacity.p[0]};
-        const Vec3<float> d = sgld_noise(now, u.noise, u.seed, u.iteration, std::uint32_t(i));
+        const Vec3<float> d = sgld_noise(now, u.noise * gs_sqrt(turns), u.seed, u.iteration, std::uint32_t(i));
         mean.p[0] += d.x, mean.p[1] += d.y, mean.p[2] += d.z;
     }
     write(mean), write(scale), write(rotation), write(opacity), write(base);
+    if (moves && a.last_step) a.last_step[i] = u.step;
 }
-GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float share,
+GS_HD void update_gaussian(const ModelArrays& a, const UpdateArgs& u, std::int64_t i, float turns,
                            GaussianGradient<float>& g) {
-    if (share > 0) update_gaussian(a, u, i, share, g, [&](const auto& row) { row.write(a, i); });
+    if (turns > 0) update_gaussian(a, u, i, turns, g, [&](const auto& row) { row.write(a, i); });
 }
 
 /// Takes one step of a shared weight with the gradient summed over all Gaussians. Returns false if the gradient is not
@@ -165,16 +183,17 @@ GS_HD float sum_of_rows(const float* rows, int num_rows, int width, int k) {
 }
 
 /// Returns the arguments of Adam's step `t` for a request, of which `views` are taken in one step.
-inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, int views = 1) {
+inline UpdateArgs update_args(const StepRequest& r, std::int64_t t, std::int64_t num_gaussians, int views = 1) {
     UpdateArgs u{};
     for (int g = 0; g < kNumGroups; ++g) u.steps[g] = AdamStep<float>::at(r.rates[g], t);
-    u.opacity_weight = r.opacity_reg, u.scale_weight = r.scale_reg / 3;
+    u.opacity_gradient = r.opacity_reg / float(num_gaussians);
+    u.scale_gradient = r.scale_reg / (3 * float(num_gaussians));
     u.center = r.center, u.extent = r.extent, u.far_rate = r.far_rate;
     u.shared_step = AdamStep<float>::at(r.shared_rate, t, kAdamBeta2Shared);
     u.gains = AdamGains<float>::of(views), u.shared_gains = AdamGains<float>::of(views, kAdamBeta2Shared);
     u.noise = r.noise, u.seed = r.seed, u.iteration = std::uint64_t(r.iteration);
     u.width = r.camera.width, u.height = r.camera.height;
-    u.only_visible = r.only_visible;
+    u.step = float(t), u.views = float(views);
     u.per_column = !r.residual_rates.empty();
     for (std::size_t c = 0; c < r.residual_rates.size(); ++c)
         u.residual_steps[c] = AdamStep<float>::at(r.residual_rates[c], t);

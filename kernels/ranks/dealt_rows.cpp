@@ -67,6 +67,7 @@ Gaussians dealt_part(const Gaussians& model, int ranks, int rank) {
     }
     deal(model.gradient_sum, 1, part.gradient_sum);
     deal(model.gradient_count, 1, part.gradient_count);
+    deal(model.last_step, 1, part.last_step);
     return part;
 }
 
@@ -100,6 +101,8 @@ Gaussians joined(const std::vector<Gaussians>& parts) {
         1, model.gradient_sum, [](const Gaussians& part) -> const auto& { return part.gradient_sum; });
     add(
         1, model.gradient_count, [](const Gaussians& part) -> const auto& { return part.gradient_count; });
+    add(
+        1, model.last_step, [](const Gaussians& part) -> const auto& { return part.last_step; });
     parallel_for(std::int64_t(arrays.size()), [&](std::int64_t k) { join(arrays[std::size_t(k)], order); });
     return model;
 }

@@ -28,7 +28,7 @@ template <class Model, class Field> void visit_model(Model& s, Field&& field) {
     };
     for (auto& group : s.groups) visit_group(group);
     visit_group(s.shared);
-    field(s.gradient_sum), field(s.gradient_count);
+    field(s.gradient_sum), field(s.gradient_count), field(s.last_step);
     visit_ppisp(s.ppisp, field);
 }
 

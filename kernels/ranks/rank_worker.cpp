@@ -241,24 +241,21 @@ StepStats RankWorker::step(std::vector<StepRequest> views) {
     render_views(shown(views, true), sums_, [&](std::size_t k) {
         bring_target(views[k]);
         losses[k] = shard_.loss_of_splats(splats_, views[k], sums_.parts, isp_gradient);
-        losses[k].num_splats = std::int64_t(num_splats(splats_));
     });
     const auto all_losses = all_gather(ranks_, losses);
     StepStats stats;
     stats.steps = 1;
-    std::vector<float> shares;
     const double mean = 1 / double(views.size());
     for (std::size_t k = 0; k < views.size(); ++k) {
         const ViewLoss& one = all_losses[k % all_losses.size()][k];
         stats.loss += mean * one.loss, stats.l1 += mean * one.l1, stats.ssim += mean * one.ssim;
         stats.num_instances += one.num_instances;
-        shares.push_back(float(mean) / float(views[k].only_visible ? one.num_splats : num_gaussians_));
     }
     stats.consecutive_skips = std::isfinite(stats.loss) ? 0 : 1;
     if (stats.consecutive_skips) {
         shard_.count_step(views);
     } else {
-        shard_.update_rows(views, projected_, sums_.of_view, shares, shared_);
+        shard_.update_rows(views, projected_, sums_.of_view, num_gaussians_, shared_);
         for (float& gradient : isp_gradient) gradient *= float(mean);
         sum_over_ranks(ranks_, isp_gradient);
         shard_.update_common(views, gather_shared(), isp_gradient);

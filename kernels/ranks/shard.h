@@ -45,10 +45,10 @@ template <class Sum, class Write> void write_sums(const SplatParts& splats, cons
     }
 }
 
-/// The loss of one view, its parts, and what else all ranks have to know of the view. RankWorker counts the splats.
+/// The loss of one view and its parts.
 struct ViewLoss {
     double loss = 0, l1 = 0, ssim = 0;
-    std::int64_t num_instances = 0, num_splats = 0;
+    std::int64_t num_instances = 0;
 };
 
 /// The sums of one splat over the pixels of a view that say what its residual is worth.
@@ -130,12 +130,11 @@ class Shard {
     virtual ResidualScores residual_scores_of_rows(const std::vector<ResidualSums>& totals) = 0;
 
     /// Takes the step of the rank's Gaussians on the mean gradient of `views`, of which `projected` and `sums` hold the
-    /// splats that were projected and what was computed of them. `shares` is what each view adds to the share
-    /// (UpdateArgs::share) of a Gaussian: any view, or with only_visible one that shows it. Writes the gradient of the
-    /// shared weights by the rank's Gaussians, shared_row() values. A device may still be at work when the function
-    /// returns.
+    /// splats that were projected and what was computed of them. `num_gaussians` counts those of all ranks. Writes the
+    /// gradient of the shared weights by the rank's Gaussians, shared_row() values. A device may still be at work when
+    /// the function returns.
     virtual void update_rows(const std::vector<StepRequest>& views, const std::vector<ProjectedView>& projected,
-                             const std::vector<RankArray<SplatSums<float>>>& sums, const std::vector<float>& shares,
+                             const std::vector<RankArray<SplatSums<float>>>& sums, std::int64_t num_gaussians,
                              RankArray<float>& shared_gradient) = 0;
     /// Ends the step: takes that of the shared weights and of PPISP, and counts it. `shared_gradients` (ranks,
     /// shared_row()) are those of all ranks, which are added up in their order; `isp_gradient` is added up already.

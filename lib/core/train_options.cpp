@@ -287,8 +287,8 @@ std::vector<Option> rate_options() {
                "20000 of 30000 on"),
         choice(
             "adam", &O::adam,
-            "which Gaussians take a step: all, or those that its view shows, while the others stay as they are; that "
-            "is faster where views show a part of the scene, and nothing fades out of view"),
+            "which Gaussians take a step: all, or those that its view shows, which make up for what they missed; the "
+            "latter is faster where views show a part of the scene"),
         number("ppisp-lr", &O::ppisp_lr, {0, 1},
                "rate of exposures, colours, vignetting and responses after 500 of 30000 iterations, falling by 100 to "
                "the end; "

@@ -83,7 +83,7 @@ struct TrainOptions {
     double lambda_dssim = 0.2;
     double opacity_reg = 0.01;  ///< MCMC only
     double scale_reg = 0.01;    ///< MCMC only
-    Movers adam = Movers::kAll;
+    Movers adam = Movers::kVisible;
     // Learning rates (docs/math/optimization.md#learning-rates)
     double position_lr_init = 1.6e-4, position_lr_final = 1.6e-6;
     std::int64_t position_lr_max_steps = -1;  ///< -1 = by schedule

@@ -147,6 +147,7 @@ void write_checkpoint(const std::filesystem::path& path, const Checkpoint& check
         tensors.push_back({"gradient_sum", Dtype::kF32, {g.count, 1}, g.gradient_sum.data()});
         tensors.push_back({"gradient_count", Dtype::kF32, {g.count, 1}, g.gradient_count.data()});
     }
+    if (!g.last_step.empty()) tensors.push_back({"last_step", Dtype::kF32, {g.count, 1}, g.last_step.data()});
     std::map<std::string, std::string> metadata = {{"format", kFormat},
                                                    {"generator", version_text()},
                                                    {"iteration", std::to_string(checkpoint.iteration)},
@@ -230,6 +231,14 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
     if (file.tensors().contains("gradient_sum")) {
         g.gradient_sum = read_rows(file, name, "gradient_sum", g.count, 1);
         g.gradient_count = read_rows(file, name, "gradient_count", g.count, 1);
+    }
+    if (file.tensors().contains("last_step")) {
+        g.last_step = read_rows(file, name, "last_step", g.count, 1);
+        for (const float step : g.last_step) {
+            if (step < 0 || step > float(g.step))
+                throw DataError(
+                    fmt::format("cannot read '{}': tensor 'last_step' holds {}, expected 0..{}", name, step, g.step));
+        }
     }
     g.ppisp = read_ppisp(file, name);
     return c;

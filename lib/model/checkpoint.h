@@ -36,8 +36,8 @@ struct Checkpoint {
 
 /// Writes the checkpoint atomically and without a second copy of it: 12 bytes per parameter with moments, 4 without.
 /// The tensors have the group names of gaussian_state.h, "adam_m.<group>" and "adam_v.<group>"; with ADC also
-/// "gradient_sum" and "gradient_count"; with PPISP also "ppisp" and, once there are controllers, "controller", each one
-/// row and its moments. Everything else is metadata.
+/// "gradient_sum" and "gradient_count"; where only visible Gaussians take steps also "last_step"; with PPISP also
+/// "ppisp" and, once there are controllers, "controller", each one row and its moments. Everything else is metadata.
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 
 /// Reads the frame of a checkpoint and nothing else. Throws DataError.

@@ -43,6 +43,7 @@ struct Both {
         }
         expect_same(a.gradient_sum, b.gradient_sum, 0, "gradient_sum");
         expect_same(a.gradient_count, b.gradient_count, 0, "gradient_count");
+        expect_same(a.last_step, b.last_step, 0, "last_step");
     }
     static void expect_same(const std::vector<float>& a, const std::vector<float>& b, float tolerance,
                             const char* what) {
@@ -66,7 +67,7 @@ void expect_same(const DensifyStats& a, const DensifyStats& b) {
     EXPECT_EQ(a.count, b.count);
 }
 
-/// Returns random rows whose moments tell them apart.
+/// Returns random rows whose moments, and with an odd seed also their last steps, tell them apart.
 Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
     Gaussians s = cast<float>(random_gaussians(n, degree, seed));
     if (degree == 0) s.appearance.model = "none", s[Group::kResidual].width = 0, s[Group::kResidual].param.clear();
@@ -74,6 +75,10 @@ Gaussians random_model(std::int64_t n, int degree, std::uint32_t seed) {
         group.m.resize(group.param.size()), group.v.resize(group.param.size());
         std::iota(group.m.begin(), group.m.end(), 1.0f);
         std::iota(group.v.begin(), group.v.end(), 2.0f);
+    }
+    if (seed % 2) {
+        s.last_step.resize(n);
+        std::iota(s.last_step.begin(), s.last_step.end(), 1.0f);
     }
     return s;
 }

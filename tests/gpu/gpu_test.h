@@ -85,6 +85,7 @@ inline void expect_same_bits(const Gaussians& a, const Gaussians& b) {
     }
     EXPECT_TRUE(same_bits(a.gradient_sum, b.gradient_sum));
     EXPECT_TRUE(same_bits(a.gradient_count, b.gradient_count));
+    EXPECT_TRUE(same_bits(a.last_step, b.last_step));
 }
 
 inline void expect_finite(const std::vector<float>& values, const char* what) {

@@ -22,22 +22,35 @@ TEST_F(GpuMovers, AreThoseThatTheViewShows) {
         }
 }
 
-TEST_F(GpuMovers, ShareTheRegularisers) {
-    for (const std::int64_t rows : {kRows, std::int64_t(3000)}) {
-        const RankViews views(appearance_model("sh"), rows, rows / 3);
-        expect_means_over_visible(*make_cuda_backend(views.model.appearance, {.deterministic = true}), views);
-    }
+TEST_F(GpuMovers, TakeWhatTheyMissed) {
+    for (const std::int64_t rows : {kRows, std::int64_t(3000)})
+        for (const char* model : {"sh", "sv", "neural", "none"}) {
+            SCOPED_TRACE(model);
+            const RankViews views(appearance_model(model), rows, rows / 2);
+            const auto backend = make_cuda_backend(views.model.appearance, {.deterministic = true});
+            expect_missed_steps(
+                *backend, views, 1, [&](const auto& steps) { backend->step(steps[0]); }, 1e-4);
+        }
 }
 
-TEST_F(GpuMovers, ShareTheRegularisersOfSeveralViews) {
-    const RankViews views(appearance_model("sh"), kRows, 60);
+TEST_F(GpuMovers, TakeWhatTheyMissedOnRanks) {
+    const RankViews views(appearance_model("sh"), kRows, 150);
     for (const int ranks : {1, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
         with_ranked_backend(
             ranks, kViews, views.targets(),
-            [&](RankedBackend& backend) { expect_mean_over_views(views, backend, 1e-3); },
-            [&] { return make_cuda_backend(views.model.appearance); });
+            [&](RankedBackend& backend) {
+                expect_missed_steps(
+                    backend, views, kViews, [&](const auto& steps) { backend.step_on(steps); }, 1e-4);
+            },
+            [&] { return make_cuda_backend(views.model.appearance, {.deterministic = true}); });
     }
+}
+
+TEST_F(GpuMovers, CountASkippedStepAsMissed) {
+    const RankViews views(appearance_model("sh"));
+    const auto backend = make_cuda_backend(views.model.appearance, {.deterministic = true});
+    expect_that_a_skipped_step_is_missed(*backend, views);
 }
 
 TEST_F(GpuMovers, AreTheSameOnAnyNumberOfRanks) {

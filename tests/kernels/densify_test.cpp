@@ -79,7 +79,7 @@ TEST(Mcmc, WeightsByGradientAreOpacityTimesItsRoot) {
 
 TEST(Mcmc, GrowthByGradientCopiesWhatTheLossPullsAt) {
     Gaussians s = numbered(100);
-    for (int i = 0; i < 100; ++i) s[Group::kRotation].param[4 * i] = 1;
+    for (int i = 0; i < 100; ++i) s[Group::kRotation].param[4 * i] = 1, s.last_step.push_back(float(i));
     const Gaussians before = s;
     std::fill(s[Group::kBase].v.begin(), s[Group::kBase].v.end(), 0.0f);
     for (int i = 40; i < 50; ++i) s[Group::kBase].v[3 * i] = 1e-8f;
@@ -89,6 +89,7 @@ TEST(Mcmc, GrowthByGradientCopiesWhatTheLossPullsAt) {
     for (int i = 100; i < 130; ++i) {
         const int source = int(std::lround(s[Group::kBase].param[3 * i] - before[Group::kBase].param[0]));
         EXPECT_TRUE(source >= 40 && source < 50) << source;
+        EXPECT_EQ(s.last_step[i], float(source));
     }
     std::fill(s[Group::kBase].v.begin(), s[Group::kBase].v.end(), 0.0f);
     EXPECT_EQ(mcmc_densify(s, p, 700, 1).added, 0) << "no gradient, no reason to grow";
@@ -133,7 +134,7 @@ TEST(Mcmc, DeadMoveOntoTheLivingAndSharesKeepTheOpacity) {
     Gaussians s = numbered(100);
     for (int i = 0; i < 30; ++i) s[Group::kOpacity].param[i] = -8;  // dead
     s[Group::kRotation].param.assign(400, 0.0f);
-    for (int i = 0; i < 100; ++i) s[Group::kRotation].param[4 * i] = 1;
+    for (int i = 0; i < 100; ++i) s[Group::kRotation].param[4 * i] = 1, s.last_step.push_back(float(i));
     const Gaussians before = s;
     McmcParams p;
     p.cap = 100;
@@ -153,6 +154,7 @@ TEST(Mcmc, DeadMoveOntoTheLivingAndSharesKeepTheOpacity) {
                           s.groups[g].param[source * s.groups[g].width + k])
                     << kGroupNames[g];
         EXPECT_EQ(s[Group::kMean].m[3 * i], 1) << "dead rows keep their moments";
+        EXPECT_EQ(s.last_step[i], float(source));
     }
     for (int i = 30; i < 100; ++i) {
         const double o = sigmoid(double(s[Group::kOpacity].param[i]));
@@ -248,6 +250,7 @@ TEST(Adc, ClonesTheSmallSplitsTheLargePrunesTheFaint) {
     s.gradient_sum[3] = 0;                                              // does not grow
     s[Group::kOpacity].param[2] = -6;                                   // faint: pruned with its clone
     for (int k = 0; k < 3; ++k) s[Group::kScale].param[3 * 1 + k] = 0;  // large: split
+    s.last_step = {40, 41, 42, 43};
     AdcParams p;
     p.extent = 10;  // dense = 0.1, log -2.3
     const DensifyStats d = adc_densify(s, p, 600, 1);
@@ -265,6 +268,7 @@ TEST(Adc, ClonesTheSmallSplitsTheLargePrunesTheFaint) {
         EXPECT_FLOAT_EQ(s[Group::kBase].param[3 * child], numbered(4)[Group::kBase].param[3]);
     }
     EXPECT_TRUE(s.gradient_sum.empty()) << "the statistic starts anew";
+    EXPECT_EQ(s.last_step, (std::vector<float>{40, 43, 40, 41, 41}));
 }
 
 TEST(Adc, StopsAtTheCapWithTheStrongestGradients) {

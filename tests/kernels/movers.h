@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "kernels/backend.h"
+#include "kernels/optimizer/update_device.h"
 #include "kernels/ranks/ranked_backend.h"
 #include "tests/kernels/rank_views.h"
 
@@ -75,59 +76,88 @@ inline void expect_that_only_visible_move(Backend& backend, const RankViews& vie
     EXPECT_EQ(visible.step, all.step);
 }
 
-/// Expects that the regularisers of a step for visible Gaussians are means over these: their moments are those of a
-/// step for all N, with weights that are higher by N over the number of visible ones.
-inline void expect_means_over_visible(Backend& backend, const RankViews& views) {
-    const Gaussians before = stepped_model(backend, views);
-    const auto after_step = [&](bool only_visible, float weight) {
-        StepRequest r = narrow_step(views, only_visible);
-        r.opacity_reg = r.scale_reg = weight;
-        backend.upload(before);
-        backend.step(r);
-        return backend.download(true);
-    };
-    const Gaussians visible = after_step(true, 0.5f);
-    const auto num_visible = std::count(visible.gradient_count.begin(), visible.gradient_count.end(), 1.0f);
-    const float factor = float(before.count) / float(num_visible);
-    const Gaussians all = after_step(false, 0.5f * factor), unscaled = after_step(false, 0.5f);
-    for (const Group group : {Group::kScale, Group::kOpacity}) {
-        SCOPED_TRACE(kGroupNames[int(group)]);
-        const auto of_visible = [&](const Gaussians& model) {
-            const auto& g = model[group];
-            std::vector<float> out;
-            for (std::size_t k = 0; k < g.m.size(); ++k)
-                if (visible.gradient_count[k / std::size_t(g.width)] > 0) out.push_back(g.m[k]);
-            return out;
-        };
-        expect_close(of_visible(all), of_visible(visible), 1e-5, "first moment");
-        EXPECT_GT(largest_difference(of_visible(unscaled), of_visible(visible)), 1e-3) << "the weight shows";
-    }
-}
-
-/// Returns steps on all views, narrow ones, for visible Gaussians.
-inline std::vector<StepRequest> narrow_steps(const RankViews& views) {
+/// Returns steps on the first views, narrow ones.
+inline std::vector<StepRequest> narrow_steps(const RankViews& views, bool only_visible = true,
+                                             std::size_t num_views = kViews) {
     std::vector<StepRequest> steps;
-    for (std::size_t k = 0; k < kViews; ++k) {
-        steps.push_back(narrow_step(views, true, k));
+    for (std::size_t k = 0; k < num_views; ++k) {
+        steps.push_back(narrow_step(views, only_visible, k));
         steps.back().opacity_reg = steps.back().scale_reg = 0.5f;
     }
     return steps;
 }
 
-/// Expects that a step for visible Gaussians on several views has the mean of what each view gives, regularisers
-/// included.
-inline void expect_mean_over_views(const RankViews& views, RankedBackend& backend, double tolerance = 1e-5) {
-    const auto steps = narrow_steps(views);
-    const Gaussians sum = sum_of_steps(views.model, steps);
-    backend.upload(views.model);
-    backend.step_on(steps);
+/// Expects that a step on narrow views moves Gaussians that missed some as a step for all moves them from second
+/// moments that are as much older, with as much of regularisers and noise. take(steps) takes one with `backend`.
+template <class Take>
+void expect_missed_steps(Backend& backend, const RankViews& views, std::size_t num_views, Take&& take,
+                         double tolerance = 1e-5) {
+    constexpr float kMissed[] = {0, 1, 40, 1e5};  // in views
+    const auto noisy_steps = [&](bool only_visible) {
+        auto steps = narrow_steps(views, only_visible, num_views);
+        for (StepRequest& r : steps) r.noise = 100;
+        return steps;
+    };
+    Gaussians before = stepped_model(backend, views);
+    before.step = 200000;
+    Gaussians late = before;
+    for (std::int64_t i = 0; i < late.count; ++i) late.last_step.push_back(float(late.step) - kMissed[i % 4]);
+    backend.upload(late);
+    take(noisy_steps(true));
     const Gaussians after = backend.download(true);
-    for (const Group group : {Group::kScale, Group::kOpacity}) {
-        std::vector<float> a = sum[group].m, b = after[group].m;
-        for (float& m : a) m *= mean_of_moments(steps.size());
-        for (float& m : b) m *= gradient_of_moment(steps.size());
-        expect_close(a, b, tolerance, kGroupNames[int(group)]);
+    ASSERT_EQ(std::int64_t(after.last_step.size()), before.count);
+    for (std::int64_t k = 0; k < 4; ++k) {
+        SCOPED_TRACE(std::to_string(kMissed[k]) + " missed views");
+        const float missed = std::min(kMissed[k], kMostMissed), turns = 1 + missed / float(num_views);
+        const double decay = std::pow(kAdamBeta2, double(missed));
+        Gaussians older = before;
+        for (auto& group : older.groups)
+            for (float& v : group.v) v = float(v * decay);
+        auto steps = noisy_steps(false);
+        for (StepRequest& r : steps) r.opacity_reg *= turns, r.scale_reg *= turns, r.noise *= std::sqrt(turns);
+        backend.upload(older);
+        take(steps);
+        const Gaussians want = backend.download(true);
+        EXPECT_TRUE(want.last_step.empty());
+        const auto moved = [&](const Gaussians& model, const std::vector<float>& values, int width) {
+            std::vector<float> out;
+            for (std::int64_t i = k; i < model.count && std::size_t((i + 1) * width) <= values.size(); i += 4)
+                if (after.gradient_count[std::size_t(i)] > 0)
+                    out.insert(out.end(), values.begin() + i * width, values.begin() + (i + 1) * width);
+            return out;
+        };
+        for (int g = 0; g < kNumGroups; ++g) {
+            const auto &a = want.groups[g], &b = after.groups[g];
+            for (const auto& [x, y] : {std::pair{&a.param, &b.param}, {&a.m, &b.m}, {&a.v, &b.v}})
+                expect_close(moved(want, *x, a.width), moved(after, *y, a.width), tolerance, kGroupNames[g]);
+        }
+        EXPECT_GT(moved(after, after.last_step, 1).size(), std::size_t(before.count / 80));
+        for (std::int64_t i = k; i < after.count; i += 4)
+            EXPECT_EQ(after.last_step[std::size_t(i)],
+                      after.gradient_count[std::size_t(i)] > 0 ? float(after.step) : late.last_step[std::size_t(i)]);
     }
+}
+
+/// Expects that a step whose loss is not finite changes nothing, and counts as missed.
+inline void expect_that_a_skipped_step_is_missed(Backend& backend, const RankViews& views) {
+    const Gaussians before = stepped_model(backend, views);
+    backend.upload(before);
+    StepRequest broken = narrow_step(views, true);
+    broken.background.x = std::numeric_limits<float>::quiet_NaN();
+    backend.step(broken);
+    const Gaussians after = backend.download(true);
+    EXPECT_EQ(after.step, before.step + 1);
+    for (std::int64_t i = 0; i < before.count; ++i) EXPECT_TRUE(same_row(before, after, i)) << i;
+    backend.step(narrow_step(views, true));
+    const Gaussians late = backend.download(true);
+    Gaussians missed = before;
+    missed.step = before.step + 1;
+    missed.last_step.assign(std::size_t(before.count), float(before.step));
+    backend.upload(missed);
+    backend.step(narrow_step(views, true));
+    const Gaussians want = backend.download(true);
+    for (std::int64_t i = 0; i < before.count; ++i) EXPECT_TRUE(same_row(want, late, i)) << i;
+    EXPECT_EQ(want.last_step, late.last_step);
 }
 
 /// Takes three steps for visible Gaussians on narrow views, and expects that those which no view ever showed stayed.

@@ -17,41 +17,29 @@ TEST(Movers, AreThoseThatTheViewShows) {
         }
 }
 
-TEST(Movers, ShareTheRegularisers) {
-    for (const std::int64_t rows : {kRows, std::int64_t(3000)}) {
-        const RankViews views(appearance_model("sh"), rows, rows / 3);
-        expect_means_over_visible(*make_cpu_backend(views.model.appearance), views);
+TEST(Movers, TakeWhatTheyMissed) {
+    for (const char* model : {"sh", "sv", "neural"}) {
+        SCOPED_TRACE(model);
+        const RankViews views(appearance_model(model), kRows, 150);
+        const auto backend = make_cpu_backend(views.model.appearance);
+        expect_missed_steps(*backend, views, 1, [&](const auto& steps) { backend->step(steps[0]); });
     }
 }
 
-TEST(Movers, ShareTheRegularisersOfAllRanks) {
-    // A step of ranks on one view is that of one backend.
-    const RankViews views(appearance_model("sh"), kRows, 60);
-    StepRequest step = narrow_step(views, true);
-    step.opacity_reg = step.scale_reg = 0.5f;
-    const auto plain = make_cpu_backend(views.model.appearance);
-    plain->upload(views.model);
-    plain->step(step);
-    Gaussians one = plain->download(true);
-    for (const int ranks : {1, 2, 3}) {
+TEST(Movers, TakeWhatTheyMissedOnRanks) {
+    const RankViews views(appearance_model("sh"), kRows, 150);
+    for (const int ranks : {1, 3}) {
         SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, 1, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
-            backend.upload(views.model);
-            backend.step_on({step});
-            Gaussians after = backend.download(true);
-            for (const Group group : {Group::kScale, Group::kOpacity})
-                expect_close(one[group].m, after[group].m, 1e-5, kGroupNames[int(group)]);
+        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(), [&](RankedBackend& backend) {
+            expect_missed_steps(backend, views, kViews, [&](const auto& steps) { backend.step_on(steps); });
         });
     }
 }
 
-TEST(Movers, ShareTheRegularisersOfSeveralViews) {
-    const RankViews views(appearance_model("sh"), kRows, 60);
-    for (const int ranks : {1, 3}) {
-        SCOPED_TRACE(std::to_string(ranks) + " ranks");
-        with_ranked_backend(ranks, kViews, views.model.appearance, views.targets(),
-                            [&](RankedBackend& backend) { expect_mean_over_views(views, backend); });
-    }
+TEST(Movers, CountASkippedStepAsMissed) {
+    const RankViews views(appearance_model("sh"));
+    const auto backend = make_cpu_backend(views.model.appearance);
+    expect_that_a_skipped_step_is_missed(*backend, views);
 }
 
 TEST(Movers, AreTheSameOnAnyNumberOfRanks) {

@@ -85,7 +85,7 @@ float step_of_mean(float x, float far_rate) {
     request.rates[int(Group::kMean)] = 0.5;
     request.center = {1, 0, 0}, request.extent = 2, request.far_rate = far_rate;
     request.opacity_reg = request.scale_reg = 0;
-    update_gaussian(gaussian.arrays, update_args(request, 1), 0, 1, gradient);
+    update_gaussian(gaussian.arrays, update_args(request, 1, 1), 0, 1, gradient);
     return gaussian[Group::kMean][1] / 0.5f;
 }
 

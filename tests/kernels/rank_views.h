@@ -91,6 +91,7 @@ template <class Fn> void for_arrays(Gaussians& a, Gaussians& b, Fn&& fn) {
     fn(a.ppisp.m, b.ppisp.m, "PPISP, first moment");
     fn(a.gradient_sum, b.gradient_sum, "gradient statistic");
     fn(a.gradient_count, b.gradient_count, "views of the gradient statistic");
+    fn(a.last_step, b.last_step, "last step");
 }
 
 /// Returns the largest difference of two arrays of one size, as a share of the largest value of `a`.

@@ -206,7 +206,7 @@ TEST(Ranks, RenderManyViewsAsOneDoesToTheBit) {
 
 /// The bytes that each rank sends in steps on all views, as the formats of the messages say.
 std::vector<double> expected_bytes_sent(const RankViews& views, int ranks) {
-    constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kLoss = 40, kFloat = 4;
+    constexpr std::size_t kSplat = 48, kSums = 36, kLength = 8, kCall = 4, kCount = 8, kLoss = 32, kFloat = 4;
     std::vector<std::vector<std::size_t>> shown;  // splats by rank, by view
     for (int r = 0; r < ranks; ++r) {
         const auto backend = make_cpu_backend(views.model.appearance);

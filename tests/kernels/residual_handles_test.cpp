@@ -33,7 +33,7 @@ Gaussians model_of(std::int64_t marked) {
         if (i >= marked) std::fill_n(&residuals.m[9 * i], 9, 0.0f), std::fill_n(&residuals.v[9 * i], 9, 0.0f);
     }
     s.gradient_sum.resize(kRows), s.gradient_count.assign(kRows, 2.0f);
-    for (std::int64_t i = 0; i < kRows; ++i) s.gradient_sum[i] = 1e-4f * float(i % 9);
+    for (std::int64_t i = 0; i < kRows; ++i) s.gradient_sum[i] = 1e-4f * float(i % 9), s.last_step.push_back(float(i));
     return s;
 }
 
@@ -63,6 +63,7 @@ void expect_same(const Gaussians& a, const Gaussians& b) {
         EXPECT_EQ(a.groups[g].v, b.groups[g].v) << g;
     }
     EXPECT_EQ(a.gradient_sum, b.gradient_sum);
+    EXPECT_EQ(a.last_step, b.last_step);
 }
 
 template <class Operation> void expect_same_as_with_all(Operation operation) {

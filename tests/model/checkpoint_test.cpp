@@ -22,6 +22,7 @@ Checkpoint sample(bool with_moments) {
     c.options_yaml = "source: \"a b\"\niterations: 30000\n";
     c.test_views = "8 0123456789abcdef";
     c.frame = {{5e5, 4e6, 0.1}, 1 / 3.0};
+    if (with_moments) c.state.last_step = {0, 1234, 3, 1000, 5, 6, 7};
     return c;
 }
 
@@ -49,6 +50,7 @@ TEST(Checkpoint, RoundTripsBitForBit) {
             EXPECT_EQ(back.state.groups[i].v, c.state.groups[i].v);
             EXPECT_EQ(back.state.groups[i].m.empty(), !with_moments);
         }
+        EXPECT_EQ(back.state.last_step, c.state.last_step);
     }
 }
 
@@ -140,6 +142,8 @@ TEST(Checkpoint, WrongContentIsNamed) {
     EXPECT_CONTAINS(error("\"seed\"", "\"sead\""), "'seed' is missing");
     EXPECT_CONTAINS(error("\"rotations\"", "\"rotatxons\""), "'rotations' is missing");
     EXPECT_CONTAINS(error("\"adam_v.means\"", "\"adam_w.means\""), "'adam_v.means' is missing");
+    EXPECT_CONTAINS(error("\"adam_step\":\"1234\"", "\"adam_step\":\"1233\""),
+                    "tensor 'last_step' holds 1234, expected 0..1233");
     EXPECT_CONTAINS(error("[7,4]", "[4,7]"), "'rotations' does not have the shape (7, 4)");
     spit(folder / "bad.safetensors", good.substr(0, good.size() - 4));
     EXPECT_CONTAINS(message_of<DataError>([&] { read_checkpoint(folder / "bad.safetensors"); }), "truncated");
