@@ -113,8 +113,8 @@ __global__ void __launch_bounds__(kForwardBlock, 7)
     splats[i].set_color(gaussian_color(a.params.activation, a.params.base(i), residual, a.mode));
 }
 
-/// The number of visible Gaussians in a warp from which the step is taken for all 32: contiguous whole rows move
-/// faster.
+/// The number of visible Gaussians in a warp from which all 32 residuals are read and written: contiguous whole rows
+/// move faster.
 constexpr int kManyVisible = 12;
 
 /// The step of Adam for each residual column: one for all, or one for each in shared memory. (Lanes need different
@@ -133,13 +133,12 @@ struct RowStep {
     AdamGains<float> gains;
     float* out;  ///< (32, width): the parameters
     MomentRows moments;
-    std::uint32_t seed;  ///< seed of the rounding of packed moments
+    const float *decay_m, *decay_v;  ///< (32): factors of the moments of each row, before the step
+    std::uint32_t seed;              ///< seed of the rounding of packed moments
 };
 
-/// Takes Adam's step on the selected residual rows of a warp; the moments are multiplied by the factors of their row
-/// first.
-__device__ inline void update_rows(unsigned mask, std::uint8_t* list, const float* decay_m, const float* decay_v,
-                                   const RowStep& rows) {
+/// Takes Adam's step on the selected residual rows of a warp.
+__device__ inline void update_rows(unsigned mask, std::uint8_t* list, const RowStep& rows) {
     const float *parameters = rows.parameters, *gradients = rows.gradients;
     float* __restrict__ p = rows.out;
     RowElements elements(mask, rows.width, list);
@@ -156,7 +155,7 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const floa
             if (at[u] < 0) continue;
             float x = parameters[at[u]];
             rows.moments.unpack(mm[u], vv[u]);
-            mm[u] *= decay_m[row[u]], vv[u] *= decay_v[row[u]];
+            mm[u] *= rows.decay_m[row[u]], vv[u] *= rows.decay_v[row[u]];
             adam_update(x, mm[u], vv[u], gradients[at[u]], rows.columns.of(column[u]), rows.gains);
             p[at[u]] = x;
             rows.moments.store(at[u], mm[u], vv[u], rows.seed);
@@ -164,10 +163,15 @@ __device__ inline void update_rows(unsigned mask, std::uint8_t* list, const floa
     }
 }
 
-/// Takes the step on all 32 rows, none of which has missed one: four values at a time.
-__device__ inline void update_all_rows(const RowStep& rows) {
+/// The narrowest row of update_all_rows.
+constexpr int kLeastWidth = 4;
+
+/// Takes the step on the `moving` of 32 rows, and writes the others as they are: four values at a time. With kPlain all
+/// move, and all factors of moments are 1.
+template <bool kPlain> __device__ void update_all_rows(unsigned moving, const RowStep& rows) {
     constexpr int kUnroll = 6;  // two rounds for 48 columns
     const int width = rows.width;
+    const float inverse_width = 1 / float(width);
     const ColumnSteps& steps = rows.columns;
     const float *parameters = rows.parameters, *gradients = rows.gradients;
     float* __restrict__ p = rows.out;
@@ -184,12 +188,19 @@ __device__ inline void update_all_rows(const RowStep& rows) {
             rows.moments.unpack4(mm[u], vv[u]);
             float4 x = reinterpret_cast<const float4*>(parameters)[at];
             const float4 g = reinterpret_cast<const float4*>(gradients)[at];
-            const auto step = [&](int k) { return steps.each ? steps.each[(4 * at + k) % width] : steps.all; };
-            const AdamGains<float>& gains = rows.gains;
-            adam_update(x.x, mm[u].x, vv[u].x, g.x, step(0), gains);
-            adam_update(x.y, mm[u].y, vv[u].y, g.y, step(1), gains);
-            adam_update(x.z, mm[u].z, vv[u].z, g.z, step(2), gains);
-            adam_update(x.w, mm[u].w, vv[u].w, g.w, step(3), gains);
+            const int row = kPlain ? 0 : int((4 * at + 0.5f) * inverse_width), own = (row + 1) * width - 4 * at;
+            const auto step = [&](int k, float& p, float& m, float& v, float gradient) {
+                if constexpr (!kPlain) {
+                    const int mine = row + (k >= own);
+                    if (!(moving >> mine & 1)) return;
+                    m *= rows.decay_m[mine], v *= rows.decay_v[mine];
+                }
+                adam_update(p, m, v, gradient, steps.each ? steps.each[(4 * at + k) % width] : steps.all, rows.gains);
+            };
+            step(0, x.x, mm[u].x, vv[u].x, g.x);
+            step(1, x.y, mm[u].y, vv[u].y, g.y);
+            step(2, x.z, mm[u].z, vv[u].z, g.z);
+            step(3, x.w, mm[u].w, vv[u].w, g.w);
             reinterpret_cast<float4*>(p)[at] = x;
             rows.moments.store4(at, mm[u], vv[u], rows.seed);
         }
@@ -326,28 +337,30 @@ __device__ unsigned decay_moments(float turns, const UpdateArgs& update, WarpSpa
     return stale;
 }
 
-/// Takes the step of the residuals of a warp's Gaussians in `rows`, of which some are `stale`. Their parameters and
-/// gradients are in shared memory.
+/// Takes the step of the residuals of a warp's Gaussians in `moving`, of which some are `stale`. Parameters and
+/// gradients of those in `rows` are in shared memory.
 template <class Model>
-__device__ void update_residuals_of_warp(unsigned rows, unsigned stale, WarpSpace<Model>& space, const float* gradients,
-                                         std::int64_t first, std::uint32_t step_seed, const ModelArrays& arrays,
-                                         const UpdateArgs& update, const AdamStep<float>* column_steps) {
+__device__ void update_residuals_of_warp(unsigned rows, unsigned moving, unsigned stale, WarpSpace<Model>& space,
+                                         const float* gradients, std::int64_t first, std::uint32_t step_seed,
+                                         const ModelArrays& arrays, const UpdateArgs& update,
+                                         const AdamStep<float>* column_steps) {
     constexpr int k = int(Group::kResidual);
     const int lane = threadIdx.x & 31, width = arrays.width[k];
     float *decay_m = space.decays[0], *decay_v = space.decays[1];
+    if (!stale) decay_m[lane] = decay_v[lane] = 1;
     __syncwarp();
     const std::int64_t begin = first * width;
     const std::uint32_t seed = mix_bits(std::uint32_t(first) ^ step_seed);  // of the warp and the step
     const ColumnSteps columns{update.steps[k], update.per_column ? column_steps : nullptr};
     const MomentRows moments = MomentRows{arrays.m[k], arrays.v[k]}.at(begin);
-    const RowStep step{width,        space.memory.rows,       gradients, columns,
-                       update.gains, arrays.param[k] + begin, moments,   seed};
-    if (rows == ~0u && !stale) {
-        update_all_rows(step);
-    } else {
-        if (!stale) decay_m[lane] = decay_v[lane] = 1;
-        update_rows(rows, space.memory.list, decay_m, decay_v, step);
-    }
+    const RowStep step{width,   space.memory.rows, gradients, columns, update.gains, arrays.param[k] + begin,
+                       moments, decay_m,           decay_v,   seed};
+    if (rows != ~0u || width < kLeastWidth)
+        update_rows(moving, space.memory.list, step);
+    else if (moving == ~0u && !stale)
+        update_all_rows<true>(moving, step);
+    else
+        update_all_rows<false>(moving, step);
 }
 
 /// Computes the gradients and takes the optimizer's step. With kFused it computes the gradients of the appearance;
@@ -384,8 +397,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
     Vec3<float> dL_dmean{0, 0, 0}, residual{0, 0, 0};
     WarpAppearance<Model> appearance(space.scratch, a.shared.prepared);
     if (with_residual) {
-        const bool all = !arrays.last_step && (!a.lazy.last_step || __popc(seen) >= kManyVisible);
-        rows = all ? __ballot_sync(~0u, owns) : seen;
+        const bool waits = a.lazy.last_step || arrays.last_step;
+        rows = !waits || __popc(seen) >= kManyVisible ? __ballot_sync(~0u, owns) : seen;
         const int lag = rows >> lane & 1 ? a.lazy.lag(i) : 0;
         if (rows) {
             stale = space.memory.load(a, i - lane, rows, lag);
@@ -420,8 +433,8 @@ __global__ void __launch_bounds__(update_block<Model>(), update_blocks_at_once<M
         update_gaussian_of_warp(a, arrays, update, i, turns, gradient);
     }
     if (rows)
-        update_residuals_of_warp<Model>(rows, stale, space, gradients, i - lane, mix_bits(a.lazy.step), arrays, update,
-                                        column_steps);
+        update_residuals_of_warp<Model>(rows, arrays.last_step ? seen : rows, stale, space, gradients, i - lane,
+                                        mix_bits(a.lazy.step), arrays, update, column_steps);
     if constexpr (kShared > 0) {
         if (with_residual)
             store_shared_sums<Model, update_block<Model>()>(appearance, seen, warps,
@@ -500,8 +513,8 @@ __global__ void __launch_bounds__(views_block<Model>())
     if (valid) update_gaussian_of_warp(a, arrays, update, i, turns, mean);
     if (const unsigned moving = __ballot_sync(~0u, owns && moves)) {
         const unsigned stale = decay_moments(turns, update, space);
-        update_residuals_of_warp<Model>(moving, stale, space, total, i - lane, mix_bits(step), arrays, update,
-                                        column_steps);
+        update_residuals_of_warp<Model>(__popc(moving) >= kManyVisible ? rows : moving, moving, stale, space, total,
+                                        i - lane, mix_bits(step), arrays, update, column_steps);
     }
     if constexpr (kShared > 0) {
         if (with_residual)
