@@ -690,7 +690,7 @@ MemoryUse CudaBackend::memory() {
 
 DensifyStats CudaBackend::densify(const DensifyRequest& r) {
     return change_rows([&](CudaDensify& d) {
-        if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return d.mcmc(*mcmc, r.iteration, r.seed);
+        if (const auto* mcmc = std::get_if<McmcParams>(&r.rule)) return d.mcmc(*mcmc, r.iteration, meta_.step, r.seed);
         return d.adc(std::get<AdcParams>(r.rule), r.iteration, r.seed);
     });
 }

@@ -327,8 +327,8 @@ __device__ inline void update_gaussian_of_warp(const PreprocessArgs& a, const Mo
     });
 }
 
-/// Writes the factors of this lane's moments before it takes `turns` steps at once, and returns the lanes that missed
-/// some. All lanes must call it.
+/// Returns the lanes that missed steps, and if there are any, writes the factors of this lane's moments before it takes
+/// `turns` steps at once. All lanes must call it.
 template <class Model>
 __device__ unsigned decay_moments(float turns, const UpdateArgs& update, WarpSpace<Model>& space) {
     const unsigned stale = __ballot_sync(~0u, turns > 1);

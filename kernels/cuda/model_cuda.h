@@ -17,7 +17,7 @@ struct CudaModel {
     bool packed_moments = false;  ///< residuals: m holds words of both moments, v is empty (packed_moments.h)
     bool has_statistic = false;   ///< gradient_sum and gradient_count hold `count` values
     DeviceBuffer<float> gradient_sum, gradient_count;
-    bool has_last_step = false;  ///< last_step holds `count` values, and has room for as many rows as all groups
+    bool has_last_step = false;  ///< last_step holds `count` values
     DeviceBuffer<float> last_step;
     /// In the place of the residuals and their moments while rows of a mixed model move (residual_handles_cuda.h).
     DeviceBuffer<float> handles[3];
@@ -34,7 +34,7 @@ struct CudaModel {
         if (packed_moments && group == int(Group::kResidual)) return {&m[group]};
         return {&m[group], &v[group]};
     }
-    /// Returns the number of rows that all groups but the residuals have room for.
+    /// Returns the number of rows that the opacities have room for.
     std::size_t row_capacity() const { return param[int(Group::kOpacity)].capacity(); }
     ModelArrays arrays() const {
         ModelArrays a{};

@@ -98,7 +98,7 @@ bool has_room(CudaModel& model, std::int64_t rows) {
         for (const auto* moment : model.moments(g))
             if (moment->capacity() < floats) return false;
     }
-    return true;
+    return !model.has_last_step || model.last_step.capacity() >= std::size_t(rows);
 }
 
 struct AdcSpace {
@@ -140,6 +140,7 @@ void make_room(CudaModel& model, std::int64_t total, std::int64_t cap, cudaStrea
 DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed) {
     const std::int64_t n = model_.count, block = scratch_.bytes();
     const bool capped = params.cap > 0;
+    if (n == 0 && params.may_remove_all) return {};  // a rank without Gaussians
     CudaResidualHandles residuals(model_, stream_);
     // Each clone or split adds one Gaussian. At the cap the strongest gradients grow first.
     const std::int64_t room = capped ? std::clamp<std::int64_t>(params.cap - n, 0, n) : n;
@@ -199,7 +200,7 @@ DensifyStats CudaDensify::adc(const AdcParams& params, std::int64_t iteration, s
                first_child = kept + std::int64_t(counts.clones);
     const std::int64_t total = first_child + children,
                        before_pruning = n + std::int64_t(counts.cloned) + 2 * std::int64_t(counts.split);
-    if (total == 0)
+    if (total == 0 && !params.may_remove_all)
         throw NumericError("iteration " + std::to_string(iteration) + ": densification pruned all " +
                            std::to_string(before_pruning) + " Gaussians (opacity below " +
                            std::to_string(params.min_opacity) + " or scale above 0.1 of the scene extent)");

@@ -14,7 +14,8 @@ class CudaDensify {
     CudaDensify(CudaModel& model, Scratch& scratch, cudaStream_t stream)
         : model_(model), scratch_(scratch), stream_(stream) {}
 
-    DensifyStats mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed);
+    /// `step` is Adam's, that of CudaModel::last_step.
+    DensifyStats mcmc(const McmcParams& params, std::int64_t iteration, std::int64_t step, std::uint64_t seed);
     DensifyStats adc(const AdcParams& params, std::int64_t iteration, std::uint64_t seed);
     void reset_opacity();
     void morton_sort();

@@ -30,9 +30,12 @@ struct LivingWeight {
 /// The sampling weight of a row where the model grows.
 struct GrowthWeight {
     const float *raw_opacities, *base_second_moments;  ///< the latter is null where only opacity counts
+    const float* last_step;                            ///< or null where all take each step
+    double step;
     __host__ __device__ std::uint64_t operator()(std::uint32_t i) const {
-        return base_second_moments ? gradient_weight(raw_opacities[i], base_second_moments + 3 * std::int64_t(i))
-                                   : sampling_weight(raw_opacities[i]);
+        if (!base_second_moments) return sampling_weight(raw_opacities[i]);
+        const double missed = last_step ? step - last_step[i] : 0;
+        return gradient_weight(raw_opacities[i], base_second_moments + 3 * std::int64_t(i), missed);
     }
 };
 
@@ -113,7 +116,8 @@ void fill_rows(CudaModel& model, const McmcSpace& space, std::int64_t n, const R
 
 }  // namespace
 
-DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration, std::uint64_t seed) {
+DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration, std::int64_t step,
+                               std::uint64_t seed) {
     DensifyStats stats;
     const std::int64_t n = model_.count;
     model_.has_statistic = false;  // the statistic is of other rows (docs/math/densification.md#mcmc)
@@ -134,7 +138,8 @@ DensifyStats CudaDensify::mcmc(const McmcParams& params, std::int64_t iteration,
     };
     const auto scan_living = scan_of(LivingWeight{is_dead});
     const auto scan_growth =
-        scan_of(GrowthWeight{is_dead.raw_opacities, params.by_gradient ? model_.v[int(Group::kBase)].get() : nullptr});
+        scan_of(GrowthWeight{is_dead.raw_opacities, params.by_gradient ? model_.v[int(Group::kBase)].get() : nullptr,
+                             model_.has_last_step ? model_.last_step.get() : nullptr, double(step)});
     cub.ask(select), cub.ask(scan_living), cub.ask(scan_growth);
     scratch_.carve([&](Carver& c) {
         space = {c.take<std::uint64_t>(n), c.take<int>(n), c.take<std::uint32_t>(n),

@@ -57,9 +57,11 @@ DensifyStats mcmc_densify(Gaussians& s, const McmcParams& params, std::int64_t i
     }
 
     total = 0;
-    for (std::int64_t i = 0; i < n; ++i)
-        sums[i] = total += params.by_gradient ? gradient_weight(raw_opacities[i], &s[Group::kBase].v[3 * i])
+    for (std::int64_t i = 0; i < n; ++i) {
+        const double missed = s.last_step.empty() ? 0 : double(s.step) - s.last_step[i];
+        sums[i] = total += params.by_gradient ? gradient_weight(raw_opacities[i], &s[Group::kBase].v[3 * i], missed)
                                               : sampling_weight(raw_opacities[i]);
+    }
     const std::int64_t target = mcmc_target(n, params);
     if (target > n && total > 0) {
         for (auto& group : s.groups)

@@ -24,10 +24,13 @@ GS_HD std::uint64_t sampling_weight(float raw_opacity) {
 }
 
 /// Returns the weight of a row in draws of Gaussians that grow by opacity and gradient: the opacity times the square
-/// root of the norm of its base colour's root mean square gradient, in units of 2^-32. `second_moment` (3) is Adam's.
-GS_HD std::uint64_t gradient_weight(float raw_opacity, const float* second_moment) {
+/// root of the norm of its base colour's root mean square gradient, in units of 2^-32. `second_moment` (3) is Adam's,
+/// as it was `missed` steps ago.
+GS_HD std::uint64_t gradient_weight(float raw_opacity, const float* second_moment, double missed) {
+    constexpr double kQuarterOfLogBeta2 = -0.0010005003335835335 / 4;
     const double squared = double(second_moment[0]) + second_moment[1] + second_moment[2];
-    const double weight = sigmoid(double(raw_opacity)) * gs_sqrt(gs_sqrt(squared));
+    const double aging = gs_exp(kQuarterOfLogBeta2 * gs_max(missed, 0.0));
+    const double weight = sigmoid(double(raw_opacity)) * gs_sqrt(gs_sqrt(squared)) * aging;
     return weight >= 0 ? std::uint64_t(gs_clamp(weight, 0.0, 1.0) * 4294967296.0 + 0.5) : 0;
 }
 

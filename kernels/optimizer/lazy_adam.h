@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam for the residuals of Gaussians that were out of view. The steps that they missed have gradient zero, and are
-// taken at once when they are next seen. (Their geometry is needed in every step, and never waits.)
+// Adam for the residuals of Gaussians that were out of view, on the device and where all Gaussians take each step. The
+// steps that the residuals missed have gradient zero, and are taken at once when they are next seen. (Geometry is
+// needed in every step then, and does not wait.)
 //
 // Without a gradient, k steps of Adam from (p, m, v) after step s end at m beta1^k, v beta2^k and
 //     p - sum_j a_{s+j} m beta1^j / (sqrt(v beta2^j) b_{s+j} + eps),  j = 1..k,

@@ -34,8 +34,8 @@ struct UpdateArgs {
     int width, height;  ///< size of the view, for the ADC statistic
     float step, views;  ///< Adam's step, of which `views` are taken at once
 
-    /// Returns the number of steps that Gaussian i takes now, or 0: this one, and where only visible ones take steps
-    /// those that it missed.
+    /// Returns the number of steps, maybe a fraction, that Gaussian i takes now; 0 if it waits. Beside this one these
+    /// are, where only visible ones take steps, those that it missed.
     GS_HD float turns(const ModelArrays& a, std::int64_t i, bool visible) const {
         if (!a.last_step) return 1;
         return visible ? 1 + gs_min(step - views - a.last_step[i], kMostMissed) / views : 0.0f;

@@ -96,7 +96,10 @@ ForeignProgram inria() {
              ignored("--depth_l1_weight_init", depth),
              ignored("--depth_l1_weight_final", depth),
              sets("--random_background", "background", "random", "scores are made on black"),
-             ignored("--optimizer_type", "`--adam visible`, the default, does what sparse_adam does", "sparse_adam"),
+             ignored("--optimizer_type",
+                     "Gaussians out of view wait, as with sparse_adam, and then make up for what they missed; with "
+                     "`--adam all` they do not wait",
+                     "sparse_adam"),
              ignored("--ip", kNoServer),
              ignored("--port", kNoServer),
              ignored("--debug_from", "errors always name their place, and -v shows more messages"),

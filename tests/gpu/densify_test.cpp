@@ -219,6 +219,20 @@ TEST_F(CudaDensification, AdcMovesTheResidualsOfEveryModel) {
     }
 }
 
+TEST_F(CudaDensification, AdcMayRemoveAllOfARank) {
+    for (const std::int64_t n : {0, 3}) {
+        Gaussians s = random_model(n, 3, 13);
+        std::fill(s[Group::kOpacity].param.begin(), s[Group::kOpacity].param.end(), -9.0f);
+        gather_statistic(s, 6);
+        const Both both(s);
+        AdcParams p;
+        p.may_remove_all = true;
+        expect_same(both.cpu->densify({p, 600, 1}), both.gpu->densify({p, 600, 1}));
+        EXPECT_EQ(both.gpu->count(), 0);
+        both.expect_same(0, {});
+    }
+}
+
 TEST_F(CudaDensification, AdcThatLeavesNothingIsTheSameError) {
     for (const std::int64_t n : {0, 3}) {
         Gaussians s = random_model(n, 3, 13);

@@ -65,16 +65,19 @@ TEST(Mcmc, WeightsAreIntegersThatSumExactly) {
 TEST(Mcmc, WeightsByGradientAreOpacityTimesItsRoot) {
     const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
     const float squares[] = {4e-8f, 9e-8f, 3e-8f};  // of gradients of 2e-4, 3e-4, 1.7e-4
-    EXPECT_NEAR(double(gradient_weight(0, squares)) / 4294967296.0, 0.5 * 0.02, 1e-9);
+    EXPECT_NEAR(double(gradient_weight(0, squares, 0)) / 4294967296.0, 0.5 * 0.02, 1e-9);
+    const double aged = double(gradient_weight(0, squares, 700)) / 4294967296.0;
+    EXPECT_NEAR(aged, 0.5 * 0.02 * std::pow(0.999, 700 / 4.0), 1e-9) << "the moment as it would be now";
+    EXPECT_EQ(gradient_weight(0, squares, 1e9), 0u);
     for (const float bad : {nan, -1.0f}) {
         const float second_moment[] = {1, 2, bad * 5};
-        EXPECT_EQ(gradient_weight(0, second_moment), 0u);
+        EXPECT_EQ(gradient_weight(0, second_moment, 0), 0u);
     }
     const float none[] = {0, 0, 0}, large[] = {inf, 0, 0};
-    EXPECT_EQ(gradient_weight(10, none), 0u);
-    EXPECT_EQ(gradient_weight(10, large), std::uint64_t(1) << 32);
-    EXPECT_EQ(gradient_weight(nan, squares), 0u);
-    EXPECT_EQ(gradient_weight(-inf, squares), 0u);
+    EXPECT_EQ(gradient_weight(10, none, 0), 0u);
+    EXPECT_EQ(gradient_weight(10, large, 0), std::uint64_t(1) << 32);
+    EXPECT_EQ(gradient_weight(nan, squares, 0), 0u);
+    EXPECT_EQ(gradient_weight(-inf, squares, 0), 0u);
 }
 
 TEST(Mcmc, GrowthByGradientCopiesWhatTheLossPullsAt) {

@@ -49,13 +49,12 @@ inline Gaussians stepped_model(Backend& backend, const RankViews& views) {
     return model;
 }
 
-/// Expects that a step for visible Gaussians leaves all others as they are, and moves the visible ones as a step for
-/// all does, but for the regularisers. The backend repeats itself to the bit; `rounded` as in same_row.
+/// Expects that a step for visible Gaussians leaves all others as they are, and moves the visible ones, which have
+/// missed none, as a step for all does. The backend repeats itself to the bit; `rounded` as in same_row.
 inline void expect_that_only_visible_move(Backend& backend, const RankViews& views, bool rounded = false) {
     const Gaussians before = stepped_model(backend, views);
     const auto after_step = [&](bool only_visible) {
         StepRequest r = narrow_step(views, only_visible);
-        r.opacity_reg = r.scale_reg = 0;
         r.noise = 100;
         backend.upload(before);
         backend.step(r);
