@@ -16,7 +16,7 @@ from site_server import PSNR, SOFTWARE_WEBGPU, Site, open_viewer, wait_for
 from viewer_scenes import drop
 
 # Arguments of gsapp train. All degrees of sh and neural have joined at a tenth of a run.
-GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "700"]
+GLOSSY = ["-s", "builtin:glossy", "-r", "4", "--cap-max", "5000", "--iterations", "600"]
 CASES = {
     "none": GLOSSY,
     "sh": GLOSSY,
