@@ -17,7 +17,7 @@ SOFTWARE_WEBGPU = (*SOFTWARE_WEBGL, "--enable-unsafe-webgpu", "--use-webgpu-adap
 PSNR = """(async () => {
   const seen = %s;
   const picture = await createImageBitmap(await (await fetch('%s')).blob(), { colorSpaceConversion: 'none' });
-  const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+  const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d', { willReadFrequently: true });
   context.drawImage(picture, 0, 0);
   const wanted = context.getImageData(0, 0, picture.width, picture.height).data;
   if (wanted.length !== seen.length) throw new Error('pictures of different size');

@@ -23,7 +23,7 @@ FRAME = "new Promise(resolve => requestAnimationFrame(() => requestAnimationFram
 TEXT = "(async () => { let text = ''; for (const byte of %s) text += String.fromCharCode(byte); return btoa(text); })()"
 DECODED = """(async () => {
     const picture = await createImageBitmap(%s, { colorSpaceConversion: 'none' });
-    const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+    const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d', { willReadFrequently: true });
     context.drawImage(picture, 0, 0);
     return context.getImageData(0, 0, picture.width, picture.height).data;
 })()"""

@@ -32,7 +32,7 @@ REFUSE_SHADER = """(() => {
 # The colours in the middle of a saved picture, and of what a film would record.
 SAVED_AND_FILMED = """(async () => {
   const middle = (image, width, height) => {
-    const context = new OffscreenCanvas(width, height).getContext('2d');
+    const context = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
     context.drawImage(image, 0, 0);
     return [...context.getImageData(width >> 1, height >> 1, 1, 1).data.slice(0, 3)];
   };
